@@ -10,7 +10,8 @@
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
 use cpu_ref::CpuBackend;
-use gpu_vulkan::{Validation, VulkanBackend};
+use gpu_common::{KernelForm, Options, Validation};
+use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use integration::is_required;
@@ -58,10 +59,10 @@ const BACKENDS: &[(&str, &str, Open)] = &[
         driver(Prefer::FastTrace)
     }),
     ("wgpu", "wgpu", || {
-        Ok(Box::new(WgpuBackend::new(&wgpu(false))?))
+        Ok(Box::new(WgpuBackend::new(&wgpu(KernelForm::Best))?))
     }),
     ("wgpu-wgsl", "wgpu", || {
-        Ok(Box::new(WgpuBackend::new(&wgpu(true))?))
+        Ok(Box::new(WgpuBackend::new(&wgpu(KernelForm::CheckedWgsl))?))
     }),
 ];
 
@@ -69,24 +70,23 @@ fn driver(prefer: Prefer) -> backend::Result<Box<dyn Subject>> {
     Ok(Box::new(DriverTreeBackend::new(&vulkan(), prefer)?))
 }
 
-fn vulkan() -> gpu_vulkan::Options {
+fn vulkan() -> Options {
     let lenient = std::env::var("ABVH_VALIDATION").is_ok_and(|v| v == "if-installed");
     let validation = if is_required("vulkan") && !lenient {
         Validation::Required
     } else {
         Validation::IfInstalled
     };
-    gpu_vulkan::Options {
+    Options {
         validation,
         ..Default::default()
     }
 }
 
-fn wgpu(force_wgsl: bool) -> gpu_wgpu::Options {
-    gpu_wgpu::Options {
-        validation: true,
-        checked: force_wgsl,
-        force_wgsl,
+fn wgpu(kernels: KernelForm) -> Options {
+    Options {
+        validation: Validation::IfInstalled,
+        kernels,
         ..Default::default()
     }
 }

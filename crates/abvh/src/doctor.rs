@@ -1,5 +1,8 @@
 //! What keeps this machine's GPU from being used, and how to mend it.
 
+use backend::DeviceKind;
+use backends::Known;
+use host::NVIDIA_LIBRARIES;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +32,7 @@ pub fn doctor() -> Diagnosis {
     Facts::gather().diagnose()
 }
 
-/// Libraries of NVIDIA's driver that Vulkan goes through, and where they lie.
-const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
+/// Where libraries of drivers lie.
 const FOLDERS: [&str; 6] = [
     "/usr/lib/x86_64-linux-gnu",
     "/usr/lib/aarch64-linux-gnu",
@@ -142,24 +144,17 @@ impl Facts {
 }
 
 fn adapters() -> Adapters {
-    let all: Vec<Adapters> = vec![
-        #[cfg(feature = "vulkan")]
-        listed(gpu_vulkan::adapters()),
-        #[cfg(feature = "wgpu")]
-        listed(gpu_wgpu::adapters()),
-    ];
+    let finds_gpus = |k: &&Known<'_>| k.kinds.contains(&DeviceKind::Gpu) && !k.has_own_trees;
+    let all: Vec<Adapters> = (backends::KNOWN.iter().filter(finds_gpus).map(listed)).collect();
     let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
     let at = all.iter().position(has_gpu).unwrap_or(0);
     let found = all.into_iter().nth(at);
     found.unwrap_or_else(|| Err("this program was built without vulkan and wgpu".to_owned()))
 }
 
-#[cfg(any(feature = "vulkan", feature = "wgpu"))]
-fn listed<E: std::fmt::Display>(all: Result<Vec<gpu_common::AdapterInfo>, E>) -> Adapters {
-    let all = all.map_err(|e| e.to_string())?.into_iter();
-    Ok(all
-        .map(|a| (a.name, a.kind == backend::DeviceKind::Gpu))
-        .collect())
+fn listed(known: &Known<'_>) -> Adapters {
+    let all = known.adapters().map_err(|e| e.to_string())?.into_iter();
+    Ok(all.map(|a| (a.name, a.kind == DeviceKind::Gpu)).collect())
 }
 
 #[cfg(test)]

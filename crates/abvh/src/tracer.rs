@@ -1,12 +1,11 @@
 //! A scene on a device, with the trees that follow its motion.
 
-use crate::device::cores;
 use crate::motion::Joined;
 use crate::step::{QueryId, Step, StepId};
 use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
-use backend::{FRAMES_IN_FLIGHT, Method, Query, Ticket};
+use backend::{DeviceKind, FRAMES_IN_FLIGHT, Method, Query, Ticket};
 use geom::Animation;
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace};
+use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, Threads};
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
@@ -62,10 +61,11 @@ impl Builder {
         self
     }
 
-    /// Threads of the host for building trees, and as many for tracing where the host does; one a core if nothing is said.
+    /// Threads of the host that trace, where it does, or else build trees; one a core if nothing is said. Where the host
+    /// traces while the next tree is built, a quarter more build: of the cores, or beside the threads that are given here.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
-        let threads = Some(threads);
+        let threads = Some(threads.max(1));
         Self { threads, ..self }
     }
 
@@ -74,18 +74,6 @@ impl Builder {
     /// # Errors
     /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
     pub fn build(self, scene: Scene) -> Result<Tracer> {
-        let threads = self.threads.unwrap_or_else(cores).max(1);
-        let backend = self.device.open(threads)?;
-        // One feeds the device.
-        let builder_threads = match backend.device().kind {
-            backend::DeviceKind::Gpu => (threads - 1).max(1),
-            _ => threads,
-        };
-        let name = format!(
-            "{} ({})",
-            backend.device().backend,
-            backend.device().adapter
-        );
         let number = scene.number;
         let (mut joined, animation) = Joined::of(scene.meshes)?;
         let update = match self.update {
@@ -94,6 +82,13 @@ impl Builder {
             Update::Rebuild => pipeline::Update::Rebuild,
             Update::Refit => pipeline::Update::Refit,
         };
+        let share = |kind| Threads::share(host::cores(), kind, update, [self.threads, None]);
+        let backend = self.device.open(share(DeviceKind::Cpu).render)?;
+        let name = format!(
+            "{} ({})",
+            backend.device().backend,
+            backend.device().adapter
+        );
         let last = if joined.is_live() {
             f64::MAX
         } else {
@@ -102,7 +97,7 @@ impl Builder {
         let options = DriverOptions {
             method: self.method,
             update,
-            builder_threads,
+            builder_threads: share(backend.device().kind).build,
             time_range: [0.0, last],
             predict: true,
         };

@@ -62,15 +62,17 @@
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.
 
+mod adapter;
 mod error;
 mod frame;
 mod lend;
 mod query;
 
+pub use adapter::AdapterInfo;
 pub use error::{BackendError, Result};
 pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
-    Ticket, choose_adapter,
+    Ticket,
 };
 pub use lend::Spares;
 pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};

@@ -371,14 +371,6 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     }
 }
 
-/// Whether a backend makes and traces trees in ways of its own. It need not be present.
-pub(crate) fn has_own_trees(backend: BackendName) -> bool {
-    matches!(
-        backend,
-        BackendName::VulkanRt | BackendName::VulkanRtFastTrace
-    )
-}
-
 /// A value's name on the command line.
 pub(crate) fn word(value: &impl ValueEnum) -> String {
     let value = value.to_possible_value();

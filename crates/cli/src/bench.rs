@@ -4,13 +4,15 @@ mod compare;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MethodArgs, RaysName, UpdateName, word};
+use crate::args::{BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, word};
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
+use crate::open::{has_own_trees, makes_trees};
 use crate::stop::Stop;
 use crate::talk::Progress;
-use crate::{frames, info, memory, open, talk, threads};
+use crate::{frames, info, memory, talk};
 pub(crate) use row::{Row, frame_ms, measure};
+use scene::Scene;
 use serde_json::json;
 
 /// Vertical field of view, in degrees, as with `render`.
@@ -35,7 +37,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
             "version": env!("CARGO_PKG_VERSION"),
             "command_line": info::command_line(),
             "cpu": cpu,
-            "cores": threads::cores(),
+            "cores": host::cores(),
             "size": size,
             "ratios": results::ratios(&rows),
             "rows": rows,
@@ -53,6 +55,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     ))
 }
 
+/// Opens a scene that is to be measured.
+pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> {
+    let options = memory::with_run(args.source.options(), args.size.count());
+    Ok(scene::open(spec, &options)?)
+}
+
 fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
     let (combinations, skipped) = combinations(args);
     let mut progress = Progress::new(0, args.measure.quiet);
@@ -63,8 +71,7 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
     skipped.iter().for_each(|s| progress.say(s));
     let mut rows = Vec::new();
     for spec in &args.measure.scenes {
-        let options = memory::with_run(args.measure.source.options(), args.measure.size.count());
-        let scene = scene::open(spec, &options)?;
+        let scene = open_scene(&args.measure, spec)?;
         let keys = scene.animation.whole_times();
         let frames = frames::list(Some(&args.measure.frames), args.time_range, keys, false)?;
         progress.lengthen((args.rays.len() * combinations.len()) as u64);
@@ -114,11 +121,11 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 /// What is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
     let (name, policy) = (word(&backend), word(&update));
-    if update == UpdateName::DeviceRebuild && !open::makes_trees(backend) {
+    if update == UpdateName::DeviceRebuild && !makes_trees(backend) {
         let why = "is left out: it makes no trees";
         return Some(format!("{name} with device-rebuild {why}"));
     }
-    if !open::has_own_trees(backend) {
+    if !has_own_trees(backend) {
         return None;
     }
     if let UpdateName::Async | UpdateName::TSah = update {

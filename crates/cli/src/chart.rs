@@ -18,7 +18,7 @@ use crate::bench::{self, Row};
 use crate::stop::Stop;
 use crate::table::of_rows;
 use crate::talk::Progress;
-use crate::{frames, info, memory, talk};
+use crate::{frames, info, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
 use plan::{ChartPlan, Way};
@@ -91,15 +91,9 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn open(&self, spec: &str) -> Result<scene::Scene, Stop> {
-        let args = &self.args.measure;
-        let options = memory::with_run(args.source.options(), args.size.count());
-        Ok(scene::open(spec, &options)?)
-    }
-
     /// Every way's times over one scene.
     fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
-        let scene = self.open(spec)?;
+        let scene = bench::open_scene(&self.args.measure, spec)?;
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
@@ -170,7 +164,7 @@ impl Work<'_> {
         let Some(name) = points.first().map(|(_, point)| point.scene.clone()) else {
             return Ok(());
         };
-        let animation = self.open(spec)?.animation;
+        let animation = bench::open_scene(&self.args.measure, spec)?.animation;
         let truth = accuracy::GroundTruth::of(&animation, self.args)?;
         self.progress.step(&format!("{name} exact answers"));
         for (way, point) in points {

@@ -7,16 +7,15 @@
 mod sample;
 
 use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, has_own_trees,
-    word,
+    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, word,
 };
+use crate::open::has_own_trees;
 use crate::session::ReusedBackend;
 use crate::stop::Stop;
-use crate::threads::{self, Threads};
 use backend::{DeviceKind, Intersector, Layout, Method, Query};
 use output::Taken;
 use output::plot::Rate;
-use pipeline::{Frame, Pace, RefitDecay, RunFacts, Update};
+use pipeline::{Frame, Pace, RefitDecay, RunFacts, Threads, Update};
 use sample::Sample;
 
 #[derive(Clone, Copy, Debug)]
@@ -82,7 +81,7 @@ impl Ask<'_> {
     /// How cores are shared on such a device under a policy.
     pub(crate) fn share(&self, device: DeviceKind, update: Update) -> Threads {
         let asked = [self.threads, self.builder_threads];
-        threads::share(threads::cores(), device, update, asked)
+        Threads::share(host::cores(), device, update, asked)
     }
 
     pub(crate) fn rays(&self) -> usize {

@@ -1,11 +1,10 @@
 //! `abvh info`: this build and this machine.
 
-use crate::adapters::kind_name;
 use crate::args::{BackendName, InfoArgs};
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{choose, talk, threads};
+use crate::{choose, talk};
 use backend::Backend;
 use comfy_table::{ContentArrangement, Table, presets};
 use output::{SCHEMA, Taken};
@@ -29,7 +28,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
         schema: SCHEMA,
         version: VERSION,
         cpu: cpu_model(),
-        threads: threads::cores(),
+        threads: host::cores(),
         auto: what_auto_takes()?,
         backends: open::presences().collect(),
     };
@@ -81,7 +80,7 @@ fn text(info: &Info) -> String {
         rows.push(row("  intersectors", &backend.intersectors.join(", ")));
         rows.push(row("  layouts", &backend.layouts.join(", ")));
         for adapter in &backend.adapters {
-            let name = format!("{} [{}]", adapter.name, kind_name(adapter.kind));
+            let name = format!("{} [{}]", adapter.name, adapter.kind.name());
             rows.push(row(&format!("  adapter {}", adapter.index), &name));
             if !adapter.driver.is_empty() {
                 rows.push(row("    driver", &adapter.driver));
@@ -124,17 +123,20 @@ pub(crate) fn command_line() -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adapters::named;
-    use backend::DeviceKind;
+    use backend::{AdapterInfo, DeviceKind};
 
     #[test]
     fn all_is_told_within_a_hundred_columns() {
-        let mut adapters = named(&[(&"long name ".repeat(12), DeviceKind::Gpu)]);
-        let limit = ("max_buffer_bytes", "7".to_owned());
-        adapters[0].limits.push(limit);
+        let adapter = AdapterInfo {
+            index: 0,
+            name: "long name ".repeat(12),
+            driver: String::new(),
+            kind: DeviceKind::Gpu,
+            limits: vec![("max_buffer_bytes", "7".to_owned())],
+        };
         let presences = open::presences().take(1);
         let backends = presences.map(|presence| Presence {
-            adapters: adapters.clone(),
+            adapters: vec![adapter.clone()],
             ..presence
         });
         let info = Info {

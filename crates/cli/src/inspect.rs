@@ -190,7 +190,7 @@ fn run_reduction(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
 
 fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     let animation = &scene.animation;
-    let diagonal = diagonal(animation);
+    let diagonal = animation.bounds().diagonal();
     let tolerance = match tolerance {
         Tolerance::Units(units) => units,
         Tolerance::Share(share) => share * diagonal,
@@ -217,16 +217,6 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
         worst: (fit.worst).map(|(frame, vertex)| json!({ "frame": frame, "vertex": vertex })),
         rms: fit.rms,
     })
-}
-
-/// The length of the diagonal of the scene's bounds; 0 where no vertex is finite.
-fn diagonal(animation: &Animation) -> f64 {
-    let bounds = animation.bounds();
-    if bounds.is_empty() {
-        return 0.0;
-    }
-    let way = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
-    (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
 }
 
 /// Makes the directory; key frames that lie there already would be taken for some of these.
@@ -310,7 +300,7 @@ mod tests {
     #[test]
     fn a_scene_without_size_has_no_diagonal_and_one_key_frame() {
         let animation = Animation::new(vec![vec![[f32::NAN; 3]]; 3], vec![[0; 3]]).unwrap();
-        assert_eq!(diagonal(&animation), 0.0);
+        assert_eq!(animation.bounds().diagonal(), 0.0);
         let scene = Scene {
             name: String::new(),
             animation: std::sync::Arc::new(animation),

@@ -1,9 +1,7 @@
 //! `abvh`: a ray tracer for moving, deforming triangle scenes.
 //!
-//! One file a command. `args` is the command line, `open` alone names backends, and `stop` turns errors into one line and
-//! an exit code.
+//! One file a command. `args` is the command line, and `stop` turns errors into one line and an exit code.
 
-mod adapters;
 mod args;
 mod bench;
 mod chart;
@@ -50,7 +48,7 @@ fn run(command: Command) -> Result<(), Stop> {
     };
     threads::start(threads);
     if no_cache {
-        open::keep_no_kernels();
+        backends::keep_no_kernels();
     }
     match command {
         Command::Render(args) => render::run(&args),

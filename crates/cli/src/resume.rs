@@ -1,6 +1,7 @@
 //! What an earlier run left in the folders of this one, and what is still to be done.
 
-use crate::args::{RenderArgs, has_own_trees, word};
+use crate::args::{RenderArgs, word};
+use crate::open::has_own_trees;
 use crate::stop::Stop;
 use crate::values::{Frames, TimeRange};
 use crate::writer::Outputs;

@@ -1,9 +1,9 @@
 //! Backends put to the test, and those that cannot be.
 
 use crate::args::{BackendName, TestArgs, word};
+use crate::info;
 use crate::open;
 use crate::stop::Stop;
-use crate::{adapters, info, threads};
 use backend::Backend;
 use clap::ValueEnum;
 use serde::Serialize;
@@ -39,7 +39,7 @@ impl Tested {
             command_line: info::command_line(),
             machine: json!({
                 "cpu": info::cpu_model(),
-                "cores": threads::cores(),
+                "cores": host::cores(),
                 "os": std::env::consts::OS,
             }),
             ..Self::default()
@@ -57,7 +57,7 @@ impl Tested {
                 "backend": name,
                 "adapter": adapter,
                 "driver": device.driver,
-                "kind": adapters::kind_name(device.kind),
+                "kind": device.kind.name(),
                 "threads": device.threads,
                 "arithmetic": own,
             }));
@@ -88,7 +88,7 @@ pub(crate) fn open_all(
         if !named && !among {
             continue;
         }
-        match open::bare(one, adapter.as_deref(), threads::cores()) {
+        match open::bare(one, adapter.as_deref(), host::cores()) {
             Ok(backend) => subjects.push(Subject {
                 name: backend.device().backend,
                 backend,

@@ -1,31 +1,15 @@
-//! How cores are shared between rendering and building.
+//! Threads of all work outside the backend and the builder.
 
-use backend::DeviceKind;
-use pipeline::Update;
 use rayon::ThreadBuilder;
 use std::io;
-use std::num::NonZero;
 use std::sync::mpsc::{Sender, channel};
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Threads {
-    /// For the backend and for shading.
-    pub(crate) render: usize,
-    /// For trees.
-    pub(crate) build: usize,
-}
-
-/// Logical cores this process may use.
-pub(crate) fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, NonZero::get)
-}
 
 /// Starts the threads of all work outside the backend (reading, shading): as many as there are cores,
 /// or as were asked for. Where the system refuses, there are fewer, and a remark says so.
 ///
 /// rayon's global pool can be tried only once, so the threads wait for it.
 pub(crate) fn start(threads: Option<usize>) {
-    let wanted = threads.unwrap_or_else(cores);
+    let wanted = threads.unwrap_or_else(host::cores);
     let crew = crew(wanted, |work| {
         std::thread::Builder::new().spawn(work).map(drop)
     });
@@ -70,35 +54,9 @@ fn crew(
     crew
 }
 
-/// Shares `cores` out. With `async` both work at once: where the host renders, a quarter builds
-/// on four cores or more; where a GPU does, all but the one that feeds it. With
-/// the other policies one waits for the other, so both have all.
-pub(crate) fn share(
-    cores: usize,
-    kind: DeviceKind,
-    update: Update,
-    [render, build]: [Option<usize>; 2],
-) -> Threads {
-    let quarter = |n: usize| (n / 4).max(1);
-    let concurrent = matches!(update, Update::Async(_));
-    let n = render.unwrap_or(cores);
-    let (render, default) = match (concurrent, kind, render) {
-        (false, ..) => (n, n),
-        (true, DeviceKind::Gpu, _) => (n, (n - 1).max(1)),
-        (true, _, None) if cores >= 4 => (cores - quarter(cores), quarter(cores)),
-        (true, _, None) => (n, 1),
-        (true, _, Some(n)) => (n, quarter(n)),
-    };
-    Threads {
-        render,
-        build: build.unwrap_or(default),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pipeline::Pace;
 
     #[test]
     fn where_the_system_starts_too_few_threads_there_are_fewer() {
@@ -112,30 +70,5 @@ mod tests {
         };
         assert_eq!(crew(16, five).len(), 2);
         assert!(crew(4, |_| Err(io::ErrorKind::WouldBlock.into())).is_empty());
-    }
-
-    #[test]
-    fn cores_are_shared_where_builder_and_renderer_work_at_once() {
-        use DeviceKind::{Cpu, Gpu, Software};
-        let (free, refit) = (Update::Async(Pace::Free), Update::Refit);
-        // Cores, what was asked for, and threads that render and that build.
-        for (kind, update, cores, asked, expected) in [
-            (Cpu, free, 16, [None, None], [12, 4]),
-            (Software, free, 16, [None, None], [12, 4]),
-            (Cpu, free, 4, [None, None], [3, 1]),
-            (Cpu, free, 2, [None, None], [2, 1]),
-            (Cpu, free, 16, [Some(1), None], [1, 1]),
-            (Software, free, 16, [Some(8), None], [8, 2]),
-            (Gpu, free, 16, [None, None], [16, 15]),
-            (Gpu, free, 1, [None, None], [1, 1]),
-            (Gpu, free, 16, [Some(1), None], [1, 1]),
-            (Gpu, free, 16, [None, Some(3)], [16, 3]),
-            // Who waits lends all.
-            (Cpu, refit, 8, [None, None], [8, 8]),
-            (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),
-        ] {
-            let t = share(cores, kind, update, asked);
-            assert_eq!([t.render, t.build], expected, "{kind:?} {cores} {asked:?}");
-        }
     }
 }

@@ -71,6 +71,15 @@ impl Aabb {
             || (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
 
+    /// The length of the diagonal; 0 when empty.
+    pub fn diagonal(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let way = |i: usize| f64::from(self.max[i]) - f64::from(self.min[i]);
+        (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
+    }
+
     /// Lengths of the edges; zeros when empty.
     #[inline]
     pub fn extent(&self) -> [f32; 3] {

@@ -240,7 +240,11 @@ mod tests {
         let far = [[1e9; 3], [3e-12; 3], [f32::NAN; 3]];
         let mut key: Vec<Point> = (1..100_000).map(|i| [i as f32, 0.25, 1.0]).collect();
         key.splice(70_000..70_000, far);
-        for runs in [vec![], vec![0..key.len()], vec![3..9, 40_000..90_000]] {
+        for runs in [
+            vec![],
+            vec![0..50_000, 50_000..key.len()],
+            vec![3..9, 40_000..90_000],
+        ] {
             let parts = Parts::of(&key, &runs);
             let whole = Sizes::of(&key);
             assert_eq!(Sizes::of_new(&Arc::new(key.clone().into()), &parts), whole);

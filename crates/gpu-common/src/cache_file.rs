@@ -11,40 +11,51 @@ const DIGEST: usize = 32;
 /// A file of a cache: a SHA-256 digest, then the bytes that it is of. What is missing, damaged or cannot be written is
 /// as if nothing had been kept.
 #[derive(Clone, Debug)]
-pub struct CacheFile(PathBuf);
+pub struct CacheFile {
+    path: PathBuf,
+    /// Bytes that were loaded.
+    loaded: usize,
+}
 
 impl CacheFile {
     /// In a folder, under a name that tells device and driver; this program's version is added.
     #[must_use]
     pub fn new(folder: &Path, name: &str) -> Self {
         let version = env!("CARGO_PKG_VERSION");
-        Self(folder.join(format!("{name}-{version}.bin")))
+        Self {
+            path: folder.join(format!("{name}-{version}.bin")),
+            loaded: 0,
+        }
     }
 
     /// What was stored last, if it is whole.
     #[must_use]
-    pub fn load(&self) -> Option<Vec<u8>> {
-        let mut bytes = fs::read(&self.0).ok()?;
+    pub fn load(&mut self) -> Option<Vec<u8>> {
+        let mut bytes = fs::read(&self.path).ok()?;
         if bytes.len() < DIGEST {
             return None;
         }
         let data = bytes.split_off(DIGEST);
-        (Sha256::digest(&data)[..] == bytes[..]).then_some(data)
+        let is_whole = Sha256::digest(&data)[..] == bytes[..];
+        self.loaded = if is_whole { data.len() } else { 0 };
+        is_whole.then_some(data)
     }
 
-    /// Stores bytes in place of what is there.
+    /// Stores bytes in place of what is there, if they are more than were loaded.
     pub fn store(&self, data: &[u8]) {
-        // A run without its cache is a slower run, no worse one.
-        let _ = self.try_store(data);
+        if data.len() != self.loaded {
+            // A run without its cache is a slower run, no worse one.
+            let _ = self.try_store(data);
+        }
     }
 
     fn try_store(&self, data: &[u8]) -> io::Result<()> {
-        let folder = self.0.parent().unwrap_or(Path::new("."));
+        let folder = self.path.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(folder)?;
         let mut file = tempfile::NamedTempFile::new_in(folder)?;
         file.write_all(&Sha256::digest(data))?;
         file.write_all(data)?;
-        file.persist(&self.0)?;
+        file.persist(&self.path)?;
         Ok(())
     }
 }
@@ -56,21 +67,21 @@ mod tests {
     #[test]
     fn what_is_damaged_is_as_if_it_were_not_there() {
         let dir = tempfile::tempdir().unwrap();
-        let file = CacheFile::new(&dir.path().join("new"), "card");
+        let mut file = CacheFile::new(&dir.path().join("new"), "card");
         assert_eq!(file.load(), None);
         file.store(b"kernels");
         assert_eq!(file.load().unwrap(), b"kernels");
-        let whole = fs::read(&file.0).unwrap();
+        let whole = fs::read(&file.path).unwrap();
         for damage in [
             &whole[..20],
             &whole[..36],
             &[],
             &[whole[..].to_vec(), vec![0]].concat(),
         ] {
-            fs::write(&file.0, damage).unwrap();
+            fs::write(&file.path, damage).unwrap();
             assert_eq!(file.load(), None, "{} bytes", damage.len());
         }
-        let elsewhere = CacheFile::new(&file.0, "below-a-file");
+        let mut elsewhere = CacheFile::new(&file.path, "below-a-file");
         elsewhere.store(b"kernels");
         assert_eq!(elsewhere.load(), None);
     }

@@ -1,7 +1,7 @@
 //! The backend, carried out by kernels.
 
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, Pipelines, Stage, are_given};
+use crate::{Engine, GpuDevice, Options, Pipelines, Stage, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
     Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -39,7 +39,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] with what the device lacks
     /// for any scene.
-    pub fn new(options: &D::Options) -> Result<Self> {
+    pub fn new(options: &Options) -> Result<Self> {
         Self::over(D::open(options)?)
     }
 

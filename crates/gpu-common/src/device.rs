@@ -1,41 +1,13 @@
 //! What a GPU interface has to do.
 
-use crate::{Clock, KernelCode, Stage};
-use backend::{
-    BackendError, Device, DeviceBytes, DeviceKind, Result, Snapshot, Ticket, choose_adapter,
-};
+use crate::{Clock, KernelCode, Options, Stage};
+use backend::{BackendError, Device, DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use rayon::iter::IndexedParallelIterator;
 use shaders::work::Work;
 use shaders::{BufferName, Counts, Kernel, Packets};
 use std::ops::Range;
-
-/// An adapter that a GPU interface offers.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AdapterInfo {
-    /// Its place in the interface's list.
-    pub index: usize,
-    /// The device's own name.
-    pub name: String,
-    /// Driver and version.
-    pub driver: String,
-    /// What kind of machine it is.
-    pub kind: DeviceKind,
-    /// What bounds or shapes the work here: names and values, to be shown.
-    pub limits: Vec<(&'static str, String)>,
-}
-
-impl AdapterInfo {
-    /// The place of the one that is wanted: see [`choose_adapter`].
-    ///
-    /// # Errors
-    /// Those of [`choose_adapter`].
-    pub fn choose(list: &[Self], wanted: Option<&str>) -> Result<usize> {
-        let names: Vec<_> = list.iter().map(|a| (a.name.as_str(), a.kind)).collect();
-        choose_adapter(&names, wanted)
-    }
-}
 
 /// Who writes a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,8 +78,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuDevice::split).
     const SPLITS: bool = false;
 
-    /// How to open it.
-    type Options;
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send;
     /// A kernel ready to be bound.
@@ -125,7 +95,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
-    fn open(options: &Self::Options) -> Result<Self>;
+    fn open(options: &Options) -> Result<Self>;
 
     /// Who is at work. How it computes is found out later.
     fn device(&self) -> Device;

@@ -19,6 +19,7 @@ mod engine;
 mod frames;
 mod inspect;
 mod key_slots;
+mod options;
 mod pipelines;
 mod scene;
 mod snapshots;
@@ -28,11 +29,11 @@ mod tree;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    AdapterInfo, BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, Sent,
-    refuse_above,
+    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, Sent, refuse_above,
 };
 pub use engine::Engine;
 pub use frames::{Frames, Slot};
+pub use options::{KernelForm, Options, Validation};
 pub use pipelines::{KernelCode, Pipelines};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, Traces, are_given};

@@ -255,7 +255,7 @@ impl DriverTreeBackend {
         let rays = &self.rays;
         slot.record_as(&engine.gpu, Stage::TracePrimary, |slot| {
             slot.commands.barrier(KERNELS, RAYS);
-            let pipeline = (rays.vk, rays.layout, rays.set_layout);
+            let pipeline = (rays.vk, &rays.layouts);
             slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;
             rays.launch(slot.commands.vk(), maker(query), size);
             slot.commands.barrier(RAYS, KERNELS);

@@ -16,10 +16,10 @@ mod tree;
 pub use support::ray_adapters;
 
 use backend::{BackendError, Method, Result};
-use gpu_common::{Engine, Pipelines};
+use gpu_common::{Engine, Options, Pipelines};
+use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
-use gpu_vulkan::{Options, VulkanDevice};
 use pipeline::RayPipeline;
 use scene::DriverScene;
 use shaders::{RAY_KERNELS, common};
@@ -90,10 +90,9 @@ impl DriverTreeBackend {
     /// [`backend::BackendError::NoDevice`] with what the device lacks, or
     /// [`backend::BackendError::Limit`] with what it lacks for any scene.
     pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
-        let (host, wanted) = (Host::new(options.validation)?, options.adapter.as_deref());
-        let able = support::able(&host, wanted)?;
-        let wanted = (wanted, options.cache.as_deref());
-        let gpu = Gpu::open(host, &able, wanted, true)?;
+        let host = Host::new(options.validation)?;
+        let able = support::able(&host, options.adapter)?;
+        let gpu = Gpu::open(host, &able, options, true)?;
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);

@@ -5,19 +5,17 @@ use ash::vk;
 use backend::Result;
 use gpu_common::GpuDevice;
 use gpu_vulkan::errors::{failed, refused};
-use gpu_vulkan::gpu::compile_door;
 use gpu_vulkan::memory::{Buffer, BufferUse};
-use gpu_vulkan::{VulkanDevice, descriptor_type};
+use gpu_vulkan::{Layouts, VulkanDevice, descriptor_type, with_module};
 use shaders::RAYS;
 use std::ffi::CString;
 use std::sync::Arc;
 
 /// Every shader of [`RAYS`], in one pipeline: those that make rays first, then misses, then hits.
 pub(crate) struct RayPipeline {
-    /// Null until the driver has made it; likewise the others.
+    /// Null until the driver has made it.
     pub(crate) vk: vk::Pipeline,
-    pub(crate) layout: vk::PipelineLayout,
-    pub(crate) set_layout: vk::DescriptorSetLayout,
+    pub(crate) layouts: Layouts,
     table: Option<Table>,
     pub(crate) rays: Arc<RayTracing>,
 }
@@ -38,26 +36,19 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 
 impl RayPipeline {
     pub(crate) fn new(device: &mut VulkanDevice, rays: &Arc<RayTracing>) -> Result<Self> {
-        let gpu = &rays.gpu;
+        let what = "the pipeline of rays";
+        let tree = (RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
+        let others = RAYS.bindings.iter();
+        let others = others.map(|b| (b.number, descriptor_type(b.kind)));
         let mut made = Self {
             vk: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout: vk::DescriptorSetLayout::null(),
+            layouts: Layouts::new(&rays.gpu, what, STAGES, others.chain([tree]))?,
             table: None,
             rays: Arc::clone(rays),
         };
-        let bindings = bindings();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        let what = "the pipeline of rays";
-        // SAFETY: the device is alive and `info` outlives the call; likewise below.
-        made.set_layout =
-            unsafe { gpu.vk.create_descriptor_set_layout(&info, None) }.map_err(failed(what))?;
-        let layouts = [made.set_layout];
-        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
-        // SAFETY: as above.
-        made.layout =
-            unsafe { gpu.vk.create_pipeline_layout(&info, None) }.map_err(failed(what))?;
-        made.vk = compile(rays, made.layout)?;
+        made.vk = with_module(&rays.gpu, "the shaders of rays", RAYS.spirv, |module| {
+            compile(rays, made.layouts.pipeline, module)
+        })?;
         made.table = Some(Table::new(device, rays, made.vk)?);
         Ok(made)
     }
@@ -85,34 +76,7 @@ impl RayPipeline {
     }
 }
 
-fn bindings<'a>() -> Vec<vk::DescriptorSetLayoutBinding<'a>> {
-    let binding = |number, kind| {
-        vk::DescriptorSetLayoutBinding::default()
-            .binding(number)
-            .descriptor_count(1)
-            .descriptor_type(kind)
-            .stage_flags(STAGES)
-    };
-    let tree = binding(RAYS.scene, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR);
-    let others = RAYS.bindings.iter();
-    let others = others.map(|b| binding(b.number, descriptor_type(b.kind)));
-    others.chain([tree]).collect()
-}
-
-fn compile(rays: &RayTracing, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-    let gpu = &rays.gpu;
-    let _door = compile_door();
-    let info = vk::ShaderModuleCreateInfo::default().code(RAYS.spirv);
-    let what = "the shaders of rays";
-    // SAFETY: the words are SPIR-V that the build validated.
-    let module = unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(what))?;
-    let made = compile_module(rays, layout, module);
-    // SAFETY: pipelines do not need their module once made.
-    unsafe { gpu.vk.destroy_shader_module(module, None) };
-    made
-}
-
-fn compile_module(
+fn compile(
     rays: &RayTracing,
     layout: vk::PipelineLayout,
     module: vk::ShaderModule,
@@ -204,12 +168,7 @@ impl Table {
 
 impl Drop for RayPipeline {
     fn drop(&mut self) {
-        let vk = &self.rays.gpu.vk;
         // SAFETY: the backend waits for the device before it drops its pipeline; null is left alone.
-        unsafe {
-            vk.destroy_pipeline(self.vk, None);
-            vk.destroy_pipeline_layout(self.layout, None);
-            vk.destroy_descriptor_set_layout(self.set_layout, None);
-        }
+        unsafe { self.rays.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }

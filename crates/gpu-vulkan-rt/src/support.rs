@@ -1,10 +1,11 @@
 //! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
 
 use ash::{khr, vk};
-use backend::{BackendError, Result};
+use backend::{AdapterInfo, BackendError, Result};
+use gpu_common::Validation;
+use gpu_vulkan::all;
 use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
 use gpu_vulkan::instance::Host;
-use gpu_vulkan::{AdapterInfo, Validation, all};
 use std::sync::Arc;
 
 /// The calls, and the bounds that they have, of a device opened for trees that its driver makes.
@@ -52,11 +53,7 @@ impl Bounds {
         let mut all = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut trees)
             .push_next(&mut rays);
-        // SAFETY: the device belongs to the instance, which is alive, and has both extensions.
-        unsafe {
-            host.instance
-                .get_physical_device_properties2(physical, &mut all)
-        };
+        host.read_properties(physical, &mut all);
         let limits = all.properties.limits;
         let along = |axis: usize| {
             let groups = u64::from(limits.max_compute_work_group_count[axis]);
@@ -87,12 +84,11 @@ pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     able(Host::new(Validation::Off)?.as_ref(), None)
 }
 
-/// Likewise; where an adapter is `wanted` by name or index, that one alone if it is able, with an
-/// index for whoever opens it.
-pub(crate) fn able(host: &Host, wanted: Option<&str>) -> Result<Vec<AdapterInfo>> {
+/// Likewise; where an adapter is `wanted` by its index, that one alone if it is able.
+pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
     let mut list = all(host)?;
     if wanted.is_some() {
-        list = vec![list.swap_remove(AdapterInfo::choose(&list, wanted)?)];
+        list = vec![AdapterInfo::choose(&list, wanted)?.clone()];
     }
     let devices = host.physical_devices()?;
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
@@ -138,11 +134,7 @@ fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
         .push_next(&mut core)
         .push_next(&mut structures)
         .push_next(&mut pipelines);
-    // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut all)
-    };
+    host.read_features(device, &mut all);
     let features = [
         (structures.acceleration_structure, "accelerationStructure"),
         (pipelines.ray_tracing_pipeline, "rayTracingPipeline"),

@@ -1,25 +1,12 @@
-//! What Vulkan offers on this machine, and which of it to take.
+//! What Vulkan offers on this machine.
 
 use crate::instance::Host;
 use crate::limits::Limits;
 use crate::queues::Queues;
-use crate::validation::Validation;
 use ash::vk;
-use backend::{DeviceKind, Result};
-use gpu_common::AdapterInfo;
+use backend::{AdapterInfo, DeviceKind, Result};
+use gpu_common::Validation;
 use std::ffi::CStr;
-use std::path::PathBuf;
-
-/// How to open the backend.
-#[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
-    pub adapter: Option<String>,
-    /// Folder in which compiled kernels are kept for runs to come; nothing is kept without one.
-    pub cache: Option<PathBuf>,
-    /// Whether to run under the validation layer.
-    pub validation: Validation,
-}
 
 /// Every device that Vulkan offers on this machine.
 ///
@@ -39,11 +26,7 @@ pub fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
 fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe {
-        host.instance
-            .get_physical_device_properties2(device, &mut properties)
-    };
+    host.read_properties(device, &mut properties);
     let p = properties.properties;
     let kind = match p.device_type {
         vk::PhysicalDeviceType::CPU => DeviceKind::Software,

@@ -8,11 +8,10 @@ use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
-use backend::{BackendError, DeviceKind, Result};
-use gpu_common::AdapterInfo;
+use backend::{AdapterInfo, BackendError, DeviceKind, Result};
+use gpu_common::Options;
 use shaders::Packets;
 use std::ffi::CStr;
-use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
@@ -53,7 +52,7 @@ pub const RAY_EXTENSIONS: [&CStr; 3] = [
 static DOOR: RwLock<()> = RwLock::new(());
 
 /// Held while kernels are compiled, which several threads may do at a time.
-pub fn compile_door() -> RwLockReadGuard<'static, ()> {
+pub(crate) fn compile_door() -> RwLockReadGuard<'static, ()> {
     DOOR.read().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -70,18 +69,17 @@ pub struct Queue {
 }
 
 impl Gpu {
-    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`. Compiled kernels are
-    /// kept in the folder `cache`.
+    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what it lacks for any scene.
     pub fn open(
         host: Arc<Host>,
         list: &[AdapterInfo],
-        (wanted, cache): (Option<&str>, Option<&Path>),
+        options: &Options,
         traces_rays: bool,
     ) -> Result<Arc<Self>> {
-        let adapter = list[AdapterInfo::choose(list, wanted)?].clone();
+        let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = Limits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
@@ -101,7 +99,7 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let cache = PipelineCache::open(&host, physical, &vk, cache);
+        let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             compute: queue(queues.compute),
             upload: queue(queues.upload),
@@ -157,11 +155,7 @@ fn create(
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe {
-        host.instance
-            .get_physical_device_features2(device, &mut have)
-    };
+    host.read_features(device, &mut have);
     if have12.timeline_semaphore == vk::FALSE {
         return Err(BackendError::NoDevice(
             "the device has no timeline semaphores (Vulkan 1.2)".into(),

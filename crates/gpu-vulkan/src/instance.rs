@@ -1,9 +1,10 @@
 //! The loader and the instance.
 
 use crate::loader;
-use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, Validation};
+use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, is_on};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
+use gpu_common::Validation;
 use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,7 +31,7 @@ impl Host {
     /// [`BackendError::NoDevice`] with the reason.
     pub fn new(validation: Validation) -> Result<Arc<Self>> {
         let plain = Self::plain()?;
-        match validation.is_on(&plain.entry)? {
+        match is_on(validation, &plain.entry)? {
             true => Self::make(true).map(Arc::new),
             false => Ok(plain),
         }
@@ -89,6 +90,26 @@ impl Host {
             return Err(BackendError::NoDevice("Vulkan has no driver here".into()));
         }
         Ok(devices)
+    }
+
+    /// Asks a device for a chain of properties; likewise for features. Drivers pass over structures that they do not know.
+    pub fn read_properties(
+        &self,
+        device: vk::PhysicalDevice,
+        chain: &mut vk::PhysicalDeviceProperties2<'_>,
+    ) {
+        // SAFETY: the device belongs to the instance, which is alive; likewise below.
+        unsafe { self.instance.get_physical_device_properties2(device, chain) };
+    }
+
+    /// See [`Host::read_properties`].
+    pub fn read_features(
+        &self,
+        device: vk::PhysicalDevice,
+        chain: &mut vk::PhysicalDeviceFeatures2<'_>,
+    ) {
+        // SAFETY: as above.
+        unsafe { self.instance.get_physical_device_features2(device, chain) };
     }
 
     /// Names of all extensions that a device offers.

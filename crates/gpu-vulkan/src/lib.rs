@@ -32,9 +32,7 @@ pub mod transfer;
 mod validation;
 mod vulkan_device;
 
-pub use adapters::{Options, adapters, all};
-pub use gpu_common::AdapterInfo;
-pub use pipelines::descriptor_type;
+pub use adapters::{adapters, all};
+pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use slot::Slot;
-pub use validation::Validation;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};

@@ -5,7 +5,7 @@ use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::Result;
 use gpu_common::refuse_above;
-use shaders::{Binding, KERNELS, Kernel, Kind};
+use shaders::{KERNELS, Kernel, storage_buffers};
 
 /// Bounds that a scene, a query or a kernel can meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,11 +29,7 @@ impl Limits {
     pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
         let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
         let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
-        // SAFETY: the device belongs to the instance, which is alive.
-        unsafe {
-            host.instance
-                .get_physical_device_properties2(device, &mut p)
-        };
+        host.read_properties(device, &mut p);
         let l = p.properties.limits;
         let [x, y, _] = l.max_compute_work_group_count;
         let invocations = l.max_compute_work_group_invocations;
@@ -101,12 +97,6 @@ impl Limits {
     }
 }
 
-/// Storage buffers among bindings.
-pub(crate) fn storage_buffers(bindings: &[Binding]) -> u32 {
-    let all = bindings.iter().filter(|b| b.kind != Kind::Uniform);
-    all.count() as u32
-}
-
 /// What the device can do beyond what every device must, and the kernels make use of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extras {
@@ -128,11 +118,7 @@ impl Extras {
         if host.extensions(device).contains(&name) {
             have = have.push_next(&mut robustness);
         }
-        // SAFETY: the device belongs to the instance, which is alive, and knows all structures of the chain.
-        unsafe {
-            host.instance
-                .get_physical_device_features2(device, &mut have)
-        };
+        host.read_features(device, &mut have);
         let has_integers = have.features.shader_int64 == vk::TRUE;
         Self {
             trusts_kernels: robustness.pipeline_robustness == vk::TRUE,
@@ -147,11 +133,7 @@ impl Extras {
 fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
     let mut found = vk::PhysicalDeviceSubgroupProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);
-    // SAFETY: the device belongs to the instance, which is alive; the structure is of Vulkan 1.1.
-    unsafe {
-        host.instance
-            .get_physical_device_properties2(device, &mut all)
-    };
+    host.read_properties(device, &mut all);
     let needed = vk::SubgroupFeatureFlags::BASIC
         | vk::SubgroupFeatureFlags::VOTE
         | vk::SubgroupFeatureFlags::ARITHMETIC

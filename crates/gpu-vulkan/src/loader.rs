@@ -6,10 +6,8 @@
 //! [interface between loader and drivers]: https://github.com/KhronosGroup/Vulkan-Loader/blob/main/docs/LoaderDriverInterface.md
 
 use ash::{Entry, StaticFn, vk};
+use host::NVIDIA_LIBRARIES;
 use libloading::{Library, Symbol};
-
-/// Drivers that are tried, in this order. The first needs no display libraries.
-const DRIVERS: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
 
 /// The version of that interface which is asked for: the first with a way to name it.
 const INTERFACE: u32 = 2;
@@ -24,7 +22,7 @@ pub(crate) fn open() -> Result<Entry, String> {
     // SAFETY: the loader is the system's own; the entry keeps its library open.
     let loader = unsafe { Entry::load() };
     loader.or_else(|why| {
-        let mut drivers = DRIVERS.iter().filter_map(|name| driver(name));
+        let mut drivers = NVIDIA_LIBRARIES.iter().filter_map(|name| driver(name));
         drivers.next().ok_or_else(|| why.to_string())
     })
 }

@@ -2,12 +2,11 @@
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
-use crate::limits::storage_buffers;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::{Pipeline, descriptor_type};
 use ash::vk;
 use backend::Result;
-use shaders::{Binding, BufferName, KERNELS, Kind, Params, RAYS};
+use shaders::{Binding, BufferName, KERNELS, Kind, Params, RAYS, storage_buffers};
 use std::sync::Arc;
 
 /// Dispatches of one page; a submission of more takes more pages.
@@ -94,7 +93,7 @@ impl Pages {
         if let Some(last) = last.filter(|l| (l.kernel, l.page) == (kernel, page)) {
             return Ok(last);
         }
-        let what = (pipeline.set_layout, pipeline.kernel.bindings);
+        let what = (pipeline.layouts.set, pipeline.kernel.bindings);
         let set = self.set(what, page, find, None)?;
         Ok(Bound { set, kernel, page })
     }

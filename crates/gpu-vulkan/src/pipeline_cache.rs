@@ -11,8 +11,6 @@ pub struct PipelineCache {
     /// Null if the driver could make none.
     vk: vk::PipelineCache,
     file: Option<CacheFile>,
-    /// Bytes that it began with.
-    loaded: usize,
 }
 
 impl PipelineCache {
@@ -34,15 +32,14 @@ impl PipelineCache {
             "vulkan-{:x}-{:x}-{:x}-{uuid}",
             p.vendor_id, p.device_id, p.driver_version
         );
-        let file = folder.map(|folder| CacheFile::new(folder, &name));
-        let data = file.as_ref().and_then(CacheFile::load).unwrap_or_default();
+        let mut file = folder.map(|folder| CacheFile::new(folder, &name));
+        let data = file.as_mut().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the device is alive and `data` outlives the call; it is what this driver gave, as its digest says.
         let vk = unsafe { device.create_pipeline_cache(&info, None) };
         Self {
             vk: vk.unwrap_or_default(),
             file,
-            loaded: data.len(),
         }
     }
 
@@ -60,9 +57,7 @@ impl PipelineCache {
         if let Some(file) = &self.file {
             // SAFETY: device and cache are alive, and nobody compiles any more.
             let data = unsafe { device.get_pipeline_cache_data(self.vk) };
-            if let Some(data) = data.ok().filter(|data| data.len() != self.loaded) {
-                file.store(&data);
-            }
+            data.iter().for_each(|data| file.store(data));
         }
         // SAFETY: the device is alive; pipelines do not need their cache once made.
         unsafe { device.destroy_pipeline_cache(self.vk, None) };

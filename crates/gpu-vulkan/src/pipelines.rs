@@ -10,58 +10,100 @@ use std::sync::Arc;
 /// A kernel ready to be bound.
 pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
-    /// Null until the driver has made it; likewise the others.
     pub(crate) vk: vk::Pipeline,
-    pub(crate) layout: vk::PipelineLayout,
-    pub(crate) set_layout: vk::DescriptorSetLayout,
+    pub(crate) layouts: Layouts,
     gpu: Arc<Gpu>,
 }
 
 impl Pipeline {
     pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
-        let _door = compile_door();
-        let mut made = Self {
+        let bindings = kernel.bindings.iter();
+        let bindings = bindings.map(|b| (b.number, descriptor_type(b.kind)));
+        let layouts = Layouts::new(gpu, kernel.name, vk::ShaderStageFlags::COMPUTE, bindings)?;
+        let vk = with_module(gpu, kernel.name, spirv, |module| {
+            compile(gpu, kernel, module, layouts.pipeline)
+        })?;
+        Ok(Self {
             kernel,
-            vk: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout: vk::DescriptorSetLayout::null(),
+            vk,
+            layouts,
             gpu: Arc::clone(gpu),
+        })
+    }
+}
+
+/// What a pipeline is bound by.
+pub struct Layouts {
+    /// Of its one set.
+    pub set: vk::DescriptorSetLayout,
+    /// Of the pipeline. Null until the driver has made it.
+    pub pipeline: vk::PipelineLayout,
+    gpu: Arc<Gpu>,
+}
+
+impl Layouts {
+    /// Of `what`, whose stages bind one of a type by each number.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`]; likewise below.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        what: &str,
+        stages: vk::ShaderStageFlags,
+        bindings: impl Iterator<Item = (u32, vk::DescriptorType)>,
+    ) -> Result<Self> {
+        let binding = |(number, ty)| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(number)
+                .descriptor_count(1)
+                .descriptor_type(ty)
+                .stage_flags(stages)
         };
-        let bindings: Vec<_> = kernel
-            .bindings
-            .iter()
-            .map(|b| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(b.number)
-                    .descriptor_count(1)
-                    .descriptor_type(descriptor_type(b.kind))
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
+        let bindings: Vec<_> = bindings.map(binding).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // SAFETY: the device is alive and `info` outlives the call; likewise below.
-        made.set_layout = unsafe { gpu.vk.create_descriptor_set_layout(&info, None) }
-            .map_err(failed(kernel.name))?;
-        let layouts = [made.set_layout];
-        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        let set =
+            unsafe { gpu.vk.create_descriptor_set_layout(&info, None) }.map_err(failed(what))?;
+        let mut made = Self {
+            set,
+            pipeline: vk::PipelineLayout::null(),
+            gpu: Arc::clone(gpu),
+        };
+        let sets = [set];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
         // SAFETY: as above.
-        made.layout =
-            unsafe { gpu.vk.create_pipeline_layout(&info, None) }.map_err(failed(kernel.name))?;
-        made.vk = compile(gpu, kernel, spirv, made.layout)?;
+        made.pipeline =
+            unsafe { gpu.vk.create_pipeline_layout(&info, None) }.map_err(failed(what))?;
         Ok(made)
     }
+}
+
+/// Has the driver compile SPIR-V, as one of several threads may.
+///
+/// # Errors
+/// The driver refuses the words, or those of `compile`.
+pub fn with_module<T>(
+    gpu: &Gpu,
+    what: &str,
+    spirv: &[u32],
+    compile: impl FnOnce(vk::ShaderModule) -> Result<T>,
+) -> Result<T> {
+    let _door = compile_door();
+    let info = vk::ShaderModuleCreateInfo::default().code(spirv);
+    // SAFETY: the words are SPIR-V that the build validated.
+    let module = unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(what))?;
+    let made = compile(module);
+    // SAFETY: pipelines do not need their module once made.
+    unsafe { gpu.vk.destroy_shader_module(module, None) };
+    made
 }
 
 fn compile(
     gpu: &Gpu,
     kernel: &Kernel,
-    spirv: &[u32],
+    module: vk::ShaderModule,
     layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
-    let info = vk::ShaderModuleCreateInfo::default().code(spirv);
-    // SAFETY: the words are SPIR-V that the build validated.
-    let module =
-        unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(kernel.name))?;
     let name = std::ffi::CString::new(kernel.entry).expect("entry points hold no zero byte");
     let stage = vk::PipelineShaderStageCreateInfo::default()
         .stage(vk::ShaderStageFlags::COMPUTE)
@@ -78,14 +120,9 @@ fn compile(
         info = info.push_next(&mut robustness);
     }
     let cache = gpu.cache.vk();
-    // SAFETY: module and layout belong to the device; all pointers outlive the call. Pipelines do
-    // not need their module once made. Kernels stay within buffers whose sizes follow from a checked
-    // record of the tree and a checked animation, so nobody need check their addresses.
-    let made = unsafe {
-        let made = gpu.vk.create_compute_pipelines(cache, &[info], None);
-        gpu.vk.destroy_shader_module(module, None);
-        made
-    };
+    // SAFETY: module and layout belong to the device; all pointers outlive the call. Kernels stay within buffers whose
+    // sizes follow from a checked record of the tree and a checked animation, so nobody need check their addresses.
+    let made = unsafe { gpu.vk.create_compute_pipelines(cache, &[info], None) };
     made.map(|p| p[0]).map_err(|(_, e)| refused(kernel.name)(e))
 }
 
@@ -99,12 +136,18 @@ pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        let (vk, layout) = (&self.gpu.vk, self.layout);
+        // SAFETY: the owner waits for the device before it drops its pipelines.
+        unsafe { self.gpu.vk.destroy_pipeline(self.vk, None) };
+    }
+}
+
+impl Drop for Layouts {
+    fn drop(&mut self) {
+        let vk = &self.gpu.vk;
         // SAFETY: the owner waits for the device before it drops its pipelines; null is left alone.
         unsafe {
-            vk.destroy_pipeline(self.vk, None);
-            vk.destroy_pipeline_layout(layout, None);
-            vk.destroy_descriptor_set_layout(self.set_layout, None);
+            vk.destroy_pipeline_layout(self.pipeline, None);
+            vk.destroy_descriptor_set_layout(self.set, None);
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use crate::marks::Marks;
 use crate::memory::{Buffer, BufferUse};
 use crate::pages::{Bound, Pages};
-use crate::pipelines::Pipeline;
+use crate::pipelines::{Layouts, Pipeline};
 use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::Result;
@@ -99,7 +99,8 @@ impl Slot {
         // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
         unsafe {
             vk.cmd_bind_pipeline(commands, point, pipeline.vk);
-            vk.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[row]);
+            let layout = pipeline.layouts.pipeline;
+            vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[row]);
             vk.cmd_dispatch(commands, x, y, 1);
         }
     }
@@ -111,19 +112,20 @@ impl Slot {
     /// See [`backend::BackendError`].
     pub fn bind_rays<'a>(
         &mut self,
-        (pipeline, layout, set_layout): (vk::Pipeline, vk::PipelineLayout, vk::DescriptorSetLayout),
+        (pipeline, layouts): (vk::Pipeline, &Layouts),
         params: &Params,
         tree: vk::AccelerationStructureKHR,
         find: impl Fn(BufferName) -> &'a Buffer,
     ) -> Result<()> {
         let row = self.pages.row(params)?;
-        let what = (set_layout, shaders::RAYS.bindings);
+        let what = (layouts.set, shaders::RAYS.bindings);
         let set = self.pages.set(what, row.page, find, Some(tree))?;
         let (vk, commands) = (&self.gpu.vk, self.commands.vk());
         let point = vk::PipelineBindPoint::RAY_TRACING_KHR;
         // SAFETY: the command buffer is being recorded; pipeline and set belong to the device and match.
         unsafe {
             vk.cmd_bind_pipeline(commands, point, pipeline);
+            let layout = layouts.pipeline;
             vk.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[row.offset]);
         }
         Ok(())

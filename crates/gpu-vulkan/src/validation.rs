@@ -2,41 +2,28 @@
 
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
+use gpu_common::Validation;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Whether to run under the Vulkan validation layer, with synchronisation validation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Validation {
-    /// Without it.
-    #[default]
-    Off,
-    /// With it where it is installed: see [`crate::VulkanDevice::is_validated`].
-    IfInstalled,
-    /// With it, or not at all.
-    Required,
-}
 
 pub(crate) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// What the layer is asked by: messages, and more checks than it has by default.
 pub(crate) const EXTENSIONS: [&CStr; 2] = [ext::debug_utils::NAME, ext::validation_features::NAME];
 
-impl Validation {
-    /// Whether the instance is to be made with the layer.
-    ///
-    /// # Errors
-    /// [`BackendError::NoDevice`] if it is required and not installed.
-    pub(crate) fn is_on(self, entry: &Entry) -> Result<bool> {
-        match self {
-            Self::Off => Ok(false),
-            Self::IfInstalled => Ok(is_installed(entry)),
-            Self::Required if is_installed(entry) => Ok(true),
-            Self::Required => Err(BackendError::NoDevice(format!(
-                "the Vulkan validation layer {} is not installed",
-                LAYER.to_string_lossy()
-            ))),
-        }
+/// Whether the instance is to be made with the layer.
+///
+/// # Errors
+/// [`BackendError::NoDevice`] if it is required and not installed.
+pub(crate) fn is_on(validation: Validation, entry: &Entry) -> Result<bool> {
+    match validation {
+        Validation::Off => Ok(false),
+        Validation::IfInstalled => Ok(is_installed(entry)),
+        Validation::Required if is_installed(entry) => Ok(true),
+        Validation::Required => Err(BackendError::NoDevice(format!(
+            "the Vulkan validation layer {} is not installed",
+            LAYER.to_string_lossy()
+        ))),
     }
 }
 

@@ -1,6 +1,6 @@
 //! What Vulkan does for a backend.
 
-use crate::adapters::{Options, all};
+use crate::adapters::all;
 use crate::gpu::Gpu;
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
@@ -13,8 +13,8 @@ use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket}
 use bytemuck::Pod;
 use geom::{KeyFrame, Point, PointBuffer, SharedMemory};
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
-    Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Options,
+    Sent, Stage,
 };
 use rayon::prelude::*;
 use shaders::{Kernel, Packets};
@@ -153,7 +153,6 @@ impl VulkanDevice {
 impl GpuDevice for VulkanDevice {
     const SPLITS: bool = true;
 
-    type Options = Options;
     type Buffer = Buffer;
     type Pipeline = Pipeline;
     type Maker = Arc<Gpu>;
@@ -164,8 +163,7 @@ impl GpuDevice for VulkanDevice {
     fn open(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
         let list = all(&host)?;
-        let wanted = (options.adapter.as_deref(), options.cache.as_deref());
-        let gpu = Gpu::open(host, &list, wanted, false)?;
+        let gpu = Gpu::open(host, &list, options, false)?;
         Self::over(&gpu, "vulkan")
     }
 

@@ -1,37 +1,8 @@
-//! What wgpu offers on this machine, and which of it to take.
+//! What wgpu offers on this machine.
 
 use crate::instance::instance;
-use crate::modules::Modules;
-use backend::{BackendError, DeviceKind, Result};
-use gpu_common::AdapterInfo;
-use std::path::PathBuf;
+use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use wgpu::{Backends, Features};
-
-/// How to open the backend.
-#[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// An adapter's index or a part of its name; the first GPU, else the first adapter, if not given.
-    pub adapter: Option<String>,
-    /// Folder in which compiled kernels are kept for runs to come, where the adapter can; nothing is kept without one.
-    pub cache: Option<PathBuf>,
-    /// Runs under the graphics interface's own validation layer where it is
-    /// installed. See [`crate::WgpuDevice::validation_messages`].
-    pub validation: bool,
-    /// Has wgpu add bounds and loop checks to the kernels; implies WGSL.
-    pub checked: bool,
-    /// Takes the kernels' WGSL even where the adapter would take their SPIR-V.
-    pub force_wgsl: bool,
-}
-
-impl Options {
-    pub(crate) fn modules(&self) -> Modules {
-        match (self.checked, self.force_wgsl) {
-            (true, _) => Modules::CheckedWgsl,
-            (false, true) => Modules::TrustedWgsl,
-            (false, false) => Modules::Best,
-        }
-    }
-}
 
 /// Every adapter that wgpu offers on this machine.
 ///

@@ -1,18 +1,17 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{Options, enumerate, kind, takes_spirv};
+use crate::adapters::{enumerate, kind, takes_spirv};
 use crate::buffers::{readback, unmap};
-use crate::faults::Faults;
+use crate::faults::{Faults, lock};
 use crate::instance::instance;
 use crate::limits::{check, generous, useful_features};
-use crate::modules::Modules;
 use crate::pipeline_cache::PipelineCache;
-use backend::{BackendError, DeviceKind, Result};
-use gpu_common::AdapterInfo;
+use backend::{AdapterInfo, BackendError, DeviceKind, Result};
+use gpu_common::{KernelForm, Options, Validation};
 use shaders::Packets;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
@@ -33,10 +32,10 @@ pub(crate) struct Gpu {
 }
 
 impl Gpu {
-    /// Opens an adapter by its index or a part of its name.
+    /// Opens an adapter.
     pub(crate) fn open(options: &Options) -> Result<Self> {
-        let (found, list) = enumerate(&instance(options.validation))?;
-        let adapter = &found[AdapterInfo::choose(&list, options.adapter.as_deref())?];
+        let (found, list) = enumerate(&instance(options.validation != Validation::Off))?;
+        let adapter = &found[AdapterInfo::choose(&list, options.adapter)?.index];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
             label: Some("abvh"),
@@ -96,9 +95,9 @@ impl Gpu {
     }
 
     /// How invocations search together here, given kernels in that form.
-    pub(crate) fn packets(&self, modules: Modules) -> Option<Packets> {
+    pub(crate) fn packets(&self, form: KernelForm) -> Option<Packets> {
         let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
-        let has_subgroups = modules == Modules::Best
+        let has_subgroups = form == KernelForm::Best
             && self.takes_spirv()
             && self.features.contains(Features::SUBGROUP);
         let is_software = kind(&self.info) == DeviceKind::Software;
@@ -107,17 +106,11 @@ impl Gpu {
 
     /// Counts a call.
     pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
-        add(&mut self
-            .call_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner));
+        add(&mut lock(&self.call_counts));
     }
 
     pub(crate) fn call_counts(&self) -> CallCounts {
-        *self
-            .call_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        *lock(&self.call_counts)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.

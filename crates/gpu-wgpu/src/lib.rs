@@ -29,7 +29,7 @@ mod pipelines;
 mod slot;
 mod wgpu_device;
 
-pub use adapters::{Options, adapters};
+pub use adapters::adapters;
 pub use gpu::CallCounts;
 pub use limits::{required_features, required_limits, useful_features};
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

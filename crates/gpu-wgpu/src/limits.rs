@@ -3,7 +3,7 @@
 use crate::marks::WITHIN_PASSES;
 use backend::{BackendError, Intersector, Result};
 use geom::Animation;
-use shaders::{KERNELS, Kernel, Kind, Params};
+use shaders::{KERNELS, Kernel, Params, storage_buffers};
 use wgpu::{Features, Limits};
 
 /// Features without which [`crate::from_device`] refuses a device: none.
@@ -57,12 +57,9 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
 
 /// What every scene needs.
 fn least() -> Limits {
-    let storage = |k: &shaders::Kernel| {
-        let buffers = k.bindings.iter().filter(|b| b.kind != Kind::Uniform);
-        buffers.count() as u32
-    };
+    let all = KERNELS.iter().map(|k| storage_buffers(k.bindings));
     Limits {
-        max_storage_buffers_per_shader_stage: KERNELS.iter().map(storage).max().unwrap_or(0),
+        max_storage_buffers_per_shader_stage: all.max().unwrap_or(0),
         ..Limits::downlevel_defaults()
     }
 }

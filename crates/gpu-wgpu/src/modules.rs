@@ -6,29 +6,23 @@
 
 use crate::gpu::Gpu;
 use backend::Result;
+use gpu_common::KernelForm;
 use shaders::{Code, Kernel};
 use wgpu::{ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource};
 
-/// In which form kernels go in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Modules {
-    /// SPIR-V where the device takes it, else WGSL.
-    Best,
-    /// WGSL, without checks added.
-    TrustedWgsl,
-    /// WGSL, with checks of bounds and loops added.
-    CheckedWgsl,
-}
-
-impl Modules {
-    pub(crate) fn load(self, gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
-        let load = || match self {
-            Self::Best if gpu.takes_spirv() => pass_through(&gpu.device, kernel, code),
-            Self::Best | Self::TrustedWgsl => trusted(&gpu.device, kernel, code),
-            Self::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel, code)),
-        };
-        gpu.guard(kernel.name, 0, load)
-    }
+/// A kernel in one of its forms.
+pub(crate) fn load(
+    gpu: &Gpu,
+    form: KernelForm,
+    kernel: &Kernel,
+    code: Code,
+) -> Result<ShaderModule> {
+    let load = || match form {
+        KernelForm::Best if gpu.takes_spirv() => pass_through(&gpu.device, kernel, code),
+        KernelForm::Best | KernelForm::TrustedWgsl => trusted(&gpu.device, kernel, code),
+        KernelForm::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel, code)),
+    };
+    gpu.guard(kernel.name, 0, load)
 }
 
 fn wgsl(kernel: &Kernel, code: Code) -> ShaderModuleDescriptor<'_> {

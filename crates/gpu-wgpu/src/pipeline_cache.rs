@@ -9,8 +9,6 @@ use wgpu::{AdapterInfo, Features, PipelineCacheDescriptor};
 pub(crate) struct PipelineCache {
     wgpu: wgpu::PipelineCache,
     file: CacheFile,
-    /// Bytes that it began with.
-    loaded: usize,
 }
 
 impl PipelineCache {
@@ -23,7 +21,7 @@ impl PipelineCache {
         if !device.features().contains(Features::PIPELINE_CACHE) {
             return None;
         }
-        let file = CacheFile::new(folder?, &wgpu::util::pipeline_cache_key(info)?);
+        let mut file = CacheFile::new(folder?, &wgpu::util::pipeline_cache_key(info)?);
         let data = file.load();
         let desc = PipelineCacheDescriptor {
             label: Some("abvh"),
@@ -32,8 +30,7 @@ impl PipelineCache {
         };
         // SAFETY: the data is what wgpu gave for this adapter, as its digest says; wgpu leaves another driver's aside.
         let wgpu = unsafe { device.create_pipeline_cache(&desc) };
-        let loaded = data.map_or(0, |data| data.len());
-        Some(Self { wgpu, file, loaded })
+        Some(Self { wgpu, file })
     }
 
     pub(crate) fn wgpu(&self) -> &wgpu::PipelineCache {
@@ -42,12 +39,7 @@ impl PipelineCache {
 
     /// Keeps what was added.
     pub(crate) fn store(&self) {
-        if let Some(data) = self
-            .wgpu
-            .get_data()
-            .filter(|data| data.len() != self.loaded)
-        {
-            self.file.store(&data);
-        }
+        let data = self.wgpu.get_data();
+        data.iter().for_each(|data| self.file.store(data));
     }
 }

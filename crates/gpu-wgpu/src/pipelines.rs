@@ -1,10 +1,11 @@
 //! A kernel made ready, its layout read from the kernel's own bindings.
 
 use crate::gpu::Gpu;
-use crate::modules::Modules;
+use crate::modules::load;
 use crate::pipeline_cache::PipelineCache;
 use backend::Result;
-use shaders::{Binding, Code, Kernel, Kind, Params};
+use gpu_common::{KernelCode, KernelForm};
+use shaders::{Binding, Kernel, Kind, Params};
 use std::num::NonZeroU64;
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline};
 
@@ -16,13 +17,8 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(
-        gpu: &Gpu,
-        modules: Modules,
-        kernel: &'static Kernel,
-        code: Code,
-    ) -> Result<Self> {
-        let module = modules.load(gpu, kernel, code)?;
+    pub(crate) fn new(gpu: &Gpu, form: KernelForm, (kernel, code): KernelCode) -> Result<Self> {
+        let module = load(gpu, form, kernel, code)?;
         gpu.guard(kernel.name, 0, || {
             let layout = bind_group_layout(gpu, kernel);
             Self {

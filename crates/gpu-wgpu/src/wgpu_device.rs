@@ -1,19 +1,18 @@
 //! What wgpu does for a backend.
 
-use crate::adapters::{Options, driver, kind};
+use crate::adapters::{driver, kind};
 use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
-use crate::modules::Modules;
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Sent,
-    Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
+    KernelForm, Options, Sent, Stage, Validation,
 };
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
@@ -39,7 +38,7 @@ pub fn from_device(
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
     let gpu = Gpu::lent(device, queue, info)?;
-    ComputeBackend::over(WgpuDevice::over(gpu, Modules::Best, false))
+    ComputeBackend::over(WgpuDevice::over(gpu, &Options::default()))
 }
 
 /// Positions on their way to the builder.
@@ -77,25 +76,25 @@ pub struct WgpuDevice {
     /// Buffers that are not in use, of each [`Sent`].
     free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
-    modules: Modules,
-    validation: bool,
+    form: KernelForm,
+    validation: Validation,
     gpu: Arc<Gpu>,
 }
 
 /// Makes kernels ready on any thread.
 pub struct PipelineMaker {
     gpu: Arc<Gpu>,
-    modules: Modules,
+    form: KernelForm,
 }
 
 impl WgpuDevice {
-    fn over(gpu: Gpu, modules: Modules, validation: bool) -> Self {
+    fn over(gpu: Gpu, options: &Options) -> Self {
         Self {
             window: Window::default(),
             free: Default::default(),
             spares: Spares::default(),
-            modules,
-            validation,
+            form: options.kernels,
+            validation: options.validation,
             gpu: Arc::new(gpu),
         }
     }
@@ -118,7 +117,7 @@ impl WgpuDevice {
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         let mut messages = self.gpu.faults.messages();
-        if self.validation {
+        if self.validation != Validation::Off {
             messages.extend(layer_messages());
         }
         messages
@@ -132,7 +131,6 @@ impl WgpuDevice {
 }
 
 impl GpuDevice for WgpuDevice {
-    type Options = Options;
     type Buffer = Buffer;
     type Pipeline = Pipeline;
     type Maker = PipelineMaker;
@@ -142,8 +140,7 @@ impl GpuDevice for WgpuDevice {
     type Staging = Infallible;
 
     fn open(options: &Options) -> Result<Self> {
-        let gpu = Gpu::open(options)?;
-        Ok(Self::over(gpu, options.modules(), options.validation))
+        Ok(Self::over(Gpu::open(options)?, options))
     }
 
     fn device(&self) -> Device {
@@ -161,7 +158,7 @@ impl GpuDevice for WgpuDevice {
     fn forms(&self) -> (Option<Packets>, bool) {
         let gpu = &self.gpu;
         (
-            gpu.packets(self.modules),
+            gpu.packets(self.form),
             gpu.features.contains(LEAST_OF_64_BITS),
         )
     }
@@ -261,12 +258,12 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn pipeline_maker(&self) -> PipelineMaker {
-        let (gpu, modules) = (Arc::clone(&self.gpu), self.modules);
-        PipelineMaker { gpu, modules }
+        let (gpu, form) = (Arc::clone(&self.gpu), self.form);
+        PipelineMaker { gpu, form }
     }
 
-    fn make_pipeline(maker: &PipelineMaker, (kernel, code): KernelCode) -> Result<Pipeline> {
-        Pipeline::new(&maker.gpu, maker.modules, kernel, code)
+    fn make_pipeline(maker: &PipelineMaker, kernel: KernelCode) -> Result<Pipeline> {
+        Pipeline::new(&maker.gpu, maker.form, kernel)
     }
 
     fn slot(&self) -> Result<Slot> {

@@ -1,11 +1,21 @@
-//! What the host lends: regular files only, since a pipe or a device may never end, or answer at all; and memory that is
-//! there before it is allocated.
+//! What the host lends: regular files only, since a pipe or a device may never end, or answer at all; memory that is
+//! there before it is allocated; cores; and what NVIDIA's driver is called.
 
 use std::collections::TryReserveError;
 use std::fmt;
 use std::fs::{self, File, FileType, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Read};
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+
+/// Libraries of NVIDIA's driver that Vulkan goes through. The first needs no display libraries.
+pub const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
+
+/// Logical cores that this process may use.
+#[must_use]
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, NonZero::get)
+}
 
 /// Memory that may still be allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

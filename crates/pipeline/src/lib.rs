@@ -19,6 +19,7 @@ mod motion;
 mod policy;
 mod sampling;
 mod schedule;
+mod threads;
 mod tree_builder;
 
 pub use device_clock::{Span, place_on_host};
@@ -28,4 +29,5 @@ pub use memory::{ExpectedMemory, TREE_BYTES, trees_bytes};
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
 pub use policy::{Choice, RunFacts};
 pub use schedule::{Pace, Update};
+pub use threads::Threads;
 pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};

@@ -64,7 +64,7 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     let sum: f64 = steps.iter().map(|s| s.0).sum();
     let count: usize = steps.iter().map(|s| s.2).sum();
     let max = steps.iter().fold(0.0, |m, s| f64::max(m, s.1));
-    let diagonal = distance(&animation.bounds().extent(), &[0.0; 3]);
+    let diagonal = animation.bounds().diagonal();
     Ok(Motion {
         moving: share(moving as f64, animation.vertex_count() as f64),
         mean_step: share(sum, count as f64 * diagonal),

@@ -97,6 +97,12 @@ pub enum Kind {
     ReadWrite,
 }
 
+/// Storage buffers among bindings.
+pub fn storage_buffers(bindings: &[Binding]) -> u32 {
+    let all = bindings.iter().filter(|b| b.kind != Kind::Uniform);
+    all.count() as u32
+}
+
 /// The stages of a ray-tracing pipeline, in one module of SPIR-V 1.4 with NoContraction.
 #[derive(Clone, Copy, Debug)]
 pub struct RayStages {

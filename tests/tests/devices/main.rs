@@ -16,9 +16,9 @@ mod wgpu_calls;
 mod wgpu_lent;
 
 use backend::Backend;
-use gpu_common::{ComputeBackend, GpuDevice};
-use gpu_vulkan::{Validation, VulkanBackend, VulkanDevice};
-use gpu_wgpu::{WgpuBackend, WgpuDevice};
+use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
+use gpu_vulkan::VulkanDevice;
+use gpu_wgpu::WgpuDevice;
 use integration::is_required;
 use libtest_mimic::{Arguments, Trial};
 use shaders::BufferName;
@@ -74,16 +74,9 @@ impl<D: GpuDevice + Complains> Subject for ComputeBackend<D> {
 
 type Open = fn() -> backend::Result<Box<dyn Subject>>;
 
-fn vulkan() -> backend::Result<VulkanBackend> {
-    VulkanBackend::new(&gpu_vulkan::Options {
+fn opened<D: GpuDevice>() -> backend::Result<ComputeBackend<D>> {
+    ComputeBackend::new(&Options {
         validation: Validation::IfInstalled,
-        ..Default::default()
-    })
-}
-
-fn wgpu() -> backend::Result<WgpuBackend> {
-    WgpuBackend::new(&gpu_wgpu::Options {
-        validation: true,
         ..Default::default()
     })
 }
@@ -160,8 +153,8 @@ const OF_WGPU: &[(&str, fn())] = named![
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let (open_vulkan, open_wgpu): (Open, Open) = (
-        || vulkan().map(|b| Box::new(b) as Box<dyn Subject>),
-        || wgpu().map(|b| Box::new(b) as Box<dyn Subject>),
+        || opened::<VulkanDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
+        || opened::<WgpuDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
     );
     let no_vulkan = open_vulkan().err().map(|e| e.to_string());
     let no_wgpu = open_wgpu().err().map(|e| e.to_string());

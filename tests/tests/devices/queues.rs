@@ -1,14 +1,15 @@
 //! Vulkan's own ways: its layers, its adapters, and vertices that go down and trees that go up beside the frames.
 
+use crate::opened;
 use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, hits, open, positions, stand, swarm, tree_at,
 };
-use crate::vulkan;
 use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Rays, Ticket};
+use gpu_common::{Options, Validation};
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::timeline::Timeline;
 use gpu_vulkan::transfer::{Copy, Transfer};
-use gpu_vulkan::{Options, Validation, VulkanBackend};
+use gpu_vulkan::{VulkanBackend, VulkanDevice};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -56,7 +57,7 @@ fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
 
 /// Why this machine's device cannot show that copies up and down have queues of their own.
 pub(crate) fn lacks_queues() -> Option<String> {
-    let backend = vulkan().ok()?;
+    let backend = opened::<VulkanDevice>().ok()?;
     let gpu = &backend.gpu().gpu;
     let own = |queue| queue != gpu.compute;
     let three = own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback;
@@ -69,7 +70,7 @@ fn is_done(backend: &VulkanBackend, ticket: Ticket) -> bool {
 }
 
 pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
-    let mut backend = vulkan().unwrap();
+    let mut backend = opened::<VulkanDevice>().unwrap();
     let (animation, camera) = (swarm(2000), camera());
     open(&mut backend, &animation);
     for frame in 0..8 {
@@ -81,7 +82,7 @@ pub(crate) fn no_more_submissions_are_under_way_than_may_be() {
 }
 
 pub(crate) fn positions_on_their_way_are_not_written_over() {
-    let mut backend = vulkan().unwrap();
+    let mut backend = opened::<VulkanDevice>().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let animation = swarm(5000);
     open(&mut backend, &animation);
@@ -108,7 +109,7 @@ pub(crate) fn positions_on_their_way_are_not_written_over() {
 }
 
 pub(crate) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
-    let mut backend = vulkan().unwrap();
+    let mut backend = opened::<VulkanDevice>().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
     let (animation, camera) = (swarm(5000), camera());
     open(&mut backend, &animation);

@@ -6,7 +6,7 @@ use backend::{Backend, Generation, Layout, Method, Rays, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
-use gpu_vulkan::{Options, Validation};
+use gpu_common::{Options, Validation};
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;

@@ -3,7 +3,8 @@
 use crate::scenes::{SHADOWED, arrive, camera, go, open_laid, stand, swarm, tree_at};
 use backend::{Backend, Generation, Layout, Rays};
 use bvh_layout::{Topology, Treelets};
-use gpu_wgpu::{CallCounts, Options, WgpuBackend};
+use gpu_common::Options;
+use gpu_wgpu::{CallCounts, WgpuBackend};
 
 /// One frame as the program renders it: positions go back every third time.
 fn frame(backend: &mut WgpuBackend, animation: &geom::Animation, i: u32) -> CallCounts {

@@ -3,9 +3,8 @@
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm, tree_at};
 use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
-use gpu_wgpu::{
-    Options, WgpuBackend, from_device, required_features, required_limits, useful_features,
-};
+use gpu_common::{KernelForm, Options};
+use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use wgpu::{Device, Limits, Queue};
@@ -33,10 +32,13 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
     let (device, queue, info) = device_with(required_features(), limits);
     let mut lent = from_device(device, queue, info).unwrap();
     let found = answers(&mut lent, &animation, &camera);
-    for (force_wgsl, checked) in [(false, false), (true, false), (true, true)] {
+    for kernels in [
+        KernelForm::Best,
+        KernelForm::TrustedWgsl,
+        KernelForm::CheckedWgsl,
+    ] {
         let options = Options {
-            force_wgsl,
-            checked,
+            kernels,
             ..Options::default()
         };
         let mut own = WgpuBackend::new(&options).unwrap();

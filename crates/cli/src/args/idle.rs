@@ -1,6 +1,7 @@
 //! Options that would do nothing with what they stand beside: refused, before any work.
 
-use super::{BackendName, Command, DeviceArgs, IntersectorName, UpdateName, has_own_trees};
+use super::{BackendName, Command, DeviceArgs, IntersectorName, UpdateName};
+use crate::open::has_own_trees;
 use crate::stop::Stop;
 use clap::ArgMatches;
 use clap::parser::ValueSource;

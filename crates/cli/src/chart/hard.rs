@@ -3,7 +3,6 @@
 use crate::choose::{self, Ask};
 use crate::open;
 use crate::stop::Stop;
-use crate::threads;
 use backend::{Intersector, Method};
 use conformance::leaks::{self, Aim, LeakPlan, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
@@ -32,7 +31,7 @@ pub(super) fn ask(
         intersector: choose::intersector(ask.method.intersector).0,
         ..Method::default()
     };
-    let mut backend = open::bare(ask.backend, None, threads::cores())?;
+    let mut backend = open::bare(ask.backend, None, host::cores())?;
     let mut mixed_range = Vec::new();
     for test in tests {
         if let Some(cell) = test.ask(backend.as_mut(), method.intersector)? {

@@ -1,13 +1,12 @@
 //! Which ways of tracing there are here, and what measures one again.
 
-use crate::adapters;
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
 use crate::choose::{self, Ask};
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
-use backend::DeviceKind;
+use backend::{AdapterInfo, DeviceKind};
 use std::fmt;
 
 #[derive(Clone, Copy, Debug)]
@@ -74,12 +73,12 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bo
 
 /// Why `auto` takes no such backend.
 fn why_not(presence: Presence) -> Option<String> {
-    let is_fit = |a: &adapters::Adapter| a.kind != DeviceKind::Software;
+    let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.own_trees || presence.adapters.iter().any(is_fit) {
         return None;
     }
     Some(presence.absent.unwrap_or_else(|| {
-        let there = adapters::numbered(&presence.adapters);
+        let there = AdapterInfo::numbered(&presence.adapters);
         format!("it finds no GPU but {there}; --backend takes it by name")
     }))
 }

@@ -1,14 +1,14 @@
-//! Which backend `auto` takes: a pure choice over what is offered.
+//! Which backend is taken if none is named: a pure choice over what is offered.
 //!
 //! A GPU comes before the host's cores, and those before a driver that runs
 //! graphics code on the same cores. Nothing is listed or opened before its
 //! turn, for both take time.
 
-use super::Known;
-use crate::adapters::{self, Adapter};
-use crate::stop::Stop;
-use backend::{Backend, DeviceKind};
+use crate::adapters::find;
+use crate::{KNOWN, Known, known};
+use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
 use std::cell::OnceCell;
+use std::fmt::Display;
 
 /// Better kinds first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
@@ -17,17 +17,46 @@ const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKin
 const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
      asked for by name since what it hits is the driver's affair";
 
-/// Takes the best of `known` that can be made ready, on the adapter that is asked for if one is; says why in one
-/// line. `traces` says whether an adapter's driver answers ray queries, which hardware may do.
+/// Why nothing was taken.
+#[derive(Debug)]
+pub struct Vain<E> {
+    /// In one line.
+    pub why: String,
+    /// What came of the last backend that was opened.
+    pub broken: Option<E>,
+}
+
+/// Takes the best backend that can be made ready, on the adapter that is asked for by an index or by part of its name if one
+/// is, with so many host threads if it computes on them; says why in one line. None that makes its own trees is taken.
 ///
 /// # Errors
 /// Nothing works, or the name means several adapters of one backend, or none.
-pub(super) fn take<T>(
+pub fn open_best<T, E: From<BackendError> + Display>(
+    on: (Option<&str>, usize),
+    ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
+) -> Result<(T, String), Vain<E>> {
+    let ours: Vec<_> = KNOWN.iter().filter(|k| !k.has_own_trees).collect();
+    let traces = |adapter: &AdapterInfo| {
+        let able = known("vulkan-rt").map(|driver| driver.adapters());
+        able.is_some_and(|able| able.is_ok_and(|able| answers_rays(&able, adapter)))
+    };
+    take(&ours, on, &traces, ready)
+}
+
+/// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
+fn answers_rays(able: &[AdapterInfo], adapter: &AdapterInfo) -> bool {
+    let same = |a: &&AdapterInfo| (&a.name, a.kind) == (&adapter.name, adapter.kind);
+    let queries = ("ray queries", "yes".to_owned());
+    (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
+}
+
+/// The best of `known`; `traces` says whether an adapter's driver answers ray queries, which hardware may do.
+fn take<T, E: From<BackendError> + Display>(
     known: &[&Known<'_>],
     (asked, threads): (Option<&str>, usize),
-    traces: &dyn Fn(&Adapter) -> bool,
-    ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
-) -> Result<(T, String), Stop> {
+    traces: &dyn Fn(&AdapterInfo) -> bool,
+    ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
+) -> Result<(T, String), Vain<E>> {
     let mut search = Search {
         known,
         asked,
@@ -40,14 +69,16 @@ pub(super) fn take<T>(
             if !rival.kinds.contains(&kind) {
                 continue;
             }
-            for adapter in search.fits(i, kind)? {
-                let opened = (rival.open)(Some(&adapter), threads);
-                match opened.map_err(Stop::from).and_then(&ready) {
+            let fits = search
+                .fits(i, kind)
+                .map_err(|why| Vain { why, broken: None })?;
+            for adapter in fits {
+                let opened = (rival.open)(Some(adapter.index), threads);
+                match opened.map_err(E::from).and_then(&ready) {
                     Ok(value) => return Ok((value, search.why(rival, &adapter, traces))),
-                    Err(stop) => {
-                        let (name, adapter) = (rival.text, &adapter.name);
-                        search.pass(format!("{name} on {adapter}: {}", stop));
-                        broken = Some(stop);
+                    Err(e) => {
+                        search.pass(format!("{} on {}: {e}", rival.name, adapter.name));
+                        broken = Some(e);
                     }
                 }
             }
@@ -59,22 +90,22 @@ pub(super) fn take<T>(
 struct Search<'s> {
     known: &'s [&'s Known<'s>],
     asked: Option<&'s str>,
-    lists: Vec<OnceCell<backend::Result<Vec<Adapter>>>>,
+    lists: Vec<OnceCell<backend::Result<Vec<AdapterInfo>>>>,
     /// Why others were passed over.
     passed: Vec<String>,
 }
 
 impl Search<'_> {
     /// One backend's adapters of one kind that may be taken.
-    fn fits(&mut self, i: usize, kind: DeviceKind) -> Result<Vec<Adapter>, Stop> {
+    fn fits(&mut self, i: usize, kind: DeviceKind) -> Result<Vec<AdapterInfo>, String> {
         let rival = self.known[i];
         if kind == DeviceKind::Gpu && self.is_covered(rival) {
             return Ok(Vec::new());
         }
-        let list = match self.lists[i].get_or_init(|| (rival.list)()) {
+        let list = match self.lists[i].get_or_init(|| rival.adapters()) {
             Ok(list) => list,
             Err(e) => {
-                let why = format!("{} cannot run: {e}", rival.text);
+                let why = format!("{} cannot run: {e}", rival.name);
                 self.pass(why);
                 return Ok(Vec::new());
             }
@@ -82,14 +113,14 @@ impl Search<'_> {
         let mut fits = match self.asked {
             None => list.clone(),
             Some(asked) => {
-                let found = adapters::find(rival.text, list, asked)?;
+                let found = find(rival.name, list, asked)?;
                 found.cloned().into_iter().collect()
             }
         };
         if kind == DeviceKind::Gpu && self.asked.is_none() && fits.iter().all(|a| a.kind != kind) {
             let names: Vec<_> = fits.iter().map(|a| a.name.as_str()).collect();
             let only = format!("only {} on the host's cores", names.join(" and "));
-            self.pass(format!("{} finds no GPU but {only}", rival.text));
+            self.pass(format!("{} finds no GPU but {only}", rival.name));
         }
         fits.retain(|a| a.kind == kind);
         Ok(fits)
@@ -97,7 +128,7 @@ impl Search<'_> {
 
     /// Whether another was listed that would have found this one's GPUs, and found none.
     fn is_covered(&self, rival: &Known<'_>) -> bool {
-        let by = |name| self.known.iter().position(|r| r.text == name);
+        let by = |name| self.known.iter().position(|r| r.name == name);
         let listed = rival.covered_by.and_then(by).map(|i| self.lists[i].get());
         match listed.flatten() {
             Some(Ok(list)) => list.iter().all(|a| a.kind != DeviceKind::Gpu),
@@ -116,8 +147,8 @@ impl Search<'_> {
     fn why(
         self,
         rival: &Known<'_>,
-        adapter: &Adapter,
-        traces: &dyn Fn(&Adapter) -> bool,
+        adapter: &AdapterInfo,
+        traces: &dyn Fn(&AdapterInfo) -> bool,
     ) -> String {
         let because = match (self.asked, adapter.kind) {
             (Some(asked), _) => Some(format!("'{asked}' is {}", adapter.name)),
@@ -133,17 +164,18 @@ impl Search<'_> {
     }
 
     /// Why nothing was taken; `broken` is what came of the last that was opened.
-    fn in_vain(mut self, broken: Option<Stop>) -> Stop {
-        match broken {
-            Some(broken) if self.passed.len() == 1 => return broken,
-            Some(Stop::Failed(_)) => return Stop::failed(self.passed.join("; ")),
-            Some(_) => return Stop::bad(self.passed.join("; ")),
-            None => {}
+    fn in_vain<E: Display>(mut self, broken: Option<E>) -> Vain<E> {
+        if let Some(e) = &broken {
+            let why = match self.passed.len() {
+                1 => e.to_string(),
+                _ => self.passed.join("; "),
+            };
+            return Vain { why, broken };
         }
         let there: Vec<_> = (self.known.iter().zip(&self.lists))
             .filter_map(|(rival, list)| {
                 let list = list.get()?.as_ref().ok()?;
-                Some(format!("{} {}", rival.text, adapters::numbered(list)))
+                Some(format!("{} {}", rival.name, AdapterInfo::numbered(list)))
             })
             .collect();
         if let Some(asked) = self.asked.filter(|_| !there.is_empty()) {
@@ -151,7 +183,8 @@ impl Search<'_> {
             let none = format!("no {other}backend has an adapter '{asked}'");
             self.pass(format!("{none}; there is {}", there.join(", ")));
         }
-        Stop::bad(self.passed.join("; "))
+        let why = self.passed.join("; ");
+        Vain { why, broken }
     }
 }
 

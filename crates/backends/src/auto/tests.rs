@@ -2,9 +2,7 @@
 
 use super::*;
 use crate::adapters::named;
-use crate::args::BackendName;
 use DeviceKind::{Cpu, Gpu, Software};
-use backend::BackendError;
 use std::cell::RefCell;
 
 /// What a made-up backend offers, and how opening it ends.
@@ -60,7 +58,7 @@ fn lost() -> BackendError {
 }
 
 impl Fake {
-    fn list(&self, log: &RefCell<Vec<String>>) -> backend::Result<Vec<Adapter>> {
+    fn list(&self, log: &RefCell<Vec<String>>) -> backend::Result<Vec<AdapterInfo>> {
         log.borrow_mut().push(format!("list {}", self.name));
         let no = |e: &&str| BackendError::NoDevice((*e).to_owned());
         self.offers.as_ref().map(|o| named(o)).map_err(no)
@@ -68,10 +66,11 @@ impl Fake {
 
     fn open(
         &self,
-        adapter: Option<&Adapter>,
+        adapter: Option<usize>,
         log: &RefCell<Vec<String>>,
     ) -> backend::Result<Box<dyn Backend>> {
-        let line = format!("open {} {}", self.name, adapter.unwrap().name);
+        let (name, _) = self.offers.as_ref().unwrap()[adapter.unwrap()];
+        let line = format!("open {} {name}", self.name);
         log.borrow_mut().push(line);
         match self.breaks {
             Some(breaks) => Err(breaks()),
@@ -85,24 +84,24 @@ fn choose(
     fakes: &[Fake],
     asked: Option<&str>,
     traces: bool,
-) -> (Result<String, Stop>, Vec<String>) {
+) -> (Result<String, Vain<BackendError>>, Vec<String>) {
     let log = RefCell::new(Vec::new());
     let each = |fake| {
         let log = &log;
         let list = move || Fake::list(fake, log);
-        let open = move |adapter: Option<&Adapter>, _: usize| Fake::open(fake, adapter, log);
+        let open = move |adapter: Option<usize>, _: usize| Fake::open(fake, adapter, log);
         (fake, list, open)
     };
     let all: Vec<_> = fakes.iter().map(each).collect();
     let known = all.iter().map(|(fake, list, open)| Known {
-        name: BackendName::Auto,
-        text: fake.name,
+        name: fake.name,
         place: "it stands where it stands",
         kinds: match fake.name {
             "cpu" => &[Cpu],
             _ => &[Gpu, Software],
         },
         covered_by: fake.covered_by,
+        has_own_trees: false,
         list,
         open,
     });
@@ -115,7 +114,7 @@ fn choose(
 /// The reason is told, or the refusal, each with all of `says`; what was done is `log`, where that is not empty.
 fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
     let (found, did) = choose(fakes, asked, false);
-    let text = found.unwrap_or_else(|stop| format!("refused: {}", stop));
+    let text = found.unwrap_or_else(|vain| format!("refused: {}", vain.why));
     let missing = says.iter().find(|part| !text.contains(**part));
     assert_eq!(missing, None, "{text}");
     assert!(log.is_empty() || did.join(", ") == log, "{did:?}");
@@ -221,10 +220,23 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
     check(&[host(lost)], None, "", &["refused: ", "wrong bits"]);
     let both = ["limit is 1000", "wrong bits"];
     check(&[small.clone(), host(lost)], None, "", &both);
-    let stop = |second| {
+    for second in [lost, too_small] {
         let (found, _) = choose(&[small.clone(), host(second)], None, false);
-        found.unwrap_err()
+        assert_eq!(found.unwrap_err().broken, Some(second()));
+    }
+}
+
+#[test]
+fn a_driver_answers_rays_if_it_lists_the_adapter_with_ray_queries() {
+    let card = || named(&[("card", Gpu)]);
+    let able = |queries: &str| {
+        let mut able = card();
+        able[0].limits.push(("ray queries", queries.to_owned()));
+        able
     };
-    assert!(matches!(stop(lost), Stop::Failed(_)));
-    assert!(matches!(stop(too_small), Stop::Bad(_)));
+    assert!(answers_rays(&able("yes"), &card()[0]));
+    assert!(!answers_rays(&able("no"), &card()[0]));
+    assert!(!answers_rays(&card(), &card()[0]));
+    let other = named(&[("other", Gpu)]);
+    assert!(!answers_rays(&able("yes"), &other[0]));
 }

@@ -1,32 +1,6 @@
-//! Adapters: what is told of one, and which one is meant.
+//! Which adapter is meant.
 
-use crate::stop::Stop;
-use backend::DeviceKind;
-pub(crate) use gpu_vulkan::AdapterInfo as Adapter;
-use serde::Serializer;
-use serde_json::json;
-
-pub(crate) fn kind_name(kind: DeviceKind) -> &'static str {
-    match kind {
-        DeviceKind::Gpu => "gpu",
-        DeviceKind::Cpu => "cpu",
-        DeviceKind::Software => "software",
-    }
-}
-
-/// As JSON tells of them.
-pub(crate) fn serialize<S: Serializer>(all: &[Adapter], to: S) -> Result<S::Ok, S::Error> {
-    let limit = |(name, value): &(_, _)| json!({ "name": name, "value": value });
-    to.collect_seq(all.iter().map(|adapter| {
-        json!({
-            "index": adapter.index,
-            "name": adapter.name,
-            "driver": adapter.driver,
-            "kind": kind_name(adapter.kind),
-            "limits": adapter.limits.iter().map(limit).collect::<Vec<_>>(),
-        })
-    }))
-}
+use backend::AdapterInfo;
 
 /// The adapter meant by an index, a whole name, or a part of one that no other name has.
 /// Case does not matter. `None` if nothing fits.
@@ -35,15 +9,16 @@ pub(crate) fn serialize<S: Serializer>(all: &[Adapter], to: S) -> Result<S::Ok, 
 /// Several fit; the message lists them.
 pub(crate) fn find<'a>(
     backend: &str,
-    list: &'a [Adapter],
+    list: &'a [AdapterInfo],
     asked: &str,
-) -> Result<Option<&'a Adapter>, Stop> {
-    if let Some(adapter) = asked.parse().ok().and_then(|i: usize| list.get(i)) {
+) -> Result<Option<&'a AdapterInfo>, String> {
+    let index: Option<usize> = asked.parse().ok();
+    if let Some(adapter) = list.iter().find(|a| Some(a.index) == index) {
         return Ok(Some(adapter));
     }
     let asked_lower = asked.to_lowercase();
-    let those = |fits: fn(&str, &str) -> bool| -> Vec<&Adapter> {
-        let fits = |a: &&Adapter| fits(&a.name.to_lowercase(), &asked_lower);
+    let those = |fits: fn(&str, &str) -> bool| -> Vec<&AdapterInfo> {
+        let fits = |a: &&AdapterInfo| fits(&a.name.to_lowercase(), &asked_lower);
         list.iter().filter(fits).collect()
     };
     let mut fits = those(|name, asked| name == asked);
@@ -53,33 +28,28 @@ pub(crate) fn find<'a>(
     match fits.as_slice() {
         [] => Ok(None),
         [one] => Ok(Some(one)),
-        several => Err(Stop::bad(format!(
+        several => Err(format!(
             "'{asked}' fits several adapters of backend {backend}; give an index: {}",
-            numbered(several.iter().copied())
-        ))),
+            AdapterInfo::numbered(several.iter().copied())
+        )),
     }
 }
 
 /// Likewise, where nothing that fits is an error.
 pub(crate) fn find_one<'a>(
     backend: &str,
-    list: &'a [Adapter],
+    list: &'a [AdapterInfo],
     asked: &str,
-) -> Result<&'a Adapter, Stop> {
+) -> Result<&'a AdapterInfo, String> {
     let none = format!("backend {backend} has no adapter '{asked}'");
-    let there = || Stop::bad(format!("{none}; there is {}", numbered(list)));
+    let there = || format!("{none}; there is {}", AdapterInfo::numbered(list));
     find(backend, list, asked)?.ok_or_else(there)
 }
 
-pub(crate) fn numbered<'a>(list: impl IntoIterator<Item = &'a Adapter>) -> String {
-    let each = list.into_iter().map(|a| format!("{}: {}", a.index, a.name));
-    each.collect::<Vec<_>>().join("; ")
-}
-
 #[cfg(test)]
-pub(crate) fn named(names: &[(&str, DeviceKind)]) -> Vec<Adapter> {
+pub(crate) fn named(names: &[(&str, backend::DeviceKind)]) -> Vec<AdapterInfo> {
     let each = names.iter().enumerate();
-    each.map(|(index, &(name, kind))| Adapter {
+    each.map(|(index, &(name, kind))| AdapterInfo {
         index,
         name: name.to_owned(),
         driver: String::new(),
@@ -92,8 +62,9 @@ pub(crate) fn named(names: &[(&str, DeviceKind)]) -> Vec<Adapter> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use backend::DeviceKind;
 
-    fn cards() -> Vec<Adapter> {
+    fn cards() -> Vec<AdapterInfo> {
         let names = ["Card 4090", "Card 4090 Laptop", "Chip", "Twin", "Twin"];
         named(&names.map(|n| (n, DeviceKind::Gpu)))
     }
@@ -103,7 +74,7 @@ mod tests {
     }
 
     fn refused(asked: &str) -> String {
-        find_one("b", &cards(), asked).unwrap_err().to_string()
+        find_one("b", &cards(), asked).unwrap_err()
     }
 
     #[test]
