@@ -3,7 +3,7 @@
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
-use crate::transfer::Transfer;
+use crate::transfer::{Copy, Transfer};
 use backend::{FRAMES_IN_FLIGHT, Result};
 use gpu_common::Sent;
 use rayon::prelude::*;
@@ -144,8 +144,11 @@ impl Sender {
         done: Done<'_>,
         (what, bytes): (Sent, u64),
     ) -> Result<Staging> {
-        let pool = &mut self.staging;
-        let buffer = fitting(pool, gpu, done, (what, bytes, BufferUse::Staging))?;
+        let spare = self.staging.take(done, SPARE)?;
+        let buffer = match spare.filter(|b| b.bytes >= bytes) {
+            Some(buffer) => buffer,
+            None => Buffer::new(gpu, what.what(), what.room(bytes), BufferUse::Staging)?,
+        };
         Ok(Staging { buffer, bytes: 0 })
     }
 
@@ -174,37 +177,48 @@ impl Sender {
     ) -> Result<(Buffer, u64)> {
         let Staging { buffer, bytes } = staging;
         let what = (what, &buffer, bytes);
-        let sent = self.send_from(gpu, (road, submissions), what, &[0..bytes])?;
+        let sent = self.send_from(gpu, (road, submissions), what, None)?;
         let (filled_at, ticket) = (sent.1, 0);
         self.staging.put(buffer, LastUse { filled_at, ticket });
         self.last = bytes;
         Ok(sent)
     }
 
-    /// Likewise, from memory that is not written until the copy is done: the bytes that differ from what was sent before, or
-    /// all.
+    /// Likewise, from memory that is not written until the copy is done. A buffer that held another thing of the kind gets only
+    /// the bytes that are `new`.
     pub(crate) fn send_from(
         &mut self,
         gpu: &Arc<Gpu>,
         (road, submissions): (&mut Transfer, &Timeline),
         (what, from, bytes): (Sent, &Buffer, u64),
-        new: &[Range<u64>],
+        new: Option<&[Range<u64>]>,
     ) -> Result<(Buffer, u64)> {
         let done = Done {
             uploads: &road.done,
             submissions,
         };
-        let all = [0..bytes];
         let spare = self.free.take(done, SPARE)?;
-        let (to, ranges) = match spare.filter(|b| b.bytes >= bytes) {
+        let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
             Some(held_another) => (held_another, new),
             None => {
                 let room = what.room(bytes);
                 let empty = Buffer::new(gpu, what.what(), room, BufferUse::Device)?;
-                (empty, &all[..])
+                (empty, None)
             }
         };
-        let filled_at = road.start_ranges([from, &to], ranges, None)?;
+        let filled_at = match new {
+            Some(ranges) => road.start_ranges([from, &to], ranges)?,
+            None => {
+                let (to, to_at) = (&to, 0);
+                let all = Copy {
+                    from,
+                    to,
+                    to_at,
+                    bytes,
+                };
+                road.start(all, None)?
+            }
+        };
         Ok((to, filled_at))
     }
 
@@ -216,18 +230,5 @@ impl Sender {
     /// Bytes of what is not in use, and of what things are sent from.
     pub(crate) fn held(&self) -> [u64; 2] {
         [self.free.held(), self.staging.held()]
-    }
-}
-
-fn fitting(
-    pool: &mut Pool,
-    gpu: &Arc<Gpu>,
-    done: Done<'_>,
-    (what, bytes, place): (Sent, u64, BufferUse),
-) -> Result<Buffer> {
-    let spare = pool.take(done, SPARE)?;
-    match spare.filter(|b| b.bytes >= bytes) {
-        Some(buffer) => Ok(buffer),
-        None => Buffer::new(gpu, what.what(), what.room(bytes), place),
     }
 }

@@ -69,10 +69,9 @@ impl Transfer {
         &mut self,
         buffers: [&Buffer; 2],
         ranges: &[Range<u64>],
-        after: Option<Moment>,
     ) -> Result<u64> {
         let regions: Vec<_> = ranges.iter().flat_map(|r| pieces(r, 0)).collect();
-        self.start_regions(buffers, &regions, after)
+        self.start_regions(buffers, &regions, None)
     }
 
     fn start_regions(

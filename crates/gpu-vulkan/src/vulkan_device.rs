@@ -308,7 +308,7 @@ impl GpuDevice for VulkanDevice {
             .map(|run| place(run.start)..place(run.end))
             .collect();
         let sender = &mut self.senders[Sent::KeyFrame as usize];
-        let sent = sender.send_from(&self.gpu, road, what, &new)?;
+        let sent = sender.send_from(&self.gpu, road, what, Some(&new))?;
         self.read_in_place.push_back((sent.1, KeyFrame::clone(key)));
         Ok(sent)
     }
