@@ -123,7 +123,13 @@ fn streamed(device: &Device) {
         let keys = demo.keys.len();
         for key in (0..keys).chain([0, keys - 1, 1]).chain((0..keys).rev()) {
             let mut step = live.step(0.0);
-            step.vertices(mesh, Source::Host(&demo.keys[key])).unwrap();
+            match key % 2 {
+                0 => step.vertices(mesh, Source::Host(&demo.keys[key])),
+                _ => step
+                    .vertices_mut(mesh)
+                    .map(|to| to.copy_from_slice(&demo.keys[key])),
+            }
+            .unwrap();
             let near = step.trace(&demo.rays, Query::Closest).unwrap();
             let any = step.trace(&demo.rays, Query::Any).unwrap();
             let done = step.submit().unwrap();

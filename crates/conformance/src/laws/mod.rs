@@ -137,6 +137,7 @@ pub const LAWS: &[Law] = &[
     law_of_methods("tree_age_does_not_change_hits", trees::age),
     law_of_methods("tree_shape_does_not_change_hits", trees::shape),
     law("a_swap_does_not_change_hits", trees::swap),
+    law_of_methods("a_tree_that_was_brought_is_the_one_adopted", trees::brought),
     law("what_never_moves_may_be_passed_over", still::passed_over),
     law("a_tree_made_on_the_device_is_whole", trees::whole),
     law_of_methods(

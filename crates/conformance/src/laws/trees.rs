@@ -5,7 +5,8 @@ use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
 use crate::stage::{ask, boxes_anew, fetch, stand, start, tree_at};
 use anyhow::{Context, Result, bail};
-use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
+use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
+use bvh_layout::Topology;
 use std::sync::Arc;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
@@ -66,6 +67,44 @@ pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
     let (during, _) = fetch(c.subject, before)?;
     answers(case, now, rays, &during, &alone).context("the frame under way")?;
     answers(case, now, rays, &after, &alone).context("the frame after")
+}
+
+/// A tree that was brought beforehand is the one adopted; one that was brought and left is not.
+pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
+    let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
+    let animation = &case.animation;
+    let [left, next, last] = [0, 1, 2].map(|i| tree_at(animation, case.times[i]));
+    c.open(now)?;
+    c.stand(now)?;
+    let fresh = c.closest()?;
+    write(c, &left, 2)?;
+    c.subject.bring(&left, Generation(2))?;
+    for (tree, generation) in [(&next, 3), (&last, 4), (&left, 5)] {
+        write(c, tree, generation)?;
+        while !c.subject.bring(tree, Generation(generation))? {
+            std::thread::yield_now();
+        }
+        c.subject.adopt(tree, Generation(generation))?;
+        boxes_anew(c.subject)?;
+        answers(case, now, rays, &c.closest()?, &fresh)?;
+        if c.method.layout == Layout::Bvh2 {
+            let boxes = c.subject.inspect().boxes()?;
+            let reference = c.reference.backend();
+            reference.load(Arc::clone(animation), c.method)?;
+            reference.adopt(tree, Generation(1))?;
+            stand(reference, animation, now)?;
+            ask(reference, rays, QueryKind::Closest)?;
+            let right = reference.inspect().boxes()?;
+            lists("box of node", &boxes, &right, PartialEq::eq)?;
+        }
+    }
+    Ok(())
+}
+
+fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
+    let writer = c.subject.tree_writer(Generation(generation))?;
+    writer.into_iter().for_each(|write| write(tree));
+    Ok(())
 }
 
 /// A sound tree of another scene is refused with a reason, and the old one goes on.

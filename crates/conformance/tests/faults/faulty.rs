@@ -32,6 +32,8 @@ pub(crate) struct Faulty {
     pose_before: Option<Pose>,
     /// The tree that was made last.
     made: Option<Topology>,
+    /// The first that was brought.
+    brought: Option<Topology>,
 }
 
 impl Faulty {
@@ -52,6 +54,7 @@ impl Faulty {
             pose: None,
             pose_before: None,
             made: None,
+            brought: None,
         }
     }
 
@@ -139,7 +142,15 @@ impl Backend for Faulty {
         self.inner.load(animation, method)
     }
 
+    fn bring(&mut self, tree: &Topology, _: Generation) -> Result<bool> {
+        self.brought.get_or_insert_with(|| tree.clone());
+        Ok(true)
+    }
+
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        let left = self.brought.take();
+        let left = left.filter(|_| self.is("a tree that was left is adopted"));
+        let tree = left.as_ref().unwrap_or(tree);
         self.made = None;
         let adopted = match &self.animation {
             Some(animation) if self.is("what moves is passed over") => {
