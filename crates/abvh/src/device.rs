@@ -18,6 +18,9 @@ pub enum Device {
     /// Compute shaders through wgpu; likewise.
     #[cfg(feature = "wgpu")]
     Wgpu(Option<String>),
+    /// Compute shaders on a wgpu device that the program opened: see [`crate::own_device`].
+    #[cfg(feature = "wgpu")]
+    Own(crate::own_device::OwnDevice),
 }
 
 impl Device {
@@ -30,6 +33,8 @@ impl Device {
             Self::Vulkan(adapter) => ("vulkan", adapter.as_deref()),
             #[cfg(feature = "wgpu")]
             Self::Wgpu(adapter) => ("wgpu", adapter.as_deref()),
+            #[cfg(feature = "wgpu")]
+            Self::Own(device) => return device.open(),
         };
         let known = backends::known(name).expect("a device has a backend");
         let opened = known.open(adapter, threads);

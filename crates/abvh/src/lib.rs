@@ -36,6 +36,8 @@ pub mod guide;
 mod hits;
 mod mesh;
 mod motion;
+#[cfg(feature = "wgpu")]
+pub mod own_device;
 mod step;
 mod tracer;
 

@@ -142,6 +142,11 @@ impl Joined {
         (mesh, (triangle - self.triangles[mesh]) as u32)
     }
 
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn first_triangle(&self, mesh: usize) -> u32 {
+        self.triangles[mesh] as u32
+    }
+
     /// Where a mesh's vertices lie among all.
     fn range_of(&self, mesh: usize) -> Range<usize> {
         self.vertices[mesh]..self.vertices[mesh + 1]

@@ -2,7 +2,8 @@
 
 use crate::motion::Motion;
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
-use backend::{QueryKind, Rays};
+use backend::{QueryKind, Rays, Ticket};
+use std::collections::VecDeque;
 
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +41,17 @@ pub struct StepId(pub(crate) u64);
 pub struct QueryId {
     pub(crate) step: StepId,
     pub(crate) query: u32,
+}
+
+/// The ticket of a query of a step.
+pub(crate) fn find(
+    results: &VecDeque<(QueryId, Ticket)>,
+    step: StepId,
+    query: QueryId,
+) -> Result<Ticket> {
+    let mut all = results.iter();
+    let found = all.find(|(id, _)| *id == query && query.step == step);
+    found.map(|(_, ticket)| *ticket).ok_or(Error::NoResult)
 }
 
 /// A moment in the making. What is not said of a mesh stays as it was in the step before.

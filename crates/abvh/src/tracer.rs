@@ -1,8 +1,8 @@
 //! A scene on a device, with the trees that follow its motion.
 
 use crate::motion::Joined;
-use crate::step::{QueryId, Step, StepId};
-use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
+use crate::step::{QueryId, Step, StepId, find};
+use crate::{Device, Hits, Intersector, Layout, Result, Scene};
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, Method, Query, Ticket};
 use geom::Animation;
 use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, Threads};
@@ -72,7 +72,7 @@ impl Builder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
+    /// [`Error::NoDevice`](crate::Error::NoDevice), or [`Error::Device`](crate::Error::Device) if the scene is beyond its limits.
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let number = scene.number;
         let (mut joined, animation) = Joined::of(scene.meshes)?;
@@ -138,7 +138,7 @@ pub struct Statistics {
 
 /// A scene that rays are traced through.
 pub struct Tracer {
-    driver: Driver,
+    pub(crate) driver: Driver,
     animation: Arc<Animation>,
     pub(crate) joined: Joined,
     pub(crate) scene: u64,
@@ -149,7 +149,7 @@ pub struct Tracer {
     frames: u64,
     under_way: VecDeque<QueryId>,
     /// That may be asked for, from the oldest to the newest.
-    results: VecDeque<(QueryId, Ticket)>,
+    pub(crate) results: VecDeque<(QueryId, Ticket)>,
     last: Option<FrameRecord>,
 }
 
@@ -190,11 +190,9 @@ impl Tracer {
     /// Waits for a query and shows what it found.
     ///
     /// # Errors
-    /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
+    /// [`Error::NoResult`](crate::Error::NoResult) if it is of another step or was dropped, [`Error::Device`](crate::Error::Device).
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        let mut results = self.results.iter();
-        let found = results.find(|(id, _)| *id == query && query.step == step);
-        let &(_, ticket) = found.ok_or(Error::NoResult)?;
+        let ticket = find(&self.results, step, query)?;
         while self.under_way.contains(&query) {
             self.finish()?;
         }

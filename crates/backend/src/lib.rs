@@ -79,13 +79,14 @@ pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Ra
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
+use std::any::Any;
 use std::sync::Arc;
 
 /// Puts a tree where a device takes it from, on any thread: see [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
 /// A device that deforms, refits and traces one scene. See the crate's page for the contract.
-pub trait Backend: Send {
+pub trait Backend: Send + Any {
     /// Who is at work: shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 

@@ -4,13 +4,13 @@ use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Options, Pipelines, Stage, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
-    Query, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Query, QueryKind, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Ray};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{Extent, KERNELS, Kernel, Params, Shape, Traits, common};
+use shaders::{BufferName, Extent, KERNELS, Kernel, Params, Shape, Traits, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -169,6 +169,15 @@ impl<D: GpuDevice> ComputeBackend<D> {
 fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let all = KERNELS.iter().filter(|k| k.makes_trees());
     all.filter(move |k| k.serves(method))
+}
+
+impl<D: GpuDevice> ComputeBackend<D> {
+    /// Where a submission's closest hits are or will be, while it is kept; `None` if it looked for none.
+    pub fn hits_buffer(&mut self, ticket: Ticket) -> Option<&D::Buffer> {
+        let trace = self.engine.traces.get(ticket);
+        let closest = trace.has_tree && trace.kind != QueryKind::Any;
+        trace.get(BufferName::Hits).filter(|_| closest)
+    }
 }
 
 impl<D: GpuDevice> Backend for ComputeBackend<D> {

@@ -170,7 +170,7 @@ impl Driver {
     }
 
     /// The backend's description and views.
-    pub fn backend(&mut self) -> &mut dyn Backend {
+    pub fn backend(&mut self) -> &mut (dyn Backend + 'static) {
         self.backend.as_mut()
     }
 

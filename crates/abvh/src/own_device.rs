@@ -1,0 +1,72 @@
+//! A wgpu device that the program opened for itself, and results that its own shaders read there.
+//!
+//! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
+//! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
+//! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
+
+use crate::motion::Joined;
+use crate::step::find;
+use crate::{Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
+use backend::Backend;
+use gpu_wgpu::{WgpuBackend, from_device};
+pub use gpu_wgpu::{required_features, useful_features};
+use std::any::Any;
+/// The version of wgpu that the library speaks.
+pub use wgpu;
+
+/// A device, its queue, and what its adapter says of itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnDevice {
+    /// The device. Its handlers of errors and of its loss stay as they are.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// Of the adapter that it was opened on.
+    pub info: wgpu::AdapterInfo,
+}
+
+impl OwnDevice {
+    pub(crate) fn open(&self) -> Result<Box<dyn Backend>> {
+        let Self {
+            device,
+            queue,
+            info,
+        } = self.clone();
+        Ok(Box::new(from_device(device, queue, info)?))
+    }
+}
+
+/// The limits that a device needs for a scene, traced by up to `rays` rays a query: the least that suffice, to be merged with
+/// the program's own.
+///
+/// # Errors
+/// As for [`Builder::build`](crate::Builder::build): the meshes are too large to be joined.
+pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
+    let (_, animation) = Joined::of(scene.meshes.clone())?;
+    Ok(gpu_wgpu::required_limits(&animation, rays))
+}
+
+impl Tracer {
+    /// Where a query's closest hits lie on a device of wgpu's, or will when the work submitted so far is done. One a ray, 16
+    /// bytes each: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the triangle's number among those of all meshes
+    /// ([`Tracer::first_triangle`]) or 4294967295 for a miss. It is used again when the query's results are dropped.
+    ///
+    /// # Errors
+    /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
+    pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
+        let ticket = find(&self.results, step, query)?;
+        let backend: &mut dyn Any = self.driver.backend();
+        let Some(backend) = backend.downcast_mut::<WgpuBackend>() else {
+            return Err(Error::Device("its hits are in no buffer of wgpu's".into()));
+        };
+        backend.hits_buffer(ticket).ok_or(Error::NoResult)
+    }
+
+    /// The number of a mesh's first triangle among those of all meshes.
+    ///
+    /// # Errors
+    /// [`Error::ForeignMesh`].
+    pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
+        Ok(self.joined.first_triangle(mesh.within(self.scene)?))
+    }
+}
