@@ -6,7 +6,7 @@
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{Mesh as Motion, camera, criterion, print_table, setting};
 use criterion::{BenchmarkId, Criterion, Throughput};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
@@ -50,14 +50,36 @@ struct Player {
     camera: abvh::Camera,
     /// What arrives each step, if anything does.
     streamed: Option<(MeshId, Vec<Vec<Point>>)>,
+    /// Whether it is written where the device reads it; that is the program's own work and is not counted.
+    in_place: bool,
     step: usize,
 }
 
+/// How a mesh moves.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Keys,
+    Streamed,
+    InPlace,
+}
+
+impl Kind {
+    const ALL: [Self; 3] = [Self::Keys, Self::Streamed, Self::InPlace];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Keys => "key frames",
+            Self::Streamed => "streamed",
+            Self::InPlace => "in place",
+        }
+    }
+}
+
 impl Player {
-    fn new(motion: &Motion, device: &Device, is_streamed: bool) -> Self {
+    fn new(motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
         let mut scene = Scene::new();
-        let streamed = if is_streamed {
+        let streamed = if kind != Kind::Keys {
             let times = (0..=STEPS * KEYS).map(|i| i as f64 / STEPS as f64);
             let frames: Vec<_> = times.map(|t| motion.positions(animation.pose(t))).collect();
             let mesh = Mesh::streamed(&frames[0], animation.triangles());
@@ -76,34 +98,46 @@ impl Player {
             tracer: tracer.expect("the device is there"),
             camera: camera(motion, SIZE),
             streamed,
+            in_place: kind == Kind::InPlace,
             step: 0,
         }
     }
 
-    /// Goes on by a step; results of the last are fetched meanwhile.
-    fn advance(&mut self) {
+    /// Goes on by a step, and says how long it took.
+    fn advance(&mut self) -> Duration {
         let turn = 2 * STEPS * KEYS;
         let at = self.step % turn;
         let at = at.min(turn - at);
         self.step += 1;
+        let (begun, mut written) = (Instant::now(), Duration::ZERO);
         let mut step = self.tracer.step(at as f64 / STEPS as f64);
-        if let Some((mesh, frames)) = &self.streamed {
-            let vertices = Source::Host(&frames[at]);
-            step.vertices(*mesh, vertices).expect("all are there");
+        match &self.streamed {
+            Some((mesh, frames)) if self.in_place => {
+                let to = step.vertices_mut(*mesh).expect("it is streamed");
+                let writes = Instant::now();
+                to.copy_from_slice(&frames[at]);
+                written = writes.elapsed();
+            }
+            Some((mesh, frames)) => {
+                let vertices = Source::Host(&frames[at]);
+                step.vertices(*mesh, vertices).expect("all are there");
+            }
+            None => {}
         }
         step.trace(&self.camera, Query::Closest).expect("it traces");
         step.submit().expect("it traces");
+        begun.elapsed() - written
     }
 }
 
 fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
     let mut group = criterion.benchmark_group(format!("step/{}", motion.label));
     group.throughput(Throughput::Elements(motion.triangle_count() as u64));
-    for (name, is_streamed) in [("key frames", false), ("streamed", true)] {
-        let mut player = Player::new(motion, device, is_streamed);
+    for kind in Kind::ALL {
+        let mut player = Player::new(motion, device, kind);
         let device = player.tracer.device().to_owned();
-        group.bench_function(BenchmarkId::new(name, device), |b| {
-            b.iter(|| player.advance())
+        group.bench_function(BenchmarkId::new(kind.name(), device), |b| {
+            b.iter_custom(|steps| (0..steps).map(|_| player.advance()).sum())
         });
     }
     group.finish();
@@ -111,30 +145,24 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
 
 /// The times of many steps one by one, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
-    let row = |is_streamed: bool| {
-        let mut player = Player::new(motion, device, is_streamed);
+    let row = |kind: Kind| {
+        let mut player = Player::new(motion, device, kind);
         let mut times = Vec::new();
         for step in 0..100 + setting("ABVH_STEPS", 1000) {
-            let begun = Instant::now();
-            player.advance();
+            let took = player.advance();
             if step >= 100 {
-                times.push(begun.elapsed().as_secs_f64() * 1e3);
+                times.push(took.as_secs_f64() * 1e3);
             }
         }
         times.sort_by(f64::total_cmp);
         let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
-        let kind = if is_streamed {
-            "streamed"
-        } else {
-            "key frames"
-        };
         let mut row = vec![
             motion.label.clone(),
             player.tracer.device().to_owned(),
-            kind.to_owned(),
+            kind.name().to_owned(),
         ];
         row.extend([0.5, 0.99, 1.0].map(|share| format!("{:.3}", at(share))));
         row
     };
-    [false, true].map(row).to_vec()
+    Kind::ALL.map(row).to_vec()
 }

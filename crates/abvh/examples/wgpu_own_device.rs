@@ -92,7 +92,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = Scene::new();
     let mesh = scene.add(Mesh::streamed(&sheet, &[[0, 1, 2]])?);
     let own = open(required_limits(&scene, (SIZE[0] * SIZE[1]) as usize)?)?;
-    let device = Device::Own(own.clone());
+    let device = Device::from(own.clone());
     let mut tracer = Tracer::builder().device(device).build(scene)?;
     let eye = [0.0, 5.0, 0.1];
     let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 60.0, SIZE).ok_or("no picture")?;

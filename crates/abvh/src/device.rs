@@ -20,7 +20,7 @@ pub enum Device {
     Wgpu(Option<String>),
     /// Compute shaders on a wgpu device that the program opened: see [`crate::own_device`].
     #[cfg(feature = "wgpu")]
-    Own(crate::own_device::OwnDevice),
+    Own(Box<crate::own_device::OwnDevice>),
 }
 
 impl Device {

@@ -6,7 +6,7 @@
 
 use crate::motion::Joined;
 use crate::step::find;
-use crate::{Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
+use crate::{Device, Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
 use backend::Backend;
 use gpu_wgpu::{WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
@@ -23,6 +23,12 @@ pub struct OwnDevice {
     pub queue: wgpu::Queue,
     /// Of the adapter that it was opened on.
     pub info: wgpu::AdapterInfo,
+}
+
+impl From<OwnDevice> for Device {
+    fn from(device: OwnDevice) -> Self {
+        Self::Own(Box::new(device))
+    }
 }
 
 impl OwnDevice {

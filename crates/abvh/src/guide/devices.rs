@@ -6,6 +6,7 @@
 //! | `Cpu` | the host's cores |
 //! | `Vulkan(adapter)` | compute shaders through Vulkan; feature `vulkan` |
 //! | `Wgpu(adapter)` | compute shaders through wgpu; feature `wgpu` |
+//! | `Own(device)` | compute shaders on a wgpu device that the program opened: see `own_device` |
 //!
 //! Both features are on by default; the host is always there. No GPU needs ray-tracing hardware. An adapter is an index or
 //! a part of a name; `None` takes the first GPU, else the first of all.

@@ -4,7 +4,10 @@
 //! them before it returns. The triangles stay those it was made with. [`Step::poses`](crate::Step::poses) takes a
 //! [`Matrix`](crate::Matrix) for each part, from where the part was made to where it is: matrices do not add up.
 //!
-//! Both come before the step's first query, else they are [`Error::TooLate`](crate::Error::TooLate). A mesh that
+//! [`Step::vertices_mut`](crate::Step::vertices_mut) lends the memory that the GPU reads instead: a simulation writes there,
+//! and nothing is copied. Meshes that are fixed are sent once; a step costs what its moving vertices cost.
+//!
+//! All come before the step's first query, else they are [`Error::TooLate`](crate::Error::TooLate). A mesh that
 //! a step does not move stays where it is.
 //!
 //! # Overlap
