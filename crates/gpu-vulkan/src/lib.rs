@@ -16,6 +16,7 @@ mod adapters;
 pub mod commands;
 pub mod errors;
 pub mod gpu;
+mod host_points;
 pub mod instance;
 mod limits;
 mod loader;

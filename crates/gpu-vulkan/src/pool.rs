@@ -20,11 +20,19 @@ pub(crate) struct LastUse {
 /// What tells how far uploads and submissions are.
 #[derive(Clone, Copy)]
 pub(crate) struct Done<'a> {
-    pub(crate) uploads: &'a Timeline,
-    pub(crate) submissions: &'a Timeline,
+    uploads: &'a Timeline,
+    submissions: &'a Timeline,
 }
 
-impl Done<'_> {
+impl<'a> Done<'a> {
+    pub(crate) fn of(road: &'a Transfer, submissions: &'a Timeline) -> Self {
+        let uploads = &road.done;
+        Self {
+            uploads,
+            submissions,
+        }
+    }
+
     fn has_passed(self, last: LastUse) -> Result<bool> {
         Ok(self.submissions.has_reached(last.ticket)?
             && self.uploads.has_reached(last.filled_at)?)
@@ -159,10 +167,7 @@ impl Sender {
         (road, submissions): (&mut Transfer, &Timeline),
         (what, parts): (Sent, &[&[u32]]),
     ) -> Result<(Buffer, u64)> {
-        let done = Done {
-            uploads: &road.done,
-            submissions,
-        };
+        let done = Done::of(road, submissions);
         let mut staging = self.room(gpu, done, (what, bytes(parts)))?;
         staging.fill(parts);
         self.send_filled(gpu, (road, submissions), (what, staging))
@@ -193,10 +198,7 @@ impl Sender {
         (what, from, bytes): (Sent, &Buffer, u64),
         new: Option<&[Range<u64>]>,
     ) -> Result<(Buffer, u64)> {
-        let done = Done {
-            uploads: &road.done,
-            submissions,
-        };
+        let done = Done::of(road, submissions);
         let spare = self.free.take(done, SPARE)?;
         let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
             Some(held_another) => (held_another, new),

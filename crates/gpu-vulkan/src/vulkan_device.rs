@@ -2,6 +2,7 @@
 
 use crate::adapters::all;
 use crate::gpu::Gpu;
+use crate::host_points::{HostPoints, KeysRead, PositionsCopy, bytes_of};
 use crate::instance::Host;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
@@ -11,48 +12,18 @@ use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Copy, Transfer, Window, load};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
-use geom::{KeyFrame, Point, PointBuffer, SharedMemory};
+use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Options,
     Sent, Stage,
 };
 use rayon::prelude::*;
 use shaders::{Kernel, Packets};
-use std::collections::VecDeque;
-use std::ops::{Deref, DerefMut, Range};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The backend that computes through Vulkan.
 pub type VulkanBackend = ComputeBackend<VulkanDevice>;
-
-/// Positions that the transfer queue copies, or will.
-pub struct PositionsCopy {
-    buffer: Buffer,
-    /// The transfer's value.
-    done_at: u64,
-}
-
-/// Positions in memory of the host that the device copies to or from.
-struct HostPoints {
-    buffer: Buffer,
-    count: usize,
-}
-
-impl Deref for HostPoints {
-    type Target = [Point];
-
-    fn deref(&self) -> &[Point] {
-        self.buffer.read(self.count)
-    }
-}
-
-impl DerefMut for HostPoints {
-    fn deref_mut(&mut self) -> &mut [Point] {
-        &mut self.buffer.view_mut()[..self.count]
-    }
-}
-
-impl SharedMemory for HostPoints {}
 
 /// A device of Vulkan's: frames on one queue, trees that go up and positions that come back on others.
 pub struct VulkanDevice {
@@ -69,8 +40,7 @@ pub struct VulkanDevice {
     window: Window,
     /// One a [`Sent`].
     senders: [Sender; 2],
-    /// Key frames that are sent from where they lie, with the value of their copy.
-    read_in_place: VecDeque<(u64, KeyFrame)>,
+    keys_read: KeysRead,
     /// Buffers that were too small.
     outgrown: Pool,
     spares: Spares<HostPoints>,
@@ -97,7 +67,7 @@ impl VulkanDevice {
             readback: Transfer::new(gpu, gpu.readback)?,
             window: Window::default(),
             senders: Default::default(),
-            read_in_place: VecDeque::new(),
+            keys_read: KeysRead::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
             arriving: None,
@@ -143,10 +113,7 @@ impl VulkanDevice {
         submit(&self.gpu, self.gpu.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
         self.submitted = ticket.0;
-        self.outgrown.prune(Done {
-            uploads: &self.upload.done,
-            submissions: &self.done,
-        })
+        self.outgrown.prune(Done::of(&self.upload, &self.done))
     }
 }
 
@@ -264,10 +231,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
-        let done = Done {
-            uploads: &self.upload.done,
-            submissions: &self.done,
-        };
+        let done = Done::of(&self.upload, &self.done);
         self.senders[what as usize].staging(&self.gpu, done, what)
     }
 
@@ -281,35 +245,20 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
-        let (what, bytes) = (Sent::KeyFrame.what(), (points * size_of::<Point>()) as u64);
-        let buffer = Buffer::new(&self.gpu, what, bytes, BufferUse::Staging)?;
-        let memory = HostPoints {
-            buffer,
-            count: points,
-        };
-        Ok(PointBuffer::Shared(Box::new(memory)))
+        Ok(PointBuffer::Shared(Box::new(HostPoints::new(
+            &self.gpu, points,
+        )?)))
     }
 
     fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
         let Some(memory) = key.shared::<HostPoints>() else {
             return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
         };
-        while let Some((value, _)) = self.read_in_place.front() {
-            if !self.upload.done.has_reached(*value)? {
-                break;
-            }
-            self.read_in_place.pop_front();
-        }
         let what = (Sent::KeyFrame, &memory.buffer, size_of_val(&key[..]) as u64);
         let road = (&mut self.upload, &self.done);
-        let place = |v: usize| (v * size_of::<Point>()) as u64;
-        let new: Vec<_> = moving
-            .iter()
-            .map(|run| place(run.start)..place(run.end))
-            .collect();
         let sender = &mut self.senders[Sent::KeyFrame as usize];
-        let sent = sender.send_from(&self.gpu, road, what, Some(&new))?;
-        self.read_in_place.push_back((sent.1, KeyFrame::clone(key)));
+        let sent = sender.send_from(&self.gpu, road, what, Some(&bytes_of(moving)))?;
+        self.keys_read.note(&self.upload.done, (sent.1, key))?;
         Ok(sent)
     }
 
@@ -421,7 +370,7 @@ impl GpuDevice for VulkanDevice {
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
         (self.senders, self.outgrown) = Default::default();
-        self.read_in_place.clear();
+        self.keys_read = KeysRead::default();
         self.spares = Spares::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())

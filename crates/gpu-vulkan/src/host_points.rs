@@ -1,0 +1,73 @@
+//! Positions that the device reads or writes where they lie in memory of the host.
+
+use crate::gpu::Gpu;
+use crate::memory::{Buffer, BufferUse};
+use crate::timeline::Timeline;
+use backend::Result;
+use geom::{KeyFrame, Point, SharedMemory};
+use std::collections::VecDeque;
+use std::ops::{Deref, DerefMut, Range};
+use std::sync::Arc;
+
+/// Positions that the transfer queue copies, or will.
+pub struct PositionsCopy {
+    pub(crate) buffer: Buffer,
+    /// The transfer's value.
+    pub(crate) done_at: u64,
+}
+
+/// Positions in memory of the host that the device copies to or from.
+pub(crate) struct HostPoints {
+    pub(crate) buffer: Buffer,
+    pub(crate) count: usize,
+}
+
+impl HostPoints {
+    /// Room for so many, which the device copies from.
+    pub(crate) fn new(gpu: &Arc<Gpu>, count: usize) -> Result<Self> {
+        let bytes = (count * size_of::<Point>()) as u64;
+        let buffer = Buffer::new(gpu, "key frames", bytes, BufferUse::Staging)?;
+        Ok(Self { buffer, count })
+    }
+}
+
+impl Deref for HostPoints {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        self.buffer.read(self.count)
+    }
+}
+
+impl DerefMut for HostPoints {
+    fn deref_mut(&mut self) -> &mut [Point] {
+        &mut self.buffer.view_mut()[..self.count]
+    }
+}
+
+impl SharedMemory for HostPoints {}
+
+/// Where runs of positions lie.
+pub(crate) fn bytes_of(runs: &[Range<usize>]) -> Vec<Range<u64>> {
+    let place = |v: usize| (v * size_of::<Point>()) as u64;
+    let all = runs.iter();
+    all.map(|run| place(run.start)..place(run.end)).collect()
+}
+
+/// Key frames that the device copies from where they lie: they stay until it has.
+#[derive(Default)]
+pub(crate) struct KeysRead(VecDeque<(u64, KeyFrame)>);
+
+impl KeysRead {
+    /// Keeps a key frame until the copy of that value is done; lets go of others.
+    pub(crate) fn note(&mut self, done: &Timeline, (value, key): (u64, &KeyFrame)) -> Result<()> {
+        while let Some((value, _)) = self.0.front() {
+            if !done.has_reached(*value)? {
+                break;
+            }
+            self.0.pop_front();
+        }
+        self.0.push_back((value, KeyFrame::clone(key)));
+        Ok(())
+    }
+}
