@@ -49,26 +49,23 @@ pub enum Error {
     Device(String),
 }
 
-impl From<backend::BackendError> for Error {
-    fn from(e: backend::BackendError) -> Self {
+// No `From`: what is inside is no promise.
+impl Error {
+    pub(crate) fn of_backend(e: backend::BackendError) -> Self {
         match e {
             backend::BackendError::NoDevice(why) => Self::NoDevice(why),
             other => Self::Device(other.to_string()),
         }
     }
-}
 
-impl From<pipeline::PipelineError> for Error {
-    fn from(e: pipeline::PipelineError) -> Self {
+    pub(crate) fn of_driver(e: pipeline::PipelineError) -> Self {
         match e {
-            pipeline::PipelineError::Backend(e) => e.into(),
+            pipeline::PipelineError::Backend(e) => Self::of_backend(e),
             other => Self::Device(other.to_string()),
         }
     }
-}
 
-impl From<geom::KeyFrameError> for Error {
-    fn from(e: geom::KeyFrameError) -> Self {
+    pub(crate) fn of_keys(e: geom::KeyFrameError) -> Self {
         Self::Mesh(e.to_string())
     }
 }

@@ -115,7 +115,7 @@ impl Joined {
             each.copied().collect::<Vec<_>>()
         };
         let frames = (0..counts.max().unwrap_or(1)).map(frame);
-        Ok(Animation::new(frames.collect(), triangles)?)
+        Animation::new(frames.collect(), triangles).map_err(Error::of_keys)
     }
 
     fn live(&mut self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
@@ -124,7 +124,7 @@ impl Joined {
         let marks: Vec<bool> = marks.collect();
         let all = self.motions.iter();
         let first: Vec<Point> = all.flat_map(|m| m.first()).copied().collect();
-        Ok(Animation::live(first, &marks, triangles)?)
+        Animation::live(first, &marks, triangles).map_err(Error::of_keys)
     }
 
     pub(crate) fn is_live(&self) -> bool {
@@ -166,7 +166,8 @@ impl Joined {
         backend: &mut dyn Backend,
     ) -> Result<()> {
         if self.is_live() {
-            self.next = backend.point_buffer(animation.vertex_count())?;
+            let made = backend.point_buffer(animation.vertex_count());
+            self.next = made.map_err(Error::of_backend)?;
             self.next.copy_from_slice(animation.first());
         }
         Ok(())
@@ -204,7 +205,7 @@ impl Joined {
         if std::mem::replace(&mut self.is_told, true) {
             return Ok(animation.end());
         }
-        let last = animation.at(animation.end())?;
+        let last = animation.at(animation.end()).map_err(Error::of_keys)?;
         let [last, _] = last.key_frames();
         for mesh in (0..self.motions.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
@@ -214,13 +215,15 @@ impl Joined {
         let spare = match animation.spare_frame() {
             Some(spare) => spare,
             None => {
-                let mut new = backend.point_buffer(self.next.len())?;
+                let new = backend.point_buffer(self.next.len());
+                let mut new = new.map_err(Error::of_backend)?;
                 new.copy_from_slice(&self.next);
                 new
             }
         };
         self.is_fresh = self.motions.iter().map(Motion::is_fixed).collect();
-        Ok(animation.push(std::mem::replace(&mut self.next, spare))?)
+        let pushed = animation.push(std::mem::replace(&mut self.next, spare));
+        pushed.map_err(Error::of_keys)
     }
 
     /// Brings key-framed meshes to `time`, with the bits that a device would blend.

@@ -38,7 +38,8 @@ impl OwnDevice {
             queue,
             info,
         } = self.clone();
-        Ok(Box::new(from_device(device, queue, info)?))
+        let opened = from_device(device, queue, info).map_err(Error::of_backend)?;
+        Ok(Box::new(opened))
     }
 }
 

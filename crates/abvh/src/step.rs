@@ -54,7 +54,8 @@ pub(crate) fn find(
     found.map(|(_, ticket)| *ticket).ok_or(Error::NoResult)
 }
 
-/// A moment in the making. What is not said of a mesh stays as it was in the step before.
+/// A moment in the making. What is not said of a mesh stays as it was in the step before. One that is dropped instead of
+/// [submitted](Step::submit) has moved meshes all the same, and its queries have no results.
 #[derive(Debug)]
 pub struct Step<'t> {
     pub(crate) tracer: &'t mut Tracer,

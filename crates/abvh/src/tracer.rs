@@ -2,7 +2,7 @@
 
 use crate::motion::Joined;
 use crate::step::{QueryId, Step, StepId, find};
-use crate::{Device, Hits, Intersector, Layout, Result, Scene};
+use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, Method, Query, Ticket};
 use geom::Animation;
 use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, Threads};
@@ -72,7 +72,7 @@ impl Builder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice), or [`Error::Device`](crate::Error::Device) if the scene is beyond its limits.
+    /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let number = scene.number;
         let (mut joined, animation) = Joined::of(scene.meshes)?;
@@ -102,7 +102,8 @@ impl Builder {
             predict: true,
         };
         let animation = Arc::new(animation);
-        let mut driver = Driver::new(backend, Arc::clone(&animation), options)?;
+        let driver = Driver::new(backend, Arc::clone(&animation), options);
+        let mut driver = driver.map_err(Error::of_driver)?;
         joined.prepare(&animation, driver.backend())?;
         Ok(Tracer {
             driver,
@@ -190,14 +191,15 @@ impl Tracer {
     /// Waits for a query and shows what it found.
     ///
     /// # Errors
-    /// [`Error::NoResult`](crate::Error::NoResult) if it is of another step or was dropped, [`Error::Device`](crate::Error::Device).
+    /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
         let ticket = find(&self.results, step, query)?;
         while self.under_way.contains(&query) {
             self.finish()?;
         }
+        let found = self.driver.backend().hits(ticket);
         Ok(Hits {
-            found: self.driver.backend().hits(ticket)?,
+            found: found.map_err(Error::of_backend)?,
             joined: &self.joined,
             scene: self.scene,
         })
@@ -225,7 +227,8 @@ impl Tracer {
         let index = self.frames;
         // This one comes after all of them.
         self.driver.backend().keep(self.results.len() + 1);
-        let ticket = self.driver.begin(Frame { index, time }, query)?;
+        let begun = self.driver.begin(Frame { index, time }, query);
+        let ticket = begun.map_err(Error::of_driver)?;
         self.frames += 1;
         self.under_way.push_back(id);
         self.results.push_back((id, ticket));
@@ -235,7 +238,8 @@ impl Tracer {
     /// Waits for the oldest query under way.
     fn finish(&mut self) -> Result<()> {
         if self.under_way.pop_front().is_some() {
-            self.last = self.driver.finish(None)?.or(self.last.take());
+            let finished = self.driver.finish(None).map_err(Error::of_driver)?;
+            self.last = finished.or(self.last.take());
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ const SAMPLES: usize = 4096;
 const RUN: usize = 1 << 15;
 /// Threads that help with a key frame.
 const HELPERS: usize = 7;
+
 /// Sizes of a key frame's finite coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sizes {
