@@ -61,8 +61,9 @@ impl Builder {
         self
     }
 
-    /// Threads of the host that trace, where it does, or else build trees; one a core if nothing is said. Where the host
-    /// traces while the next tree is built, a quarter more build: of the cores, or beside the threads that are given here.
+    /// Threads of the host that trace, where it does, or else build trees. If nothing is said, one a core traces, or one for
+    /// two cores builds: the program needs some, too. Where the host traces while the next tree is built, a quarter more
+    /// build: of the cores, or beside the threads that are given here.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));
@@ -97,7 +98,11 @@ impl Builder {
         let options = DriverOptions {
             method: self.method,
             update,
-            builder_threads: share(backend.device().kind).build,
+            builder_threads: match (self.threads, share(backend.device().kind).build) {
+                // With all of them steps wait for cores longer than they gain by trees.
+                (None, all) if backend.device().kind == DeviceKind::Gpu => all.div_ceil(2),
+                (_, shared) => shared,
+            },
             time_range: [0.0, last],
             predict: true,
         };
