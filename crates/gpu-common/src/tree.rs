@@ -98,7 +98,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 }
                 let mut written = lock(&self.written);
                 let is_written = written.generation == generation;
-                match written.staging.take_if(|_| is_written) {
+                // Memory that the tree was not written to is too small: the next one gets other.
+                match written.staging.take().filter(|_| is_written) {
                     Some(staging) => gpu.send_filled(Sent::Tree, staging)?,
                     None => with_parts(self.shape.layout, tree, animation, |parts| {
                         gpu.send(Sent::Tree, parts)

@@ -3,7 +3,7 @@
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
-use crate::transfer::{Copy, Transfer};
+use crate::transfer::Transfer;
 use backend::{FRAMES_IN_FLIGHT, Result};
 use gpu_common::Sent;
 use rayon::prelude::*;
@@ -199,28 +199,18 @@ impl Sender {
         new: Option<&[Range<u64>]>,
     ) -> Result<(Buffer, u64)> {
         let done = Done::of(road, submissions);
+        let all = 0..bytes;
+        let all = std::slice::from_ref(&all);
         let spare = self.free.take(done, SPARE)?;
         let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
-            Some(held_another) => (held_another, new),
+            Some(held_another) => (held_another, new.unwrap_or(all)),
             None => {
                 let room = what.room(bytes);
                 let empty = Buffer::new(gpu, what.what(), room, BufferUse::Device)?;
-                (empty, None)
+                (empty, all)
             }
         };
-        let filled_at = match new {
-            Some(ranges) => road.start_ranges([from, &to], ranges)?,
-            None => {
-                let (to, to_at) = (&to, 0);
-                let all = Copy {
-                    from,
-                    to,
-                    to_at,
-                    bytes,
-                };
-                road.start(all, None)?
-            }
-        };
+        let filled_at = road.start_ranges([from, &to], new)?;
         Ok((to, filled_at))
     }
 

@@ -40,8 +40,8 @@
 //! # Threads
 //!
 //! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host.
-//! Otherwise one a core traces, and beside a GPU one for two cores builds. A [`Tracer`](crate::Tracer) may be sent to another thread, and several may exist side by
-//! side. Each has its own device and its own trees.
+//! Otherwise one a core traces, and beside a GPU one for two cores builds. A [`Tracer`](crate::Tracer) may be sent to
+//! another thread, and several may exist side by side. Each has its own device and its own trees.
 //!
 //! # First run
 //!

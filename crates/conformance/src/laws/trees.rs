@@ -5,8 +5,11 @@ use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
 use crate::stage::{ask, boxes_anew, fetch, stand, start, tree_at};
 use anyhow::{Context, Result, bail};
-use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
+use backend::{
+    Backend, BackendError, FrameReport, Generation, Hits, Layout, Method, QueryKind, check_tree,
+};
 use bvh_layout::Topology;
+use geom::Aabb;
 use std::sync::Arc;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
@@ -89,16 +92,26 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
         answers(case, now, rays, &c.closest()?, &fresh)?;
         if c.method.layout == Layout::Bvh2 {
             let boxes = c.subject.inspect().boxes()?;
-            let reference = c.reference.backend();
-            reference.load(Arc::clone(animation), c.method)?;
-            reference.adopt(tree, Generation(1))?;
-            stand(reference, animation, now)?;
-            ask(reference, rays, QueryKind::Closest)?;
-            let right = reference.inspect().boxes()?;
+            let (_, right) = by_reference(c, tree, (c.method, now))?;
             lists("box of node", &boxes, &right, PartialEq::eq)?;
         }
     }
     Ok(())
+}
+
+/// What the reference reports of a tree at a time, and its boxes.
+fn by_reference(
+    c: &mut Check<'_>,
+    tree: &Topology,
+    (method, time): (Method, f64),
+) -> Result<(FrameReport, Vec<Aabb>)> {
+    let (animation, rays) = (&c.case.animation, c.rays());
+    let reference = c.reference.backend();
+    reference.load(Arc::clone(animation), method)?;
+    reference.adopt(tree, Generation(1))?;
+    stand(reference, animation, time)?;
+    let (_, report) = ask(reference, rays, QueryKind::Closest)?;
+    Ok((report, reference.inspect().boxes()?))
 }
 
 fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
@@ -147,12 +160,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
         let tree = c.subject.inspect().rebuilt()?;
         check_tree(&tree, animation)?;
         let boxes = c.subject.inspect().boxes()?;
-        let reference = c.reference.backend();
-        reference.load(Arc::clone(animation), Default::default())?;
-        reference.adopt(&tree, Generation(1))?;
-        stand(reference, animation, time)?;
-        let (_, expected) = ask(reference, rays, QueryKind::Closest)?;
-        let right = reference.inspect().boxes()?;
+        let (expected, right) = by_reference(c, &tree, (Method::default(), time))?;
         same_counts(&seen, &expected)
             .and_then(|()| lists("box of node", &boxes, &right, PartialEq::eq))
             .with_context(|| format!("at time {time:?}"))?;
