@@ -289,10 +289,19 @@ impl Animation {
     /// How far coordinates reach at `pose`.
     pub fn range(&self, pose: Pose) -> Range {
         match &self.keys {
-            KeyFrames::Live(live) => live.range(pose.key as usize),
-            KeyFrames::Held(_) | KeyFrames::Streamed(_) => None,
+            KeyFrames::Live(live) if pose.key > 0 => {
+                live.range(pose.key as usize, |frame| self.survey.range_of(frame))
+            }
+            _ => self.survey.ranges.at(pose),
         }
-        .unwrap_or_else(|| self.survey.ranges.at(pose))
+    }
+
+    /// Likewise; `None` of a key frame that [arrived](Self::push) while nobody asked so far.
+    pub fn known_range(&self, pose: Pose) -> Option<Range> {
+        match &self.keys {
+            KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
+            _ => Some(self.survey.ranges.at(pose)),
+        }
     }
 
     /// The largest `|coordinate|` of all key frames; infinite if one is not finite.

@@ -18,9 +18,16 @@ struct Recent {
     /// The number of the newest.
     last: usize,
     /// From the oldest that is kept to the newest, without the very first.
-    kept: VecDeque<(KeyFrame, Range)>,
+    kept: VecDeque<LiveKey>,
     /// Dropped, but not yet by all who read them.
     dropped: Vec<KeyFrame>,
+}
+
+#[derive(Debug)]
+struct LiveKey {
+    frame: KeyFrame,
+    /// Once somebody asked.
+    range: Option<Range>,
 }
 
 impl LiveKeys {
@@ -47,13 +54,13 @@ impl LiveKeys {
     }
 
     /// Takes the next key frame; its number.
-    pub(crate) fn push(&self, frame: KeyFrame, range: Range) -> usize {
+    pub(crate) fn push(&self, frame: KeyFrame) -> usize {
         let mut state = self.lock();
         state.last += 1;
-        state.kept.push_back((frame, range));
+        state.kept.push_back(LiveKey { frame, range: None });
         if state.kept.len() > Self::KEPT {
             let oldest = state.kept.pop_front();
-            state.dropped.extend(oldest.map(|(frame, _)| frame));
+            state.dropped.extend(oldest.map(|key| key.frame));
         }
         state.last
     }
@@ -69,24 +76,36 @@ impl LiveKeys {
     /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let state = self.lock();
-        let found = state.find(key).map(|(frame, _)| Arc::clone(frame));
+        let found = state.find(key).map(|at| Arc::clone(&state.kept[at].frame));
         found.unwrap_or_else(|| Arc::clone(&self.first))
     }
 
-    /// How far the coordinates of a key frame reach. None is played before it was pushed, but the first.
-    pub(crate) fn range(&self, key: usize) -> Option<Range> {
-        self.lock().find(key).map(|(_, range)| *range)
+    /// How far the coordinates of a key frame that was pushed reach, if somebody looked.
+    pub(crate) fn known_range(&self, key: usize) -> Option<Range> {
+        let state = self.lock();
+        state.find(key).and_then(|at| state.kept[at].range)
+    }
+
+    /// Likewise, by looking if need be.
+    pub(crate) fn range(&self, key: usize, look: impl FnOnce(&KeyFrame) -> Range) -> Range {
+        let known = self.known_range(key);
+        known.unwrap_or_else(|| {
+            let range = look(&self.get(key));
+            let mut state = self.lock();
+            if let Some(at) = state.find(key) {
+                state.kept[at].range = Some(range);
+            }
+            range
+        })
     }
 }
 
 impl Recent {
-    /// `None` for the very first.
-    fn find(&self, key: usize) -> Option<&(KeyFrame, Range)> {
+    /// A key frame's place among those that are kept; `None` for the very first.
+    fn find(&self, key: usize) -> Option<usize> {
         let back = self.last.saturating_sub(key);
-        match key {
-            0 => None,
-            _ => self.kept.get(self.kept.len().saturating_sub(back + 1)),
-        }
+        let at = self.kept.len().saturating_sub(back + 1);
+        (key > 0 && at < self.kept.len()).then_some(at)
     }
 }
 
@@ -120,8 +139,12 @@ impl Animation {
         };
         let frame = Arc::new(frame.into());
         check_count(frame.len(), self.vertex_count())?;
-        let range = self.survey.range_of(&frame, self.triangles());
-        Ok(live.push(frame, range) as f64)
+        Ok(live.push(frame) as f64)
+    }
+
+    /// Whether key frames [arrive](Self::push).
+    pub fn is_arriving(&self) -> bool {
+        matches!(self.keys, KeyFrames::Live(_))
     }
 
     /// Memory of a key frame that was dropped, for the next one to [push](Self::push).

@@ -9,7 +9,7 @@ const OUTLYING: f32 = 65_536.0;
 const CLEARANCE: f32 = 256.0;
 /// Scaled coordinates of a key frame that is not extreme are at most this, `2^31`.
 const MOST: f32 = 2_147_483_648.0;
-/// A triangle is tiny if no scaled coordinate of it reaches this, `2^-32`.
+/// A triangle is tiny if no scaled coordinate of it reaches this, `2^-32`. So there is none unless three vertices are so near.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
 /// The coordinates of one moment.
@@ -17,7 +17,7 @@ const TINY: f32 = 1.0 / 4_294_967_296.0;
 pub struct Range {
     /// Whether they lie so far apart that `watertight` and `exact` answer every ray in exact arithmetic.
     pub extreme: bool,
-    /// Whether there are triangles so near the origin that rays from there must be answered so.
+    /// Whether there may be triangles so near the origin that rays from there must be answered so.
     pub tiny: bool,
     /// The largest extent of the scene that offsets of shadow rays take into account, in the scene's units.
     pub clearance: f32,
@@ -38,19 +38,21 @@ impl Range {
         self.extreme || farthest.is_nan() || farthest >= FAR || (self.tiny && farthest < NEAR)
     }
 
-    /// Of a key frame of these sizes, in a scene of this scale. `has_tiny` says whether a triangle in it, no point, lies
-    /// nearer to the origin than a length in the scene's units.
-    pub(crate) fn of<E>(
-        sizes: &Sizes,
-        scale_exponent: i32,
-        has_tiny: impl FnOnce(f32) -> Result<bool, E>,
-    ) -> Result<Self, E> {
-        let tiny = scaled(TINY, scale_exponent);
-        Ok(Self {
+    /// Vertices of a key frame from which its typical size is found, at most.
+    pub const SAMPLES: usize = 4096;
+
+    /// Of so many vertices, every how manieth that is.
+    pub fn sample_step(vertices: usize) -> usize {
+        vertices.div_ceil(Self::SAMPLES).max(1)
+    }
+
+    /// Of a key frame of these sizes, in a scene of this scale.
+    pub(crate) fn of(sizes: &Sizes, scale_exponent: i32) -> Self {
+        Self {
             extreme: is_outlying(sizes) || sizes.largest > scaled(MOST, scale_exponent),
-            tiny: sizes.third < tiny && has_tiny(tiny)?,
+            tiny: sizes.third < scaled(TINY, scale_exponent),
             clearance: sizes.typical * CLEARANCE,
-        })
+        }
     }
 
     fn with(self, other: Self) -> Self {
@@ -76,26 +78,19 @@ pub(crate) struct Ranges {
 }
 
 impl Ranges {
-    /// Of key frames of these sizes. `has_tiny` says of one whether a triangle in it, no point, lies nearer to the origin
-    /// than a length in the scene's units.
-    pub(crate) fn of<E>(
-        sizes: &[Sizes],
-        has_tiny: impl Fn(usize, f32) -> Result<bool, E>,
-    ) -> Result<Self, E> {
+    /// Of key frames of these sizes.
+    pub(crate) fn of(sizes: &[Sizes]) -> Self {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
         // Where some moment is extreme anyway, the others keep the units that they were given in.
         let scale_exponent = match sizes.iter().any(is_outlying) {
             true => 0,
             false => exponent_for(largest),
         };
-        let all = sizes.iter().enumerate();
-        let ranges =
-            all.map(|(key, sizes)| Range::of(sizes, scale_exponent, |least| has_tiny(key, least)));
-        let keys = ranges.collect::<Result<_, E>>()?;
-        Ok(Self {
+        let all = sizes.iter();
+        Self {
             scale_exponent,
-            keys,
-        })
+            keys: all.map(|sizes| Range::of(sizes, scale_exponent)).collect(),
+        }
     }
 
     pub(crate) fn at(&self, pose: Pose) -> Range {
@@ -124,15 +119,6 @@ fn exponent_for(largest: f32) -> i32 {
 /// A size in scaled units in the scene's.
 fn scaled(size: f32, exponent: i32) -> f32 {
     (f64::from(size) * f64::from(exponent).exp2()) as f32
-}
-
-/// Whether a triangle that is not a point lies nearer to the origin than `least`.
-pub(crate) fn has_tiny(key: &[Point], triangles: &[[u32; 3]], least: f32) -> bool {
-    let near = |&p: &Point| size(p) < least;
-    triangles.iter().any(|t| {
-        let corners = t.map(|v| key[v as usize]);
-        corners.iter().all(near) && (corners[0] != corners[1] || corners[0] != corners[2])
-    })
 }
 
 #[cfg(test)]

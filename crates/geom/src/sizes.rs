@@ -1,13 +1,11 @@
 //! How large a key frame's coordinates are, found fast enough to be done for each frame that arrives.
 
-use crate::{KeyFrame, Point};
+use crate::{KeyFrame, Point, Range};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Vertices of a key frame from which its typical size is found, at most.
-const SAMPLES: usize = 4096;
 /// Vertices that one task looks at.
 const RUN: usize = 1 << 15;
 /// Threads that help with a key frame.
@@ -17,7 +15,7 @@ const HELPERS: usize = 7;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sizes {
     pub(crate) largest: f32,
-    /// The third least of the largest coordinates of vertices: no triangle lies nearer to the origin.
+    /// The third least of the largest coordinates of vertices: no triangle but a flat one lies nearer to the origin.
     pub(crate) third: f32,
     /// The lower quartile of the largest coordinates of vertices.
     pub(crate) typical: f32,
@@ -72,8 +70,7 @@ impl Sizes {
 
 /// Vertices from which the typical size of so many is found.
 fn sampled(vertices: usize) -> impl Iterator<Item = usize> {
-    let step = vertices.div_ceil(SAMPLES).max(1);
-    (0..vertices).step_by(step)
+    (0..vertices).step_by(Range::sample_step(vertices))
 }
 
 /// Their sizes, but for those that say nothing.
@@ -86,7 +83,7 @@ fn samples_at(key: &[Point], vertices: impl Iterator<Item = usize>) -> impl Iter
 #[derive(Clone, Debug)]
 pub(crate) struct Parts {
     /// Each for one task.
-    runs: Arc<[Range<usize>]>,
+    runs: Arc<[ops::Range<usize>]>,
     /// Of these, the ones from which the typical size is found.
     sampled: Vec<usize>,
     rest: Extremes,
@@ -95,14 +92,14 @@ pub(crate) struct Parts {
 
 impl Parts {
     /// Of a key frame, by runs of vertices in order.
-    pub(crate) fn of(key: &[Point], moving: &[Range<usize>]) -> Self {
+    pub(crate) fn of(key: &[Point], moving: &[ops::Range<usize>]) -> Self {
         let ends = moving.iter().map(|run| run.end);
         let starts = moving.iter().map(|run| run.start);
         let between = std::iter::once(0)
             .chain(ends)
             .zip(starts.chain([key.len()]));
         let rest = between.map(|(from, to)| Extremes::of(&key[from..to]));
-        let split = |run: &Range<usize>| {
+        let split = |run: &ops::Range<usize>| {
             let (first, end) = (run.start, run.end);
             (first..end)
                 .step_by(RUN)
@@ -122,7 +119,7 @@ impl Parts {
 /// A key frame that several threads look at.
 struct Look {
     key: KeyFrame,
-    runs: Arc<[Range<usize>]>,
+    runs: Arc<[ops::Range<usize>]>,
     /// Runs that somebody took.
     begun: AtomicUsize,
     /// Runs that were looked at, and what was found there.

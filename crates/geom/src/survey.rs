@@ -1,12 +1,11 @@
 //! What all key frames of an animation tell together, seen one after another.
 
 use crate::key_frames::KeyFrames;
-use crate::range::{Ranges, has_tiny};
+use crate::range::Ranges;
 use crate::sizes::{Parts, Sizes};
 use crate::still::{bits, keeps_its_bits};
 use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, StaticParts, is_active};
 use rayon::prelude::*;
-use std::convert::Infallible;
 
 /// Facts that hold for the whole motion.
 #[derive(Clone, Debug)]
@@ -28,7 +27,7 @@ pub(crate) struct Survey {
 const RUN: usize = 1 << 16;
 
 impl Survey {
-    /// Looks at all key frames, one after another; again at those that need it.
+    /// Looks at all key frames, one after another.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
         let first = keys.first();
         let mut measured = vec![Measured::of(first)];
@@ -61,10 +60,7 @@ impl Survey {
         })?;
         fallback_corners.sort_unstable_by_key(|&(t, _)| t);
         let sizes: Vec<Sizes> = measured.iter().map(|m| m.sizes).collect();
-        let ranges = Ranges::of(&sizes, |key, least| {
-            let frame = keys.get(key)?;
-            Ok(has_tiny(&frame, triangles, least))
-        })?;
+        let ranges = Ranges::of(&sizes);
         Ok(Self {
             fallback_corners,
             never_active: inactive.len() as u32,
@@ -107,14 +103,12 @@ impl Survey {
     }
 
     /// How far the coordinates of a key frame reach that came later. It differs from the first as was said [before](Self::before).
-    pub(crate) fn range_of(&self, frame: &KeyFrame, triangles: &[[u32; 3]]) -> Range {
-        let has_tiny = |least| Ok::<_, Infallible>(has_tiny(frame, triangles, least));
+    pub(crate) fn range_of(&self, frame: &KeyFrame) -> Range {
         let sizes = match &self.parts {
             Some(parts) => Sizes::of_new(frame, parts),
             None => Sizes::of(frame),
         };
-        let Ok(range) = Range::of(&sizes, self.ranges.scale_exponent, has_tiny);
-        range
+        Range::of(&sizes, self.ranges.scale_exponent)
     }
 }
 

@@ -22,6 +22,8 @@ pub struct ComputeBackend<D: GpuDevice> {
     stale: Stale,
     /// Which parts of the tree in use stand.
     progress: Progress,
+    /// Whether the device knows how far the coordinates reach of the key frame that arrived last.
+    measured: bool,
 }
 
 /// What must run before a trace.
@@ -62,6 +64,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             method: Method::default(),
             stale: Stale::Positions,
             progress: Progress::default(),
+            measured: false,
         })
     }
 
@@ -89,7 +92,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let params = Params::of(scene.scale_exponent, &self.tree().shape);
         Params {
             alpha: pose.alpha,
-            ..params.within(scene.animation.range(pose))
+            ..params.at_range(scene.animation.known_range(pose))
         }
     }
 
@@ -136,6 +139,10 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
     fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
         let has_tree = self.tree().shape.leaf_count > 0;
+        if query.kind.light().is_some() {
+            // Shadow rays keep clear by the typical size, so the host has to look.
+            self.engine.scene().animation.range(self.engine.pose);
+        }
         let params = self.params();
         let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
         let how = (self.method.intersector, has_tree);
@@ -147,7 +154,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let engine = &mut self.engine;
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
-        let tracing = work::trace(self.method, params, rays, query.kind, traits);
+        let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
+        if has_tree && !self.measured {
+            let vertices = engine.scene().animation.vertex_count();
+            self.measured = tracing.measure_range(self.method, params, vertices);
+        }
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
         let stages = [
@@ -194,6 +205,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(method) && k.suits(traits));
         engine.pipelines.begin(&engine.gpu, usual);
+        if animation.is_arriving() {
+            let later = work::kernels_of_arriving_keys(method);
+            engine.pipelines.begin(&engine.gpu, later);
+        }
         // What is under way or recorded belongs to the scene before.
         engine.abandon();
         engine.unload()?;
@@ -244,7 +259,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         let params = self.params_at(pose);
         self.engine.interpolate(pose, params)?;
-        self.stale = Stale::Records;
+        (self.stale, self.measured) = (Stale::Records, false);
         Ok(())
     }
 
@@ -354,6 +369,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             Err(_) => {
                 self.engine.abandon();
                 (self.stale, self.progress) = (Stale::Positions, Progress::default());
+                self.measured = false;
             }
         }
         submitted

@@ -4,8 +4,8 @@ use crate::key_slots::KeySlots;
 use crate::{BufferPurpose, BufferTable, GpuDevice};
 use backend::{Palette, Result};
 use geom::{Animation, Pose};
-use shaders::BufferName;
 use shaders::work::Vertices;
+use shaders::{BufferName, RANGE_BYTES};
 use std::sync::Arc;
 
 /// Key frames, triangles, positions.
@@ -16,7 +16,8 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// Two, so that one can go back to the host while the next frame fills the other.
     /// Where rows are listed, static vertices stand in both from the start.
     pub positions: [D::Buffer; 2],
-    /// Corners of triangles; rows of positions in which anything moves, where listing them pays.
+    /// Corners of triangles; rows of positions in which anything moves, where listing them pays; how far the coordinates of a
+    /// key frame that arrived reach.
     others: BufferTable<D>,
     moving_row_count: Option<usize>,
     /// Colours and tones, once pictures are asked for.
@@ -36,6 +37,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         let sizes = [
             (BufferName::Triangles, triangle_bytes),
             (BufferName::MovingRows, row_bytes),
+            (BufferName::Range, RANGE_BYTES),
         ];
         let others = BufferTable::new(gpu, sizes)?;
         let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
@@ -51,6 +53,8 @@ impl<D: GpuDevice> SceneBuffers<D> {
         }
         let triangles = bytemuck::cast_slice(animation.triangles());
         contents.push((triangles, other(BufferName::Triangles)));
+        let zeros = [0; RANGE_BYTES as usize];
+        contents.push((&zeros, other(BufferName::Range)));
         gpu.upload(&contents)?;
         Ok(Self {
             keys,

@@ -220,6 +220,8 @@ impl<D: GpuDevice> Trace<D> {
             BufferName::Occluded => self.buffers.occluded.as_ref(),
             BufferName::Rays => self.buffers.rays.as_ref(),
             BufferName::Pixels => self.buffers.pixels.as_ref(),
+            BufferName::Answers if self.kind == QueryKind::Any => self.buffers.occluded.as_ref(),
+            BufferName::Answers => self.buffers.hits.as_ref(),
             _ => None,
         }
     }

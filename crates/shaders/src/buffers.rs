@@ -18,6 +18,8 @@ pub enum BufferName {
     Earlier,
     /// The key frame after it.
     Later,
+    /// How far its coordinates reach, where the host did not look: wgsl/geometry/range.wgsl.
+    Range,
     /// Interpolated vertices.
     Positions,
     /// Rows of positions in which anything moves: see [`crate::moving_rows`].
@@ -83,6 +85,7 @@ impl BufferName {
             Self::Operands => "operands",
             Self::Results => "results",
             Self::Earlier | Self::Later => "a key frame",
+            Self::Range => "a key frame's range",
             Self::Positions => "positions",
             Self::MovingRows => "rows that move",
             Self::Triangles => "triangles' corners",
@@ -113,6 +116,9 @@ impl BufferName {
         }
     }
 }
+
+/// Bytes of the buffer `range`.
+pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
 /// Bytes of each buffer that suffice for every tree of so many leaves; with layout `fast` but for nodes and costs.
 pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {

@@ -33,7 +33,7 @@ pub mod work;
 use backend::Method;
 
 pub use arithmetic::Traits;
-pub use buffers::{BufferName, tree_buffers};
+pub use buffers::{BufferName, RANGE_BYTES, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use method::{occluded_words, record_bytes};
 pub use moving::{MovingShape, MovingTreeletShape, moving_rows};

@@ -73,6 +73,33 @@ impl Params {
         }
     }
 
+    /// The same at a moment whose coordinates reach so far; `None` where a device has to find out.
+    pub fn at_range(self, range: Option<Range>) -> Self {
+        match range {
+            Some(range) => self.within(range),
+            None => Self {
+                extreme: Self::UNKNOWN,
+                ..self
+            },
+        }
+    }
+
+    /// The same where rays are extreme by themselves alone.
+    pub(crate) fn known(mut self) -> Self {
+        if self.is_unknown() {
+            self.extreme = 0;
+        }
+        self
+    }
+
+    /// Whether only [`crate::BufferName::Range`] tells which rays are extreme.
+    pub fn is_unknown(&self) -> bool {
+        self.extreme == Self::UNKNOWN
+    }
+
+    /// Of [`Params::extreme`]: whether rays are extreme is written in [`crate::BufferName::Range`].
+    pub(crate) const UNKNOWN: u32 = 2;
+
     /// The same at a moment whose coordinates reach so far.
     pub fn within(mut self, range: Range) -> Self {
         self.clearance = range.clearance * scale(self.scale_exponent);
@@ -83,7 +110,7 @@ impl Params {
     /// Whether a ray from `origin`, in the scene's units, is extreme.
     pub fn is_extreme(&self, origin: Point) -> bool {
         let range = Range {
-            extreme: self.extreme != 0,
+            extreme: self.extreme == 1,
             tiny: self.tiny != 0,
             clearance: self.clearance,
         };

@@ -1,10 +1,12 @@
 //! Each stage as a list of dispatches. A dispatch reads what those before it wrote, so a barrier goes between any two.
 
+mod extremes;
 mod pictures;
 mod rays;
 mod tree;
 mod treelets;
 
+pub use extremes::kernels_of_arriving_keys;
 pub use pictures::shade;
 pub use rays::{cleanse, count_answers, count_triangles, rays};
 pub(crate) use tree::sum;
@@ -12,6 +14,7 @@ pub use tree::{Progress, leaves};
 
 use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
 use backend::{Intersector, Method, QueryKind};
+use extremes::Extremes;
 use geom::Camera;
 
 /// A kernel to run. Its buffers are found by their names in [`Kernel::bindings`].
@@ -162,14 +165,14 @@ pub fn trace(
     kind: QueryKind,
     traits: Traits,
 ) -> Trace {
-    let how = extremes_of(method, &params, rays);
+    let how = Extremes::among(method, &params, rays);
     let mut trace = match how {
         Extremes::All => Trace::default(),
-        _ => usual(method, params, rays, kind, traits),
+        _ => usual(method, params.known(), rays, kind, traits),
     };
     if how != Extremes::None {
         let last = trace.shadow.as_mut().unwrap_or(&mut trace.primary);
-        last.extend(extreme_work(method, params, rays, kind));
+        last.extend(extremes::work(method, params, rays, kind));
     }
     trace
 }
@@ -294,47 +297,6 @@ fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [&str; 2]) -> V
             finishing(method, search.params, rays, finish),
         ],
         _ => vec![search],
-    }
-}
-
-/// Which of a query's rays are extreme.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Extremes {
-    None,
-    Some,
-    All,
-}
-
-/// Which rays kernels leave to [`extreme_work`].
-fn extremes_of(method: Method, params: &Params, rays: Rays<'_>) -> Extremes {
-    match (method.intersector, rays) {
-        (Intersector::MollerTrumbore | Intersector::Woop, _) => Extremes::None,
-        _ if params.extreme != 0 => Extremes::All,
-        (_, Rays::Given(_, true)) => Extremes::Some,
-        (_, Rays::Camera(camera)) if params.is_extreme(camera.eye) => Extremes::All,
-        _ => Extremes::None,
-    }
-}
-
-/// What answers them. Comes after what answers the others, as which these rays miss.
-fn extreme_work(method: Method, mut params: Params, rays: Rays<'_>, kind: QueryKind) -> Vec<Work> {
-    params.rule = (method.intersector == Intersector::Watertight).into();
-    let params = match rays {
-        Rays::Given(..) => params,
-        Rays::Camera(camera) => params.through(camera),
-    };
-    let over = |entry, params| Work::linear(kernel(entry, method), params, rays.count());
-    match kind {
-        QueryKind::Any => vec![over("extreme_any_rays", params)],
-        QueryKind::Closest => vec![over("extreme_rays", params)],
-        // In the scene's units, unlike everywhere else.
-        QueryKind::ClosestAndShadow { light } => {
-            let lit = Params { light, ..params };
-            vec![
-                over("extreme_rays", params),
-                over("extreme_shadow_rays", lit),
-            ]
-        }
     }
 }
 

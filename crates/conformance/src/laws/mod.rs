@@ -1,6 +1,7 @@
 //! The laws, by name.
 
 mod answers;
+mod arriving;
 mod geometry;
 mod reports;
 mod still;
@@ -127,6 +128,10 @@ pub const LAWS: &[Law] = &[
     law(
         "positions_of_a_stream_are_those_of_held_key_frames",
         streamed::positions,
+    ),
+    law_of_robust(
+        "key_frames_that_arrive_need_no_look_of_the_host",
+        arriving::measured,
     ),
     law_of_robust("closest_hits_equal_the_reference", answers::closest),
     law_of_robust("any_hits_equal_the_reference", answers::any),

@@ -28,6 +28,8 @@ pub(crate) struct Faulty {
     taken: Option<Vec<Point>>,
     old_copy: Option<Vec<Point>>,
     pose: Option<Pose>,
+    /// Whether the host has looked at its key frames.
+    is_known: bool,
     /// The one before, of this scene.
     pose_before: Option<Pose>,
     /// The tree that was made last.
@@ -52,6 +54,7 @@ impl Faulty {
             taken: None,
             old_copy: None,
             pose: None,
+            is_known: true,
             pose_before: None,
             made: None,
             brought: None,
@@ -67,6 +70,9 @@ impl Faulty {
         let miss = |h: &mut Hit| *h = Hit::MISS;
         let found = hits.closest.iter_mut().filter(|h| h.is_hit());
         match self.fault {
+            "what arrives is not measured" if !self.is_known => {
+                found.for_each(|h| h.u = h.u.next_up())
+            }
             "distances one ulp off" => found.for_each(|h| h.t = h.t.next_up()),
             "weights swapped" => found.for_each(|h| std::mem::swap(&mut h.u, &mut h.v)),
             "edges leak" => {
@@ -173,6 +179,8 @@ impl Backend for Faulty {
             .animation
             .as_ref()
             .is_some_and(|a| a.window().is_some());
+        let known = |a: &Arc<Animation>| a.known_range(pose).is_some();
+        self.is_known = self.animation.as_ref().is_none_or(known);
         let late = streams && self.is("key frames of a stream come late");
         let key = pose.key.saturating_sub(u32::from(late));
         self.inner.interpolate(Pose { key, ..pose })

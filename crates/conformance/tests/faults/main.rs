@@ -13,6 +13,7 @@ boxes_are_of_the_moment_interpolated_last: last box too large, boxes of the mome
 reports_name_what_was_done: times of stages left out, clock runs backwards
 positions_come_back_as_they_were: copies are of the newest frame, copies come twice
 positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
+key_frames_that_arrive_need_no_look_of_the_host: what arrives is not measured
 closest_hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray

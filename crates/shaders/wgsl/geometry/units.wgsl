@@ -49,11 +49,16 @@ fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31
 
 // Which rays are extreme: geom::Range.
 
-// By its start in scaled units. 2^40 and 2^-24; a NaN is extreme.
+// By its start in scaled units, at a moment of which the host knows how far coordinates reach.
 fn is_extreme(origin: vec3<f32>) -> bool {
+    return params.extreme == 1u || starts_beyond(origin, params.tiny != 0u);
+}
+
+// 2^40 and 2^-24; a NaN is extreme.
+fn starts_beyond(origin: vec3<f32>, tiny: bool) -> bool {
     let size = abs(origin);
     let farthest = max(size.x, max(size.y, size.z));
-    return params.extreme != 0u || !is_finite_point(origin) || farthest >= 1099511627776.0 || (params.tiny != 0u && farthest < 5.9604644775390625e-8);
+    return !is_finite_point(origin) || farthest >= 1099511627776.0 || (tiny && farthest < 5.9604644775390625e-8);
 }
 
 // Floats in order as whole numbers, and back.

@@ -220,11 +220,12 @@ fn search_extreme(ignore: u32, any: bool) {
     }
 }
 
-// The closest hit along the line that is set.
-fn closest_extreme() -> vec4<u32> {
-    search_extreme(NO_TRIANGLE, false);
+// The closest hit along the line that is set; or any, of which only the triangle is told.
+fn hit_extreme(any: bool) -> vec4<u32> {
+    search_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }
     atomicAdd(&counts[2], 1u);
+    if any { return vec4<u32>(0u, 0u, 0u, best_triangle); }
     let weights = weights_of(points_of(best_triangle));
     return vec4<u32>(nearest_within(best_t, vec2<u32>(line.t_min, line.t_max)), weights, best_triangle);
 }

@@ -2,12 +2,13 @@
 
 import package::geometry::queries::{Asked, asked, set_line_of};
 import package::geometry::ray::MISS;
+import package::geometry::range::{EXTREME, TINY};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{is_extreme, is_finite_point, scale_bits, scaled_point};
-import package::intersect::extreme::{any_extreme, closest_extreme};
+import package::geometry::units::{is_extreme, is_finite_point, scale_bits, starts_beyond};
+import package::intersect::extreme::{any_extreme, hit_extreme};
 import package::intersect::line::{make_line, put_corners, put_side, set_line};
-import package::lib::buffers::{counts, hits, occluded, rays};
+import package::lib::buffers::{counts, hits, occluded, range};
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::params::{element, params};
 import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
@@ -102,7 +103,16 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
 }
 
 // Whether a ray is left to these kernels: of a camera's all are.
-fn is_left(i: u32) -> bool { return params.width > 0u || is_extreme(scaled_point(rays[2u * i].xyz)); }
+fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(asked(i).origin); }
+
+@if(extreme_rays)
+fn is_left(i: u32) -> bool {
+    if params.extreme == 2u { return range[EXTREME] != 0u || starts_beyond(asked(i).origin, range[TINY] != 0u); }
+    return is_known_to_be_left(i);
+}
+// For shadows the host has looked.
+@else
+fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
 // Whether a ray hits nothing: the host marks given ones by a direction of zero.
 fn misses_all(ray: Asked) -> bool {
@@ -111,31 +121,36 @@ fn misses_all(ray: Asked) -> bool {
     return is_zero || !is_bounded;
 }
 
-// The closest hits of those rays that are extreme.
+// What those rays that are extreme hit: the closest, or of `rounds` 1 whether there is any. An answer has `rounds` words.
+
+@group(0) @binding(next) var<storage, read_write> answers: array<u32>;
+
+// Where the host did not know which rays are left, other kernels have answered all.
+fn take_back(i: u32) {
+    let last = answers[params.rounds * (i + 1u) - 1u];
+    let found = select(last != NO_TRIANGLE, last == 1u, params.rounds == 1u);
+    if params.extreme == 2u && found { atomicSub(&counts[2], 1u); }
+}
+
+fn answer(i: u32, hit: vec4<u32>) {
+    if params.rounds == 1u {
+        answers[i] = u32(hit.w != NO_TRIANGLE);
+        return;
+    }
+    for (var word = 0u; word < 4u; word += 1u) { answers[4u * i + word] = hit[word]; }
+}
 
 @compute @workgroup_size(64)
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
     if i >= params.count || !is_left(i) { return; }
-    hits[i] = MISS;
-    if misses_all(asked(i)) { return; }
-    set_line_of(i);
-    hits[i] = closest_extreme();
-}
-
-// Whether those given rays that are extreme meet anything.
-
-@compute @workgroup_size(64)
-fn extreme_any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 64u);
-    if i >= params.count || !is_left(i) { return; }
-    occluded[i] = 0u;
-    if misses_all(asked(i)) { return; }
-    set_line_of(i);
-    if any_extreme(NO_TRIANGLE) {
-        occluded[i] = 1u;
-        atomicAdd(&counts[2], 1u);
+    take_back(i);
+    if misses_all(asked(i)) {
+        answer(i, MISS);
+        return;
     }
+    set_line_of(i);
+    answer(i, hit_extreme(params.rounds == 1u));
 }
 
 // The shadows of the hits of those rays that are extreme.

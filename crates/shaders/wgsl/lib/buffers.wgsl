@@ -36,6 +36,12 @@
 // Rays given one by one, two rows each: origin and t_min, direction and t_max.
 @group(0) @binding(next) var<storage, read> rays: array<vec4<u32>>;
 
+// How far coordinates reach, where the host does not know: see geometry/range.wgsl.
+@if(measure_range)
+@group(0) @binding(next) var<storage, read_write> range: array<atomic<u32>>;
+@else
+@group(0) @binding(next) var<storage, read> range: array<u32>;
+
 // Three vertices a triangle.
 @group(0) @binding(next) var<storage, read> triangles: array<u32>;
 

@@ -63,7 +63,8 @@ struct Params {
     pixel_margin: f32,
     // The extent of the scene that shadows' rays always heed, in scaled units: geom::Range.
     clearance: f32,
-    // 1 if all rays are extreme, and if those are that start near the origin: geometry/units.wgsl.
+    // 1 if all rays are extreme, and if those are that start near the origin: geometry/units.wgsl. Of extreme rays `extreme` is
+    // 2 where only the buffer `range` tells.
     extreme: u32,
     tiny: u32,
 }

@@ -1,0 +1,120 @@
+// How far the coordinates of a key frame reach, where the host did not look: geom::Range, to the same bits.
+
+import package::geometry::units::scale_bits;
+import package::lib::buffers::range;
+import package::lib::params::{element, params};
+
+@group(0) @binding(next) var<storage, read> earlier: array<u32>;
+
+// What lies in `range`. All sizes are bits of floats, which are in order as whole numbers.
+
+// Whether all rays are extreme, and whether those are that start near the origin.
+const EXTREME: u32 = 0u;
+const TINY: u32 = 1u;
+// The largest finite coordinate, how many vertices lie near the origin, and workgroups that are done; 0 after the last.
+const LARGEST: u32 = 2u;
+const NEAR: u32 = 3u;
+const DONE: u32 = 4u;
+// The sizes of some vertices.
+const SAMPLES: u32 = 8u;
+
+const INFINITE: u32 = 0x7f800000u;
+// 1.0
+const ONE: u32 = 0x3f800000u;
+// Samples of an invocation of the last workgroup: 4096 in all.
+const SHARE: u32 = 16u;
+
+var<workgroup> group_largest: atomic<u32>;
+var<workgroup> group_near: atomic<u32>;
+var<workgroup> groups_done: u32;
+// For each bit how many samples are known to lie below by it; then how many there are.
+var<workgroup> below: array<atomic<u32>, 33>;
+
+// A power of two times a size in scaled units, in the scene's units.
+fn in_scene(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
+
+fn finite_or_zero(size: u32) -> u32 { return select(0u, size, size < INFINITE); }
+
+// Takes a vertex into account.
+fn measure(vertex: u32) {
+    let at = 3u * vertex;
+    let x = earlier[at] & 0x7fffffffu;
+    let y = earlier[at + 1u] & 0x7fffffffu;
+    let z = earlier[at + 2u] & 0x7fffffffu;
+    let size = max(x, max(y, z));
+    atomicMax(&group_largest, max(finite_or_zero(x), max(finite_or_zero(y), finite_or_zero(z))));
+    // 2^-32
+    if size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
+    // One that says nothing counts as infinite.
+    if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
+}
+
+// The lower quartile of the samples that say anything, found bit by bit; the largest coordinate if none does.
+fn typical_size(local: u32, largest: u32) -> u32 {
+    var own: array<u32, SHARE>;
+    let count = (params.count + params.first - 1u) / params.first;
+    for (var i = 0u; i < SHARE; i += 1u) {
+        let sample = i * 256u + local;
+        own[i] = INFINITE;
+        if sample < count { own[i] = atomicLoad(&range[SAMPLES + sample]); }
+        if own[i] < INFINITE { atomicAdd(&below[32], 1u); }
+    }
+    workgroupBarrier();
+    let all = atomicLoad(&below[32]);
+    var rank = all / 4u;
+    var found = 0u;
+    for (var i = 0u; i < 32u; i += 1u) {
+        let bit = 1u << (31u - i);
+        for (var j = 0u; j < SHARE; j += 1u) {
+            if own[j] < INFINITE && own[j] >= found && own[j] < found + bit { atomicAdd(&below[i], 1u); }
+        }
+        workgroupBarrier();
+        let fewer = atomicLoad(&below[i]);
+        if rank >= fewer {
+            rank -= fewer;
+            found += bit;
+        }
+    }
+    return select(found, largest, all == 0u);
+}
+
+// What all vertices come to.
+fn judge(local: u32) {
+    let largest = atomicLoad(&range[LARGEST]);
+    let typical = typical_size(local, largest);
+    if local != 0u { return; }
+    let outlying = largest > bitcast<u32>(scale_bits(typical, 16));
+    atomicStore(&range[EXTREME], u32(outlying || largest > in_scene(ONE, 31)));
+    atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 3u));
+    atomicStore(&range[LARGEST], 0u);
+    atomicStore(&range[NEAR], 0u);
+    atomicStore(&range[DONE], 0u);
+}
+
+// A vertex an invocation; the workgroup that is done last judges.
+
+@compute @workgroup_size(256)
+fn measure_range(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    if local < 33u { atomicStore(&below[local], 0u); }
+    if local == 0u {
+        atomicStore(&group_largest, 0u);
+        atomicStore(&group_near, 0u);
+    }
+    workgroupBarrier();
+    let vertex = element(id, groups, 256u);
+    if vertex < params.count { measure(vertex); }
+    workgroupBarrier();
+    if local == 0u {
+        atomicMax(&range[LARGEST], atomicLoad(&group_largest));
+        atomicAdd(&range[NEAR], atomicLoad(&group_near));
+    }
+    storageBarrier();
+    if local == 0u { groups_done = 1u + atomicAdd(&range[DONE], 1u); }
+    if workgroupUniformLoad(&groups_done) < groups.x * groups.y { return; }
+    storageBarrier();
+    judge(local);
+}
