@@ -1,4 +1,5 @@
-//! A program with a wgpu device of its own: the library traces there, and the program's shader reads the hits where they lie.
+//! A program with a wgpu device of its own: its shader moves the vertices, the library traces there, and another shader reads
+//! the hits where they lie.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
@@ -9,8 +10,13 @@ use wgpu::util::DeviceExt;
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// Counts rays that hit something nearer than 4.
+/// Lifts the sheet, and counts rays that hit something nearer than 4.
 const SHADER: &str = "
+@group(0) @binding(0) var<storage, read_write> heights: array<f32>;
+@compute @workgroup_size(3)
+fn lift(@builtin(global_invocation_id) id: vec3u) {
+    heights[3 * id.x + 1] += 0.5;
+}
 struct Hit { t: f32, u: f32, v: f32, triangle: u32 }
 @group(0) @binding(0) var<storage, read> hits: array<Hit>;
 @group(0) @binding(1) var<storage, read_write> near: atomic<u32>;
@@ -37,14 +43,9 @@ fn open(limits: wgpu::Limits) -> Result<OwnDevice, Box<dyn Error>> {
     })
 }
 
-/// Has the shader go over the hits, in the queue behind the trace; nobody waits for it before the count is read.
-fn count(own: &OwnDevice, hits: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
+/// Has one of the shaders run on buffers, in the queue behind what was submitted before. Nobody waits for it.
+fn run(own: &OwnDevice, entry: &str, buffers: &[&wgpu::Buffer], groups: u32) {
     let OwnDevice { device, queue, .. } = own;
-    let near = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: None,
-        contents: &[0; 4],
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-    });
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(SHADER.into()),
@@ -53,32 +54,50 @@ fn count(own: &OwnDevice, hits: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
         label: None,
         layout: None,
         module: &module,
-        entry_point: None,
+        entry_point: Some(entry),
         compilation_options: Default::default(),
         cache: None,
+    });
+    let entries = buffers.iter().zip(0..);
+    let entries = entries.map(|(buffer, binding)| wgpu::BindGroupEntry {
+        binding,
+        resource: buffer.as_entire_binding(),
     });
     let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            wgpu::BindGroupEntry {
-                binding: 0,
-                resource: hits.as_entire_binding(),
-            },
-            wgpu::BindGroupEntry {
-                binding: 1,
-                resource: near.as_entire_binding(),
-            },
-        ],
+        entries: &entries.collect::<Vec<_>>(),
     });
     let mut encoder = device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(&pipeline);
     pass.set_bind_group(0, &group, &[]);
-    pass.dispatch_workgroups((SIZE[0] * SIZE[1]).div_ceil(64), 1, 1);
+    pass.dispatch_workgroups(groups, 1, 1);
     drop(pass);
     queue.submit([encoder.finish()]);
+}
+
+fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
+    let contents: Vec<u8> = contents.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let about = wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents: &contents,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+    };
+    own.device.create_buffer_init(&about)
+}
+
+/// How many rays hit something near: nobody waits before the count is read.
+fn count(own: &OwnDevice, hits: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
+    let near = buffer(own, &[0.0]);
+    run(
+        own,
+        "count",
+        &[hits, &near],
+        (SIZE[0] * SIZE[1]).div_ceil(64),
+    );
     let (said, heard) = std::sync::mpsc::channel();
+    let OwnDevice { device, queue, .. } = own;
     wgpu::util::DownloadBuffer::read_buffer(device, queue, &near.slice(..), move |bytes| {
         let count = bytes.map(|b| bytemuck::pod_read_unaligned::<u32>(&b));
         said.send(count).expect("somebody listens");
@@ -96,10 +115,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut tracer = Tracer::builder().device(device).build(scene)?;
     let eye = [0.0, 5.0, 0.1];
     let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 60.0, SIZE).ok_or("no picture")?;
-    for height in 0..5 {
+    let vertices = buffer(&own, sheet.as_flattened());
+    for height in 1..5 {
+        run(&own, "lift", &[&vertices], 1);
         let mut step = tracer.step(0.0);
-        let lifted = sheet.map(|[x, _, z]| [x, 0.5 * height as f32, z]);
-        step.vertices(mesh, Source::Host(&lifted))?;
+        step.vertices(mesh, Source::Wgpu(vertices.slice(..)))?;
         let query = step.trace(&camera, Query::Closest)?;
         let done = step.submit()?;
         let near = count(&own, tracer.hits_buffer(done, query)?)?;

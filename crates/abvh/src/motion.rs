@@ -63,6 +63,9 @@ pub(crate) struct Joined {
     next: PointBuffer,
     /// Meshes whose vertices in there are the newest.
     is_fresh: Vec<bool>,
+    /// Where vertices came to lie there that a device had of its own before.
+    #[cfg(feature = "wgpu")]
+    returned: Vec<Range<usize>>,
     /// Whether the animation knows them all.
     is_told: bool,
     /// The time that key-framed meshes stand at.
@@ -96,6 +99,8 @@ impl Joined {
             triangles,
             next: PointBuffer::default(),
             is_fresh: vec![true; motions.len()],
+            #[cfg(feature = "wgpu")]
+            returned: Vec::new(),
             motions,
             is_told: true,
             time: 0.0,
@@ -148,7 +153,7 @@ impl Joined {
     }
 
     /// Where a mesh's vertices lie among all.
-    fn range_of(&self, mesh: usize) -> Range<usize> {
+    pub(crate) fn range_of(&self, mesh: usize) -> Range<usize> {
         self.vertices[mesh]..self.vertices[mesh + 1]
     }
 
@@ -156,7 +161,28 @@ impl Joined {
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
+        #[cfg(feature = "wgpu")]
+        self.returned.push(range.clone());
         &mut self.next[range]
+    }
+
+    /// A mesh's vertices came to the device alone.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn is_on_device(&mut self, mesh: usize) {
+        let range = self.range_of(mesh);
+        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        self.returned.retain(|other| *other != range);
+    }
+
+    /// Runs of vertices that come from the host again.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn take_returned(&mut self) -> std::vec::Drain<'_, Range<usize>> {
+        self.returned.drain(..)
+    }
+
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn vertex_count(&self) -> usize {
+        self.next.len()
     }
 
     /// Has steps to come prepared where the device reads them.

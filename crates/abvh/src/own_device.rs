@@ -1,13 +1,16 @@
 //! A wgpu device that the program opened for itself, and results that its own shaders read there.
 //!
+//! Vertices may come from its buffers: [`Source::Wgpu`](crate::Source::Wgpu).
+//!
 //! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
 //! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
 
 use crate::motion::Joined;
-use crate::step::find;
+use crate::step::{check, find};
 use crate::{Device, Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
 use backend::Backend;
+use geom::Point;
 use gpu_wgpu::{WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
 use std::any::Any;
@@ -54,6 +57,44 @@ pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
 }
 
 impl Tracer {
+    fn wgpu(&mut self) -> Result<&mut WgpuBackend> {
+        let backend: &mut dyn Any = self.driver.backend();
+        let found = backend.downcast_mut();
+        found.ok_or_else(|| Error::Device("it has no buffers of wgpu's".into()))
+    }
+
+    /// Has a streamed mesh's vertices come from a buffer of the program's.
+    pub(crate) fn bring_points(
+        &mut self,
+        (mesh, index): (MeshId, usize),
+        from: wgpu::BufferSlice<'_>,
+    ) -> Result<()> {
+        let range = self.joined.range_of(index);
+        let (expected, found) = (range.len() * size_of::<Point>(), from.size() as usize);
+        check(mesh, "bytes", expected, found)?;
+        let is_copied = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
+        if !is_copied || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
+            let why = "a buffer of vertices needs the usage COPY_SRC and an offset of whole floats";
+            return Err(Error::Device(why.into()));
+        }
+        let places = [range.start, self.joined.vertex_count()];
+        let brought = self.wgpu()?.gpu_mut().bring_points(places, from);
+        brought.map_err(Error::of_backend)?;
+        self.driver.forget_key_frames();
+        self.joined.is_on_device(index);
+        Ok(())
+    }
+
+    /// Has vertices come from the host again that did not.
+    pub(crate) fn release_points(&mut self) {
+        let backend: &mut dyn Any = self.driver.backend();
+        let mut device = backend.downcast_mut::<WgpuBackend>();
+        for run in self.joined.take_returned() {
+            let device = device.as_mut().map(|backend| backend.gpu_mut());
+            device.into_iter().for_each(|gpu| gpu.release_points(&run));
+        }
+    }
+
     /// Where a query's closest hits lie on a device of wgpu's, or will when the work submitted so far is done. One a ray, 16
     /// bytes each: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the triangle's number among those of all meshes
     /// ([`Tracer::first_triangle`]) or 4294967295 for a miss. It is used again when the query's results are dropped.
@@ -62,11 +103,7 @@ impl Tracer {
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
         let ticket = find(&self.results, step, query)?;
-        let backend: &mut dyn Any = self.driver.backend();
-        let Some(backend) = backend.downcast_mut::<WgpuBackend>() else {
-            return Err(Error::Device("its hits are in no buffer of wgpu's".into()));
-        };
-        backend.hits_buffer(ticket).ok_or(Error::NoResult)
+        self.wgpu()?.hits_buffer(ticket).ok_or(Error::NoResult)
     }
 
     /// The number of a mesh's first triangle among those of all meshes.

@@ -30,6 +30,12 @@ impl Query {
 pub enum Source<'a> {
     /// Memory of the host, read before the call returns.
     Host(&'a [Point]),
+    /// A buffer on a wgpu device of the program's own ([`crate::own_device`]): three floats a vertex, one after another. It
+    /// needs the usage `COPY_SRC`, and is read in the order of the queue when the step's first query is traced. No host sees
+    /// these vertices, so trees are built from those of the moment that asks, read back, and not for moments to come. wgpu mistakes
+    /// a buffer of another instance's for one of this.
+    #[cfg(feature = "wgpu")]
+    Wgpu(wgpu::BufferSlice<'a>),
 }
 
 /// A step that was submitted.
@@ -70,10 +76,14 @@ impl Step<'_> {
     /// Moves a streamed mesh's vertices, all of them.
     ///
     /// # Errors
-    /// [`Error::Count`], and those of [`Step::vertices_mut`].
+    /// [`Error::Count`], and those of [`Step::vertices_mut`]; [`Error::Device`] where such a buffer cannot be read.
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
-        let Source::Host(vertices) = source;
         let index = self.may_stream(mesh)?;
+        let vertices = match source {
+            Source::Host(vertices) => vertices,
+            #[cfg(feature = "wgpu")]
+            Source::Wgpu(from) => return self.tracer.bring_points((mesh, index), from),
+        };
         let joined = &mut self.tracer.joined;
         check(
             mesh,
@@ -157,7 +167,7 @@ impl Step<'_> {
     }
 }
 
-fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
+pub(crate) fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
     match expected == found {
         true => Ok(()),
         false => Err(Error::Count {

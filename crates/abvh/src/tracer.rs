@@ -227,6 +227,8 @@ impl Tracer {
         while self.under_way.len() >= most {
             self.finish()?;
         }
+        #[cfg(feature = "wgpu")]
+        self.release_points();
         let backend = self.driver.backend();
         let time = self.joined.tell(&self.animation, backend, time)?;
         let index = self.frames;

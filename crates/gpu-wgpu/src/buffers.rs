@@ -70,6 +70,19 @@ pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     flush()
 }
 
+/// Records a copy from one place to another.
+pub(crate) fn copy_part(
+    gpu: &Gpu,
+    encoder: &mut CommandEncoder,
+    (from, at): (&Buffer, u64),
+    (to, place): (&Buffer, u64),
+    bytes: u64,
+) -> Result<()> {
+    gpu.guard("a copy", bytes, || {
+        encoder.copy_buffer_to_buffer(from, at, to, place, bytes);
+    })
+}
+
 /// Records a copy in pieces.
 pub(crate) fn copy(
     gpu: &Gpu,
@@ -142,7 +155,7 @@ impl Window {
         };
         let mut encoder = gpu.encoder("a view for the host")?;
         copy(gpu, &mut encoder, [from, &window], bytes)?;
-        let submission = gpu.submit(encoder)?;
+        let submission = gpu.submit([encoder])?;
         let mapping = Mapping::ask(gpu, &window)?;
         gpu.wait_for(submission)?;
         mapping.expect(gpu)?;

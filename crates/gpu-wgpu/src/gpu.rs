@@ -156,9 +156,13 @@ impl Gpu {
     }
 
     /// Submits and says where the work stands in the queue.
-    pub(crate) fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<SubmissionIndex> {
+    pub(crate) fn submit(
+        &self,
+        encoders: impl IntoIterator<Item = wgpu::CommandEncoder>,
+    ) -> Result<SubmissionIndex> {
         self.count(|t| t.submissions += 1);
-        self.guard("a submission", 0, || self.queue.submit([encoder.finish()]))
+        let all = encoders.into_iter().map(wgpu::CommandEncoder::finish);
+        self.guard("a submission", 0, || self.queue.submit(all))
     }
 
     /// Lets callbacks run, without waiting.

@@ -17,6 +17,7 @@
 
 mod adapters;
 mod buffers;
+mod device_points;
 mod faults;
 mod gpu;
 mod instance;

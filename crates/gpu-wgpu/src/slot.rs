@@ -146,8 +146,8 @@ impl Slot {
         Ok(encoder)
     }
 
-    /// Ends the recording and submits it.
-    pub(crate) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
+    /// Ends the recording and submits it, after what has to come before.
+    pub(crate) fn submit(&mut self, gpu: &Gpu, before: Option<CommandEncoder>) -> Result<()> {
         self.encoder(gpu)?;
         self.launches.write(gpu)?;
         let mut encoder = self.encoder.take().expect("a recording was begun");
@@ -157,7 +157,7 @@ impl Slot {
                 marks.resolve(&mut encoder, &self.back, COUNTS);
             }
         })?;
-        let submission = gpu.submit(encoder)?;
+        let submission = gpu.submit(before.into_iter().chain([encoder]))?;
         let mapping = Mapping::ask(gpu, &self.back)?;
         self.sent = Some((submission, mapping));
         Ok(())

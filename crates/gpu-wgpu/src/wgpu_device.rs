@@ -2,6 +2,7 @@
 
 use crate::adapters::{driver, kind};
 use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
+use crate::device_points::DevicePoints;
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
@@ -76,6 +77,7 @@ pub struct WgpuDevice {
     /// Buffers that are not in use, of each [`Sent`].
     free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
+    points: DevicePoints,
     form: KernelForm,
     validation: Validation,
     gpu: Arc<Gpu>,
@@ -93,6 +95,7 @@ impl WgpuDevice {
             window: Window::default(),
             free: Default::default(),
             spares: Spares::default(),
+            points: DevicePoints::default(),
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),
@@ -106,6 +109,24 @@ impl WgpuDevice {
             Some(buffer) => Ok((buffer, true)),
             None => Ok((storage(&self.gpu, what.what(), what.room(bytes))?, false)),
         }
+    }
+
+    /// Has the positions from `first` on, of so many that the scene has, come from a buffer of the program's on this device, in
+    /// all key frames to come; the next submission copies them first.
+    ///
+    /// # Errors
+    /// The buffer cannot be copied from. Of another device's, the submission tells.
+    pub fn bring_points(
+        &mut self,
+        [first, vertices]: [usize; 2],
+        from: wgpu::BufferSlice<'_>,
+    ) -> Result<()> {
+        self.points.bring(&self.gpu, [first, vertices], from)
+    }
+
+    /// Has a run of them come from the host again.
+    pub fn release_points(&mut self, run: &Range<usize>) {
+        self.points.release(run);
     }
 
     /// What wgpu refused so far on this device and, if it was opened
@@ -243,10 +264,11 @@ impl GpuDevice for WgpuDevice {
         } else {
             std::slice::from_ref(&all)
         };
-        for run in runs.iter().filter(|run| !run.is_empty()) {
+        for run in self.points.others(runs) {
             let at = (run.start * size_of::<Point>()) as u64;
-            write(&self.gpu, &buffer, at, &key[run.clone()])?;
+            write(&self.gpu, &buffer, at, &key[run])?;
         }
+        self.points.copy_to(&self.gpu, &buffer)?;
         Ok((buffer, 0))
     }
 
@@ -298,8 +320,9 @@ impl GpuDevice for WgpuDevice {
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
         let gpu = &self.gpu;
+        let before = self.points.take_copies();
         let Some((from, bytes)) = positions else {
-            return slot.submit(gpu).map(|()| None);
+            return slot.submit(gpu, before).map(|()| None);
         };
         let spare = self.spares.pop().and_then(|s| s.unmapped(&gpu.device));
         let buffer = match spare.filter(|b| b.size() >= bytes) {
@@ -307,7 +330,7 @@ impl GpuDevice for WgpuDevice {
             None => readback(gpu, "vertices for the builder", bytes)?,
         };
         copy(gpu, slot.encoder(gpu)?, [from, &buffer], bytes)?;
-        slot.submit(gpu)?;
+        slot.submit(gpu, before)?;
         let mapping = Mapping::ask(gpu, &buffer)?;
         Ok(Some(PositionsCopy { buffer, mapping }))
     }
@@ -343,6 +366,7 @@ impl GpuDevice for WgpuDevice {
         slots.for_each(Slot::forget);
         self.free = Default::default();
         self.spares = Spares::default();
+        self.points = DevicePoints::default();
         Ok(())
     }
 

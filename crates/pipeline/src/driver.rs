@@ -98,6 +98,8 @@ pub struct Driver {
     builder_thread: BuilderThread,
     /// Whether the backend shades.
     shades: bool,
+    /// Whether the host's key frames are the backend's.
+    knows_key_frames: bool,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
     /// The build in flight.
@@ -156,6 +158,7 @@ impl Driver {
             builder_pool,
             builder_thread,
             shades: false,
+            knows_key_frames: true,
             tree: None,
             build: None,
             finished: None,
@@ -187,6 +190,11 @@ impl Driver {
     pub fn shade(&mut self, palette: &Palette) -> Result<bool, PipelineError> {
         self.shades = self.backend.load_palette(palette)?;
         Ok(self.shades)
+    }
+
+    /// From now on positions come to the backend alone: trees are built from those it gives back, and are all used.
+    pub fn forget_key_frames(&mut self) {
+        self.knows_key_frames = false;
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.

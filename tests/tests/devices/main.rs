@@ -14,6 +14,7 @@ mod rebuild;
 mod scenes;
 mod wgpu_calls;
 mod wgpu_lent;
+mod wgpu_points;
 
 use backend::Backend;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
@@ -148,6 +149,8 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::a_lent_device_with_features_is_timed_and_keeps_its_handlers,
     wgpu_lent::stages_are_timed_each_whether_they_share_a_pass_or_not,
     wgpu_lent::every_verb_after_a_loss_is_an_error_and_no_panic,
+    wgpu_points::vertices_may_lie_in_a_buffer_of_the_programs,
+    wgpu_points::a_buffer_that_does_not_fit_is_an_error,
 ];
 
 fn main() -> ExitCode {

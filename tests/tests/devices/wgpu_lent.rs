@@ -9,13 +9,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use wgpu::{Device, Limits, Queue};
 
-/// A device with such features as the adapter has, and such limits.
-fn device_with(features: wgpu::Features, limits: Limits) -> (Device, Queue, wgpu::AdapterInfo) {
+/// The first adapter there is.
+pub(crate) fn adapter() -> wgpu::Adapter {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
     desc.flags = wgpu::InstanceFlags::empty();
     let instance = wgpu::Instance::new(desc);
     let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    let adapter = all.first().unwrap();
+    all.into_iter().next().unwrap()
+}
+
+/// A device with such features as the adapter has, and such limits.
+pub(crate) fn device_on(
+    adapter: &wgpu::Adapter,
+    features: wgpu::Features,
+    limits: Limits,
+) -> (Device, Queue, wgpu::AdapterInfo) {
     let desc = wgpu::DeviceDescriptor {
         required_features: features & adapter.features(),
         required_limits: limits,
@@ -23,6 +31,10 @@ fn device_with(features: wgpu::Features, limits: Limits) -> (Device, Queue, wgpu
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&desc)).unwrap();
     (device, queue, adapter.get_info())
+}
+
+fn device_with(features: wgpu::Features, limits: Limits) -> (Device, Queue, wgpu::AdapterInfo) {
+    device_on(&adapter(), features, limits)
 }
 
 /// Nor does it matter which form of the kernels runs.

@@ -130,11 +130,11 @@ impl Driver {
 
     /// In lockstep each tree is swapped in, whatever its cost.
     fn may_reject(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free)
+        self.options.update == Update::Async(Pace::Free) && self.knows_key_frames
     }
 
     fn predicts(&self) -> bool {
-        self.options.predict && !self.schedule.waits_at_once()
+        self.options.predict && self.knows_key_frames && !self.schedule.waits_at_once()
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.

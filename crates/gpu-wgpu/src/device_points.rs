@@ -1,0 +1,111 @@
+//! Positions that the program's own kernels made: they go from buffer to buffer, and no host sees them.
+
+use crate::buffers::{copy_part, storage};
+use crate::gpu::Gpu;
+use backend::Result;
+use geom::Point;
+use std::ops::Range;
+use wgpu::{Buffer, BufferSlice, CommandEncoder};
+
+const POINT: u64 = size_of::<Point>() as u64;
+
+/// The newest of them.
+#[derive(Default)]
+pub(crate) struct DevicePoints {
+    /// Room for all of the scene's.
+    all: Option<Buffer>,
+    /// Which of those they are, in order.
+    runs: Vec<Range<usize>>,
+    /// Copies to go before the next submission.
+    copies: Option<CommandEncoder>,
+}
+
+impl DevicePoints {
+    /// Has those from `first` on, of so many, come from the program's buffer.
+    pub(crate) fn bring(
+        &mut self,
+        gpu: &Gpu,
+        [first, vertices]: [usize; 2],
+        from: BufferSlice<'_>,
+    ) -> Result<()> {
+        let count = (from.size() / POINT) as usize;
+        let all = match self.all.take() {
+            Some(all) => all,
+            None => storage(gpu, "positions", vertices as u64 * POINT)?,
+        };
+        let to = (&all, first as u64 * POINT);
+        let copies = commands(&mut self.copies, gpu)?;
+        let copied = copy_part(gpu, copies, (from.buffer(), from.offset()), to, from.size());
+        self.all = Some(all);
+        let run = first..first + count;
+        self.release(&run);
+        let at = self.runs.partition_point(|r| r.start < run.start);
+        self.runs.insert(at, run);
+        copied
+    }
+
+    /// Has positions come from the host again.
+    pub(crate) fn release(&mut self, run: &Range<usize>) {
+        self.runs = without(&self.runs, std::slice::from_ref(run));
+    }
+
+    /// Of these runs the parts that come from the host.
+    pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
+        without(runs, &self.runs)
+    }
+
+    /// Has a key frame take them.
+    pub(crate) fn copy_to(&mut self, gpu: &Gpu, key: &Buffer) -> Result<()> {
+        let Some(all) = &self.all else {
+            return Ok(());
+        };
+        let copies = commands(&mut self.copies, gpu)?;
+        for run in &self.runs {
+            let at = run.start as u64 * POINT;
+            copy_part(gpu, copies, (all, at), (key, at), run.len() as u64 * POINT)?;
+        }
+        Ok(())
+    }
+
+    /// What is to be submitted first.
+    pub(crate) fn take_copies(&mut self) -> Option<CommandEncoder> {
+        self.copies.take()
+    }
+}
+
+fn commands<'a>(
+    copies: &'a mut Option<CommandEncoder>,
+    gpu: &Gpu,
+) -> Result<&'a mut CommandEncoder> {
+    if copies.is_none() {
+        *copies = Some(gpu.encoder("positions of the program's")?);
+    }
+    Ok(copies.as_mut().expect("it was made"))
+}
+
+/// Runs in order but for what others, in order too, have of them.
+fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
+    let rest = runs.iter().flat_map(|run| {
+        let within = others
+            .iter()
+            .filter(|o| o.start < run.end && run.start < o.end);
+        let starts = std::iter::once(run.start).chain(within.clone().map(|o| o.end));
+        let ends = within.map(|o| o.start).chain([run.end]);
+        starts.zip(ends).map(|(start, end)| start..end)
+    });
+    rest.filter(|run| !run.is_empty()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_others_have_is_left_out() {
+        let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
+        assert_eq!(cut(&[]), [0..10, 20..30]);
+        assert_eq!(cut(&[0..10]), vec![20..30]);
+        assert_eq!(cut(&[2..4, 8..25]), [0..2, 4..8, 25..30]);
+        assert_eq!(cut(&[0..3, 3..30]), [0..0; 0]);
+    }
+}
