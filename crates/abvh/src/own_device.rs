@@ -4,8 +4,8 @@
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
 //! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
 
+use crate::loaded::find;
 use crate::motion::Joined;
-use crate::step::find;
 use crate::{Device, Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
 use backend::Backend;
 use gpu_wgpu::{WgpuBackend, from_device};
@@ -61,19 +61,20 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
-        let ticket = find(&self.results, step, query)?;
-        let backend: &mut dyn Any = self.driver.backend();
+        let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
+        let backend: &mut dyn Any = loaded.driver.backend();
         let Some(backend) = backend.downcast_mut::<WgpuBackend>() else {
             return Err(Error::Device("its hits are in no buffer of wgpu's".into()));
         };
         backend.hits_buffer(ticket).ok_or(Error::NoResult)
     }
 
-    /// The number of a mesh's first triangle among those of all meshes.
+    /// The number of a mesh's first triangle among those of all meshes, which changes when one is
+    /// [replaced](Tracer::commit): hits of steps before that count as before.
     ///
     /// # Errors
     /// [`Error::ForeignMesh`].
     pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
-        Ok(self.joined.first_triangle(mesh.within(self.scene)?))
+        Ok(self.current.joined.first_triangle(mesh.within(self.scene)?))
     }
 }
