@@ -60,6 +60,14 @@ pub(crate) struct Standing {
     starts: Vec<usize>,
 }
 
+impl Standing {
+    /// A copy of its own: steps to come use that memory again.
+    pub(crate) fn detached(self) -> Self {
+        let newest = Arc::new(self.newest.to_vec().into());
+        Self { newest, ..self }
+    }
+}
+
 /// A scene's meshes in one list of vertices and one of triangles.
 pub(crate) struct Joined {
     pub(crate) motions: Vec<Arc<Motion>>,

@@ -175,6 +175,7 @@ struct Preparation {
 impl Preparation {
     /// Loads the scene and builds its first tree, by threads that build trees anyway: steps need the others.
     fn carry_out(self, is_given_up: &AtomicBool) -> Result<Loaded> {
+        let standing = self.standing.detached();
         let mut meshes = (self.parts)();
         meshes[self.mesh] = self.with;
         let update = self.builder.policy(&meshes);
@@ -188,7 +189,7 @@ impl Preparation {
         let builders = self.builders.clone();
         self.builders.install(move || {
             let mut loaded = Loaded::new(meshes, backend, how, builders)?;
-            loaded.joined.stand_as(&self.standing, self.mesh);
+            loaded.joined.stand_as(&standing, self.mesh);
             if is_given_up.load(Ordering::Relaxed) {
                 return Err(Error::Device("it was given up".to_owned()));
             }
