@@ -1,7 +1,7 @@
 //! Steps of the library: vertices that arrive each step beside key frames known beforehand, over the same motion.
 //!
 //! `cargo bench -p benches --bench streamed [-- DEVICE...]`, a device being `auto`, `cpu`, `vulkan` or `wgpu`. A table of the worst of
-//! many steps follows (`ABVH_STEPS=10000`).
+//! many steps follows (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
 
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{Mesh as Motion, camera, criterion, print_table, setting};
@@ -12,6 +12,10 @@ const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:sh
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
 const STEPS: usize = 8;
 const KEYS: usize = 6;
+/// What is traced while a mesh is replaced, and that mesh: 1.6 million triangles.
+const LARGE: [&str; 2] = ["demo:collide:1350000", "demo:twist:250000"];
+/// Steps that are looked at after a mesh was replaced.
+const AFTER: usize = 50;
 /// Rays of a step's camera.
 const SIZE: [u32; 2] = [640, 480];
 
@@ -25,23 +29,37 @@ fn main() {
         true => vec!["auto".to_owned()],
         false => asked,
     };
+    let devices: Vec<Device> = devices.iter().map(|name| device(name)).collect();
     let mut worst = Vec::new();
     for scene in SCENES {
         let motion = Motion::open(scene).expect("demos open");
-        for name in &devices {
-            let device = match &name[..] {
-                "cpu" => Device::Cpu,
-                "vulkan" => Device::Vulkan(None),
-                "wgpu" => Device::Wgpu(None),
-                _ => Device::Auto,
-            };
-            compare(&mut criterion, &motion, &device);
-            worst.extend(stalls(&motion, &device));
+        for device in &devices {
+            compare(&mut criterion, &motion, device);
+            worst.extend(stalls(&motion, device));
         }
     }
     let header = ["scene", "device", "vertices", "median ms", "99 %", "worst"];
     print_table("Single steps", &header, worst);
+    let rows = devices.iter().flat_map(replacements).collect();
+    let header = [
+        "device",
+        "vertices",
+        "a mesh is",
+        "median ms",
+        "99 %",
+        "worst",
+    ];
+    print_table("Steps while a mesh is replaced", &header, rows);
     criterion.final_summary();
+}
+
+fn device(name: &str) -> Device {
+    match name {
+        "cpu" => Device::Cpu,
+        "vulkan" => Device::Vulkan(None),
+        "wgpu" => Device::Wgpu(None),
+        _ => Device::Auto,
+    }
 }
 
 /// A motion to and fro, and a tracer that follows it.
@@ -77,8 +95,12 @@ impl Kind {
 
 impl Player {
     fn new(motion: &Motion, device: &Device, kind: Kind) -> Self {
+        Self::within(Scene::new(), motion, device, kind)
+    }
+
+    /// Likewise, in a scene of other meshes.
+    fn within(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
-        let mut scene = Scene::new();
         let streamed = if kind != Kind::Keys {
             let times = (0..=STEPS * KEYS).map(|i| i as f64 / STEPS as f64);
             let frames: Vec<_> = times.map(|t| motion.positions(animation.pose(t))).collect();
@@ -154,15 +176,64 @@ fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
                 times.push(took.as_secs_f64() * 1e3);
             }
         }
-        times.sort_by(f64::total_cmp);
-        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
         let mut row = vec![
             motion.label.clone(),
             player.tracer.device().to_owned(),
             kind.name().to_owned(),
         ];
-        row.extend([0.5, 0.99, 1.0].map(|share| format!("{:.3}", at(share))));
+        row.extend(shares(times));
         row
     };
     Kind::ALL.map(row).to_vec()
+}
+
+/// The median of times, what 99 of 100 stay below, and the worst.
+fn shares(mut times: Vec<f64>) -> [String; 3] {
+    times.sort_by(f64::total_cmp);
+    let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+    [0.5, 0.99, 1.0].map(|share| format!("{:.3}", at(share)))
+}
+
+/// Steps of a large scene, the same while one mesh is prepared to be replaced, the commits, and the steps after them.
+fn replacements(device: &Device) -> Vec<Vec<String>> {
+    let rounds = setting("ABVH_REPLACEMENTS", 5);
+    if rounds == 0 {
+        return Vec::new();
+    }
+    let [motion, other] = LARGE.map(|scene| Motion::open(scene).expect("demos open"));
+    let vertices = other.animation.first();
+    let mesh = Mesh::fixed(vertices, other.animation.triangles()).expect("it is a mesh");
+    let of_kind = |kind| {
+        let mut scene = Scene::new();
+        let id = scene.add(mesh.clone());
+        let mut player = Player::within(scene, &motion, device, kind);
+        let ms = |took: Duration| took.as_secs_f64() * 1e3;
+        let steps = |player: &mut Player, count| -> Vec<f64> {
+            (0..count).map(|_| ms(player.advance())).collect()
+        };
+        steps(&mut player, 100);
+        let mut times = [(); 4].map(|()| Vec::new());
+        for _ in 0..rounds {
+            times[0].extend(steps(&mut player, 4 * AFTER));
+            let replacement = player.tracer.replace(id, mesh.clone());
+            let replacement = replacement.expect("it is begun");
+            while !replacement.is_ready() {
+                times[1].extend(steps(&mut player, 1));
+            }
+            let begun = Instant::now();
+            player.tracer.commit(replacement).expect("it fits");
+            times[2].push(ms(begun.elapsed()));
+            times[3].extend(steps(&mut player, AFTER));
+        }
+        let device = player.tracer.device().to_owned();
+        let row = move |(what, times): (&str, Vec<f64>)| {
+            let mut row = vec![device.clone(), kind.name().to_owned(), what.to_owned()];
+            row.extend(shares(times));
+            row
+        };
+        let what = ["as it was", "prepared", "committed (the call)", "replaced"];
+        what.into_iter().zip(times).map(row)
+    };
+    let kinds = [Kind::Keys, Kind::Streamed];
+    kinds.into_iter().flat_map(of_kind).collect()
 }

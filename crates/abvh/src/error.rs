@@ -38,6 +38,12 @@ pub enum Error {
     /// Meshes were moved after a query of the same step.
     #[error("meshes are moved before the step's first query")]
     TooLate,
+    /// The replacement of this mesh was prepared for another tracer.
+    #[error("the replacement of mesh {} is of another tracer", .0.index())]
+    ForeignReplacement(MeshId),
+    /// The replacement of this mesh was prepared for a scene of which another mesh, or the same, was replaced meanwhile.
+    #[error("the replacement of mesh {} was prepared before another was committed", .0.index())]
+    Conflict(MeshId),
     /// A result is of another step, was given already, or was dropped: results stay until the second step after theirs.
     #[error("there is no result of this query any more, or it is of another step")]
     NoResult,

@@ -29,15 +29,18 @@
 //! [accuracy](guide::accuracy), and the calls of [other libraries](guide::migration).
 
 mod device;
+mod disposal;
 mod doctor;
 mod error;
 #[cfg(doc)]
 pub mod guide;
 mod hits;
+mod loaded;
 mod mesh;
 mod motion;
 #[cfg(feature = "wgpu")]
 pub mod own_device;
+mod replacement;
 mod step;
 mod tracer;
 
@@ -49,5 +52,6 @@ pub use geom::{Camera, Point, Ray};
 pub use hits::{Hit, Hits};
 pub use mesh::{Mesh, MeshId, Scene};
 pub use motion::Matrix;
+pub use replacement::Replacement;
 pub use step::{Query, QueryId, Source, Step, StepId};
 pub use tracer::{Builder, Statistics, Tracer, Update};

@@ -2,13 +2,14 @@
 
 use crate::motion::Motion;
 use crate::{Error, Point, Result};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Triangles, and how they move.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) motion: Motion,
+    pub(crate) motion: Arc<Motion>,
 }
 
 impl Mesh {
@@ -76,7 +77,7 @@ impl Mesh {
         }
         Ok(Self {
             triangles: triangles.to_vec(),
-            motion,
+            motion: Arc::new(motion),
         })
     }
 
@@ -93,7 +94,7 @@ impl Mesh {
     }
 }
 
-/// A mesh of a scene. It stays the same as long as the scene is traced.
+/// A mesh of a scene. It stays the same as long as the scene is traced, whatever is [replaced](crate::Tracer::replace).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MeshId {
     scene: u64,

@@ -2,9 +2,10 @@
 
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
-use geom::{Animation, PointBuffer, Pose};
+use geom::{Animation, KeyFrame, PointBuffer, Pose};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Three rows of an affine map: a vertex `v` goes to `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]` on axis `i`,
 /// added from left to right, each operation rounded once.
@@ -42,7 +43,7 @@ impl Motion {
         }
     }
 
-    fn is_fixed(&self) -> bool {
+    pub(crate) fn is_fixed(&self) -> bool {
         self.keys().len() == 1 && matches!(self, Self::Fixed(_) | Self::Keys(_))
     }
 
@@ -52,9 +53,24 @@ impl Motion {
     }
 }
 
+/// Where all meshes of a scene stand.
+pub(crate) struct Standing {
+    newest: KeyFrame,
+    /// The first vertex of each mesh.
+    starts: Vec<usize>,
+}
+
+impl Standing {
+    /// A copy of its own: steps to come use that memory again.
+    pub(crate) fn detached(self) -> Self {
+        let newest = Arc::new(self.newest.to_vec().into());
+        Self { newest, ..self }
+    }
+}
+
 /// A scene's meshes in one list of vertices and one of triangles.
 pub(crate) struct Joined {
-    pub(crate) motions: Vec<Motion>,
+    pub(crate) motions: Vec<Arc<Motion>>,
     /// The first vertex of each mesh; one more entry ends them.
     vertices: Vec<usize>,
     /// Likewise of triangles.
@@ -69,7 +85,7 @@ pub(crate) struct Joined {
     /// Whether the animation knows them all.
     is_told: bool,
     /// The time that key-framed meshes stand at.
-    time: f64,
+    pub(crate) time: f64,
 }
 
 impl Joined {
@@ -93,7 +109,7 @@ impl Joined {
             mesh.triangles.iter().map(moved)
         });
         let all = all.collect();
-        let motions: Vec<Motion> = meshes.into_iter().map(|mesh| mesh.motion).collect();
+        let motions: Vec<Arc<Motion>> = meshes.into_iter().map(|mesh| mesh.motion).collect();
         let mut joined = Self {
             vertices,
             triangles,
@@ -133,11 +149,41 @@ impl Joined {
     }
 
     pub(crate) fn is_live(&self) -> bool {
-        self.motions.iter().any(Motion::is_live)
+        self.motions.iter().any(|motion| motion.is_live())
     }
 
-    pub(crate) fn moves(&self) -> bool {
-        !self.motions.iter().all(Motion::is_fixed)
+    /// Where meshes stand, but for what no query has seen yet.
+    pub(crate) fn standing(&self, animation: &Animation) -> Result<Standing> {
+        let newest = animation.key(animation.key_count() - 1);
+        Ok(Standing {
+            newest: newest.map_err(Error::of_keys)?,
+            starts: self.vertices.clone(),
+        })
+    }
+
+    /// Puts meshes that steps move, but for one, where they stand in another scene.
+    pub(crate) fn stand_as(&mut self, other: &Standing, but: usize) {
+        for mesh in (0..self.motions.len()).filter(|&mesh| mesh != but) {
+            if self.motions[mesh].is_live() {
+                let from = &other.newest[other.starts[mesh]..];
+                set(self.vertices_of(mesh), |v| from[v]);
+            }
+        }
+    }
+
+    /// Takes the scene apart into the meshes that it was made of, once that is called for.
+    pub(crate) fn parts(&self, animation: &Arc<Animation>) -> impl FnOnce() -> Vec<Mesh> + use<> {
+        let [vertices, triangles] = [&self.vertices, &self.triangles].map(Vec::clone);
+        let (motions, animation) = (self.motions.clone(), Arc::clone(animation));
+        move || {
+            let mesh = |(i, motion): (usize, Arc<Motion>)| {
+                let first = vertices[i] as u32;
+                let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
+                let triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
+                Mesh { triangles, motion }
+            };
+            motions.into_iter().enumerate().map(mesh).collect()
+        }
     }
 
     /// The mesh of a triangle, and its number there.
@@ -180,11 +226,6 @@ impl Joined {
         self.returned.drain(..)
     }
 
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn vertex_count(&self) -> usize {
-        self.next.len()
-    }
-
     /// Has steps to come prepared where the device reads them.
     pub(crate) fn prepare(
         &mut self,
@@ -201,17 +242,16 @@ impl Joined {
 
     /// Sets a rigid mesh's matrices, of which there must be one a part.
     pub(crate) fn transform(&mut self, mesh: usize, matrices: &[Matrix]) {
-        let motion = std::mem::replace(&mut self.motions[mesh], Motion::Fixed(Vec::new()));
+        let motion = Arc::clone(&self.motions[mesh]);
         if let Motion::Rigid {
             rest,
             part_of_vertex,
             ..
-        } = &motion
+        } = &*motion
         {
             let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
             set(self.vertices_of(mesh), |v| moved(matrix(v), rest[v]));
         }
-        self.motions[mesh] = motion;
     }
 
     /// The time in the animation at which a step at `time` stands, with all that was said of it.
@@ -247,7 +287,7 @@ impl Joined {
                 new
             }
         };
-        self.is_fresh = self.motions.iter().map(Motion::is_fixed).collect();
+        self.is_fresh = self.motions.iter().map(|m| m.is_fixed()).collect();
         let pushed = animation.push(std::mem::replace(&mut self.next, spare));
         pushed.map_err(Error::of_keys)
     }
@@ -256,7 +296,9 @@ impl Joined {
     fn blend(&mut self, time: f64) {
         let motions = std::mem::take(&mut self.motions);
         for (mesh, motion) in motions.iter().enumerate() {
-            let Motion::Keys(keys) = motion else { continue };
+            let Motion::Keys(keys) = &**motion else {
+                continue;
+            };
             if keys.len() == 1 {
                 continue;
             }

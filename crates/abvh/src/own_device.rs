@@ -6,8 +6,9 @@
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
 //! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
 
+use crate::loaded::{Loaded, find};
 use crate::motion::Joined;
-use crate::step::{check, find};
+use crate::step::check;
 use crate::{Device, Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
 use backend::Backend;
 use geom::Point;
@@ -56,7 +57,7 @@ pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
     Ok(gpu_wgpu::required_limits(&animation, rays))
 }
 
-impl Tracer {
+impl Loaded {
     fn wgpu(&mut self) -> Result<&mut WgpuBackend> {
         let backend: &mut dyn Any = self.driver.backend();
         let found = backend.downcast_mut();
@@ -69,19 +70,30 @@ impl Tracer {
         (mesh, index): (MeshId, usize),
         from: wgpu::BufferSlice<'_>,
     ) -> Result<()> {
-        let range = self.joined.range_of(index);
-        let (expected, found) = (range.len() * size_of::<Point>(), from.size() as usize);
-        check(mesh, "bytes", expected, found)?;
+        let vertices = self.joined.range_of(index).len();
+        check(
+            mesh,
+            "bytes",
+            vertices * size_of::<Point>(),
+            from.size() as usize,
+        )?;
         let is_copied = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
         if !is_copied || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
             let why = "a buffer of vertices needs the usage COPY_SRC and an offset of whole floats";
             return Err(Error::Device(why.into()));
         }
-        let places = [range.start, self.joined.vertex_count()];
+        self.take_points(index, from)
+    }
+
+    fn take_points(&mut self, mesh: usize, from: wgpu::BufferSlice<'_>) -> Result<()> {
+        let places = [
+            self.joined.range_of(mesh).start,
+            self.animation.vertex_count(),
+        ];
         let brought = self.wgpu()?.gpu_mut().bring_points(places, from);
         brought.map_err(Error::of_backend)?;
         self.driver.forget_key_frames();
-        self.joined.is_on_device(index);
+        self.joined.is_on_device(mesh);
         Ok(())
     }
 
@@ -95,6 +107,23 @@ impl Tracer {
         }
     }
 
+    /// Takes over what `before`, which differs by one mesh, has on the device alone.
+    pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
+        for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
+            let run = before.joined.range_of(mesh);
+            let Ok(backend) = before.wgpu() else {
+                return Ok(());
+            };
+            let points = backend.gpu_mut().brought_points(&run);
+            if let Some((points, bytes)) = points.map_err(Error::of_backend)? {
+                self.take_points(mesh, points.slice(bytes))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Tracer {
     /// Where a query's closest hits lie on a device of wgpu's, or will when the work submitted so far is done. One a ray, 16
     /// bytes each: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the triangle's number among those of all meshes
     /// ([`Tracer::first_triangle`]) or 4294967295 for a miss. It is used again when the query's results are dropped.
@@ -102,15 +131,17 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
-        let ticket = find(&self.results, step, query)?;
-        self.wgpu()?.hits_buffer(ticket).ok_or(Error::NoResult)
+        let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
+        let buffer = loaded.wgpu()?.hits_buffer(ticket);
+        buffer.ok_or(Error::NoResult)
     }
 
-    /// The number of a mesh's first triangle among those of all meshes.
+    /// The number of a mesh's first triangle among those of all meshes, which changes when one is
+    /// [replaced](Tracer::commit): hits of steps before that count as before.
     ///
     /// # Errors
     /// [`Error::ForeignMesh`].
     pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
-        Ok(self.joined.first_triangle(mesh.within(self.scene)?))
+        Ok(self.current.joined.first_triangle(mesh.within(self.scene)?))
     }
 }

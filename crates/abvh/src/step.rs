@@ -2,8 +2,7 @@
 
 use crate::motion::Motion;
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
-use backend::{QueryKind, Rays, Ticket};
-use std::collections::VecDeque;
+use backend::{QueryKind, Rays};
 
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,17 +48,6 @@ pub struct QueryId {
     pub(crate) query: u32,
 }
 
-/// The ticket of a query of a step.
-pub(crate) fn find(
-    results: &VecDeque<(QueryId, Ticket)>,
-    step: StepId,
-    query: QueryId,
-) -> Result<Ticket> {
-    let mut all = results.iter();
-    let found = all.find(|(id, _)| *id == query && query.step == step);
-    found.map(|(_, ticket)| *ticket).ok_or(Error::NoResult)
-}
-
 /// A moment in the making. What is not said of a mesh stays as it was in the step before. One that is dropped instead of
 /// [submitted](Step::submit) has moved meshes all the same, and its queries have no results.
 #[derive(Debug)]
@@ -79,12 +67,13 @@ impl Step<'_> {
     /// [`Error::Count`], and those of [`Step::vertices_mut`]; [`Error::Device`] where such a buffer cannot be read.
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.may_stream(mesh)?;
+        let current = &mut self.tracer.current;
         let vertices = match source {
             Source::Host(vertices) => vertices,
             #[cfg(feature = "wgpu")]
-            Source::Wgpu(from) => return self.tracer.bring_points((mesh, index), from),
+            Source::Wgpu(from) => return current.bring_points((mesh, index), from),
         };
-        let joined = &mut self.tracer.joined;
+        let joined = &mut current.joined;
         check(
             mesh,
             "vertices",
@@ -102,12 +91,12 @@ impl Step<'_> {
     /// [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a query.
     pub fn vertices_mut(&mut self, mesh: MeshId) -> Result<&mut [Point]> {
         let index = self.may_stream(mesh)?;
-        Ok(self.tracer.joined.vertices_of(index))
+        Ok(self.tracer.current.joined.vertices_of(index))
     }
 
     fn may_stream(&self, mesh: MeshId) -> Result<usize> {
         let index = self.may_move(mesh)?;
-        match &self.tracer.joined.motions[index] {
+        match &*self.tracer.current.joined.motions[index] {
             Motion::Streamed(_) => Ok(index),
             _ => {
                 let what = "vertices";
@@ -122,8 +111,8 @@ impl Step<'_> {
     /// As for [`Step::vertices`].
     pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
         let index = self.may_move(mesh)?;
-        let joined = &mut self.tracer.joined;
-        let &Motion::Rigid { parts, .. } = &joined.motions[index] else {
+        let joined = &mut self.tracer.current.joined;
+        let &Motion::Rigid { parts, .. } = &*joined.motions[index] else {
             let what = "matrices";
             return Err(Error::Motion { mesh, what });
         };

@@ -1,12 +1,10 @@
 //! A scene on a device, with the trees that follow its motion.
 
-use crate::motion::Joined;
-use crate::step::{QueryId, Step, StepId, find};
-use crate::{Device, Error, Hits, Intersector, Layout, Result, Scene};
-use backend::{DeviceKind, FRAMES_IN_FLIGHT, Method, Query, Ticket};
-use geom::Animation;
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, Threads};
-use std::collections::VecDeque;
+use crate::disposal::Disposal;
+use crate::loaded::{Loaded, find};
+use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
+use backend::{Backend, DeviceKind, Method, Query};
+use pipeline::{BuilderThreads, Pace, Threads};
 use std::fmt;
 use std::sync::Arc;
 
@@ -30,7 +28,7 @@ pub enum Update {
 pub struct Builder {
     device: Device,
     update: Update,
-    method: Method,
+    pub(crate) method: Method,
     threads: Option<usize>,
 }
 
@@ -75,55 +73,62 @@ impl Builder {
     /// # Errors
     /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
     pub fn build(self, scene: Scene) -> Result<Tracer> {
-        let number = scene.number;
-        let (mut joined, animation) = Joined::of(scene.meshes)?;
-        let update = match self.update {
-            Update::Auto if !joined.moves() => pipeline::Update::Refit,
+        let update = self.policy(&scene.meshes);
+        let backend = self.open(update)?;
+        let (device, kind) = (name(backend.as_ref()), backend.device().kind);
+        let builders = self.builders(kind, update)?;
+        let how = (self.method, update);
+        Ok(Tracer {
+            current: Loaded::new(scene.meshes, backend, how, builders)?,
+            former: Vec::new(),
+            builder: self,
+            scene: scene.number,
+            commits: 0,
+            device,
+            kind,
+            steps: 0,
+            last: None,
+            disposal: Arc::default(),
+        })
+    }
+
+    /// How trees follow the motion of such meshes.
+    pub(crate) fn policy(&self, meshes: &[Mesh]) -> pipeline::Update {
+        match self.update {
+            Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
             Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
             Update::Rebuild => pipeline::Update::Rebuild,
             Update::Refit => pipeline::Update::Refit,
-        };
-        let share = |kind| Threads::share(host::cores(), kind, update, [self.threads, None]);
-        let backend = self.device.open(share(DeviceKind::Cpu).render)?;
-        let name = format!(
-            "{} ({})",
-            backend.device().backend,
-            backend.device().adapter
-        );
-        let last = if joined.is_live() {
-            f64::MAX
-        } else {
-            animation.end()
-        };
-        let options = DriverOptions {
-            method: self.method,
-            update,
-            builder_threads: match (self.threads, share(backend.device().kind).build) {
-                // With all of them steps wait for cores longer than they gain by trees.
-                (None, all) if backend.device().kind == DeviceKind::Gpu => all.div_ceil(2),
-                (_, shared) => shared,
-            },
-            time_range: [0.0, last],
-            predict: true,
-        };
-        let animation = Arc::new(animation);
-        let driver = Driver::new(backend, Arc::clone(&animation), options);
-        let mut driver = driver.map_err(Error::of_driver)?;
-        joined.prepare(&animation, driver.backend())?;
-        Ok(Tracer {
-            driver,
-            animation,
-            joined,
-            scene: number,
-            device: name,
-            waits: update == pipeline::Update::Rebuild,
-            steps: 0,
-            frames: 0,
-            under_way: VecDeque::new(),
-            results: VecDeque::new(),
-            last: None,
-        })
+        }
     }
+
+    pub(crate) fn open(&self, update: pipeline::Update) -> Result<Box<dyn Backend>> {
+        self.device.open(self.share(DeviceKind::Cpu, update).render)
+    }
+
+    /// Threads that build trees beside such a device.
+    pub(crate) fn builders(
+        &self,
+        kind: DeviceKind,
+        update: pipeline::Update,
+    ) -> Result<BuilderThreads> {
+        let threads = match (self.threads, self.share(kind, update).build) {
+            // With all of them steps wait for cores longer than they gain by trees.
+            (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
+            (_, shared) => shared,
+        };
+        BuilderThreads::new(threads).map_err(Error::of_driver)
+    }
+
+    fn share(&self, kind: DeviceKind, update: pipeline::Update) -> Threads {
+        Threads::share(host::cores(), kind, update, [self.threads, None])
+    }
+}
+
+/// A device's name.
+pub(crate) fn name(backend: &dyn Backend) -> String {
+    let device = backend.device();
+    format!("{} ({})", device.backend, device.adapter)
 }
 
 /// What is known of the tree in use and of the scene, as of the last query that is done.
@@ -144,19 +149,19 @@ pub struct Statistics {
 
 /// A scene that rays are traced through.
 pub struct Tracer {
-    pub(crate) driver: Driver,
-    animation: Arc<Animation>,
-    pub(crate) joined: Joined,
+    pub(crate) current: Loaded,
+    /// Before meshes were replaced, as long as there are results.
+    pub(crate) former: Vec<Loaded>,
+    pub(crate) builder: Builder,
     pub(crate) scene: u64,
+    /// Replacements so far.
+    pub(crate) commits: u64,
     device: String,
-    /// Whether a query waits for those before it.
-    waits: bool,
+    pub(crate) kind: DeviceKind,
     steps: u64,
-    frames: u64,
-    under_way: VecDeque<QueryId>,
-    /// That may be asked for, from the oldest to the newest.
-    pub(crate) results: VecDeque<(QueryId, Ticket)>,
-    last: Option<FrameRecord>,
+    last: Option<Statistics>,
+    /// Of this tracer and its replacements.
+    pub(crate) disposal: Arc<Disposal>,
 }
 
 impl Tracer {
@@ -198,14 +203,12 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        let ticket = find(&self.results, step, query)?;
-        while self.under_way.contains(&query) {
-            self.finish()?;
-        }
-        let found = self.driver.backend().hits(ticket);
+        let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
+        loaded.wait(query, &mut self.last)?;
+        let found = loaded.driver.backend().hits(ticket);
         Ok(Hits {
             found: found.map_err(Error::of_backend)?,
-            joined: &self.joined,
+            joined: &loaded.joined,
             scene: self.scene,
         })
     }
@@ -213,49 +216,20 @@ impl Tracer {
     /// The tree in use, as of the last query that is done; `None` before the first.
     #[must_use]
     pub fn statistics(&self) -> Option<Statistics> {
-        self.last.as_ref().map(|record| Statistics {
-            generation: record.tree_generation.0,
-            age: record.tree_age_frames,
-            cost_ratio: record.sah_ratio,
-            inactive: record.report.inactive,
-            degenerate: record.report.degenerate,
-        })
+        self.last
     }
 
     pub(crate) fn begin(&mut self, id: QueryId, time: f64, query: Query<'_>) -> Result<()> {
-        let most = if self.waits { 1 } else { FRAMES_IN_FLIGHT };
-        while self.under_way.len() >= most {
-            self.finish()?;
-        }
-        #[cfg(feature = "wgpu")]
-        self.release_points();
-        let backend = self.driver.backend();
-        let time = self.joined.tell(&self.animation, backend, time)?;
-        let index = self.frames;
-        // This one comes after all of them.
-        self.driver.backend().keep(self.results.len() + 1);
-        let begun = self.driver.begin(Frame { index, time }, query);
-        let ticket = begun.map_err(Error::of_driver)?;
-        self.frames += 1;
-        self.under_way.push_back(id);
-        self.results.push_back((id, ticket));
-        Ok(())
-    }
-
-    /// Waits for the oldest query under way.
-    fn finish(&mut self) -> Result<()> {
-        if self.under_way.pop_front().is_some() {
-            let finished = self.driver.finish(None).map_err(Error::of_driver)?;
-            self.last = finished.or(self.last.take());
-        }
-        Ok(())
+        self.current.begin(id, time, query, &mut self.last)
     }
 
     /// Drops results of all steps but this one and the one before.
     pub(crate) fn end_step(&mut self, id: StepId) {
-        let is_old = |(query, _): &(QueryId, Ticket)| query.step.0 + 1 < id.0;
-        while self.results.front().is_some_and(is_old) {
-            self.results.pop_front();
+        let oldest = id.0.saturating_sub(1);
+        self.current.keep_from(oldest);
+        let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);
+        for done in self.former.extract_if(.., is_done) {
+            self.disposal.take(done, drop);
         }
     }
 }

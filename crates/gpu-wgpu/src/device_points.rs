@@ -44,6 +44,22 @@ impl DevicePoints {
         copied
     }
 
+    /// Where a run lies that was brought.
+    pub(crate) fn brought(
+        &mut self,
+        gpu: &Gpu,
+        run: &Range<usize>,
+    ) -> Result<Option<(Buffer, Range<u64>)>> {
+        if !self.runs.contains(run) {
+            return Ok(None);
+        }
+        if let Some(copies) = self.take_copies() {
+            gpu.submit([copies])?;
+        }
+        let all = self.all.clone();
+        Ok(all.map(|all| (all, run.start as u64 * POINT..run.end as u64 * POINT)))
+    }
+
     /// Has positions come from the host again.
     pub(crate) fn release(&mut self, run: &Range<usize>) {
         self.runs = without(&self.runs, std::slice::from_ref(run));
@@ -104,7 +120,7 @@ mod tests {
     fn what_others_have_is_left_out() {
         let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
         assert_eq!(cut(&[]), [0..10, 20..30]);
-        assert_eq!(cut(&[0..10]), vec![20..30]);
+        assert_eq!(cut(&[0..10, 12..14]), [20..30; 1]);
         assert_eq!(cut(&[2..4, 8..25]), [0..2, 4..8, 25..30]);
         assert_eq!(cut(&[0..3, 3..30]), [0..0; 0]);
     }

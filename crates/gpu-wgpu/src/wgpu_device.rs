@@ -124,6 +124,14 @@ impl WgpuDevice {
         self.points.bring(&self.gpu, [first, vertices], from)
     }
 
+    /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
+    ///
+    /// # Errors
+    /// The buffers that they came from cannot be copied.
+    pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
+        self.points.brought(&self.gpu, run)
+    }
+
     /// Has a run of them come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
         self.points.release(run);

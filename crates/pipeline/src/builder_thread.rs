@@ -139,24 +139,43 @@ fn gone() -> String {
     "the builder thread is gone".into()
 }
 
-/// Builds the first tree, those of `rebuild` and those of the builder thread.
-pub(crate) struct BuilderPool {
-    pool: rayon::ThreadPool,
-    builder: Mutex<TreeBuilder>,
-}
+/// Threads that build trees, for any number of drivers.
+#[derive(Clone, Debug)]
+pub struct BuilderThreads(Arc<rayon::ThreadPool>);
 
-impl BuilderPool {
-    /// A pool of `threads`, at least one; records carry trees in these forms.
-    pub(crate) fn new(threads: usize, forms: Forms) -> Result<Self, PipelineError> {
+impl BuilderThreads {
+    /// So many of them, at least one.
+    ///
+    /// # Errors
+    /// They cannot be started.
+    pub fn new(threads: usize) -> Result<Self, PipelineError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("abvh-build-{i}"))
             .build()
             .map_err(|e| PipelineError::Threads(e.to_string()))?;
-        Ok(Self {
-            pool,
+        Ok(Self(Arc::new(pool)))
+    }
+
+    /// Does other work in them, while the caller waits.
+    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.0.install(work)
+    }
+}
+
+/// Builds the first tree, those of `rebuild` and those of the builder thread.
+pub(crate) struct BuilderPool {
+    threads: BuilderThreads,
+    builder: Mutex<TreeBuilder>,
+}
+
+impl BuilderPool {
+    /// A builder in these threads; records carry trees in these forms.
+    pub(crate) fn new(threads: BuilderThreads, forms: Forms) -> Self {
+        Self {
+            threads,
             builder: Mutex::new(TreeBuilder::with_forms(forms)),
-        })
+        }
     }
 
     /// Has the builder work in the pool's threads, while the caller waits.
@@ -166,7 +185,7 @@ impl BuilderPool {
     ) -> BuildResult<T> {
         // Whatever a panic left of the builder is written over by the next build.
         let builder = || self.builder.lock().unwrap_or_else(PoisonError::into_inner);
-        let built = self.pool.install(|| build(&mut builder()));
+        let built = self.threads.install(|| build(&mut builder()));
         built.map_err(|e| e.to_string())
     }
 }
@@ -200,6 +219,21 @@ mod tests {
             let (generation, result) = thread.take().unwrap();
             assert_eq!((generation.0, &result.unwrap_err()[..]), (n, why));
         }
+    }
+
+    #[test]
+    fn builders_that_share_threads_take_no_more_of_them() {
+        let threads = BuilderThreads::new(2).unwrap();
+        let who = || rayon::broadcast(|_| std::thread::current().id());
+        let builder = || BuilderPool::new(threads.clone(), Forms::default());
+        let (one, other) = (builder(), builder());
+        let own = threads.install(who);
+        assert_eq!(
+            [&one, &other].map(|b| b.with(|_| Ok(who()))),
+            [(); 2].map(|()| Ok(own.clone()))
+        );
+        // Nor does one wait for the other.
+        assert_eq!(one.with(|_| Ok(other.with(|_| Ok(who())))), Ok(Ok(own)));
     }
 
     #[test]

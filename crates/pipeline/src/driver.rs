@@ -4,12 +4,14 @@ mod own;
 mod trees;
 mod warm_up;
 
-use crate::builder_thread::{BuilderPool, BuilderThread};
+use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
-use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Hits, Method, Palette, Query, Ticket};
+use backend::{
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Hits, Method, Palette, Query, Ticket,
+};
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
 use std::collections::VecDeque;
@@ -126,19 +128,31 @@ impl Driver {
     /// # Errors
     /// The backend refuses the scene or the method, or no threads can be had.
     pub fn new(
+        backend: Box<dyn Backend>,
+        animation: Arc<Animation>,
+        options: DriverOptions,
+    ) -> Result<Self, PipelineError> {
+        let threads = BuilderThreads::new(options.builder_threads)?;
+        Self::with_builders(backend, animation, options, threads)
+    }
+
+    /// Likewise, with threads that others build in, too: the options' number of them says nothing.
+    ///
+    /// # Errors
+    /// The backend refuses the scene or the method.
+    pub fn with_builders(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
         options: DriverOptions,
+        threads: BuilderThreads,
     ) -> Result<Self, PipelineError> {
         own::admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
         if options.update == Update::DeviceRebuild {
             backend.check_rebuild()?;
         }
-        let builder_pool = Arc::new(BuilderPool::new(
-            options.builder_threads,
-            Forms::wanted_by(backend.as_ref()),
-        )?);
+        let forms = Forms::wanted_by(backend.as_ref());
+        let builder_pool = Arc::new(BuilderPool::new(threads, forms));
         let builder_thread = {
             let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
             BuilderThread::new(move |job, cancel| {
@@ -200,6 +214,11 @@ impl Driver {
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
+    }
+
+    /// Trees so far that frames were traced with.
+    pub fn generation(&self) -> Generation {
+        self.tree.as_ref().map_or(Generation(0), |t| t.generation)
     }
 
     /// Whether a builder thread was ever started.

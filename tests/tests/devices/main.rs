@@ -151,6 +151,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::every_verb_after_a_loss_is_an_error_and_no_panic,
     wgpu_points::vertices_may_lie_in_a_buffer_of_the_programs,
     wgpu_points::a_buffer_that_does_not_fit_is_an_error,
+    wgpu_points::vertices_of_a_buffer_stay_while_another_mesh_is_replaced,
 ];
 
 fn main() -> ExitCode {

@@ -144,3 +144,26 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     let hits = own.step([Some((0.5, true)), None]);
     assert!(hits == Own::new(Update::Auto).step([Some((0.5, false)), None]));
 }
+
+/// Even where no query has seen them yet.
+pub(crate) fn vertices_of_a_buffer_stay_while_another_mesh_is_replaced() {
+    let [mut found, mut expected] = [true, false].map(|on_device| {
+        let mut own = Own::new(Update::Auto);
+        own.step([Some((0.5, on_device)), Some((1.0, on_device))]);
+        let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
+        let replacement = own.tracer.replace(own.sheets[0], with).unwrap();
+        let moved = sheet(2.0);
+        let buffer = own.buffer(&moved, BufferUsages::COPY_SRC);
+        let source = match on_device {
+            true => Source::Wgpu(buffer.slice(12..)),
+            false => Source::Host(&moved),
+        };
+        let mut dropped = own.tracer.step(0.0);
+        dropped.vertices(own.sheets[1], source).unwrap();
+        own.tracer.commit(replacement).unwrap();
+        own
+    });
+    assert!(found.step([None, None]) == expected.step([None, None]));
+    let next = |on_device| [None, Some((0.25, on_device))];
+    assert!(found.step(next(true)) == expected.step(next(false)));
+}

@@ -1,7 +1,8 @@
 //! Scenes, steps, queries, hits, trees.
 //!
 //! A [`Scene`](crate::Scene) is a list of meshes. [`Builder::build`](crate::Builder::build) hands it to a
-//! [`Tracer`](crate::Tracer), which puts it on a [`Device`](crate::Device). From then on no mesh is added.
+//! [`Tracer`](crate::Tracer), which puts it on a [`Device`](crate::Device). From then on no mesh is added,
+//! but any may be [replaced](crate::Tracer::replace).
 //!
 //! | mesh | moves by | in steps that do not move it |
 //! |---|---|---|

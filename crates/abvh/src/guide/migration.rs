@@ -12,6 +12,7 @@
 //! | `rtcAttachGeometry`, `Scene::attach_geometry` | [`Scene::add`](crate::Scene::add) |
 //! | `rtcCommitScene`, `Scene::commit`: the first | [`Builder::build`](crate::Builder::build) |
 //! | `rtcUpdateGeometryBuffer`, `rtcCommitGeometry`, `rtcCommitScene`: later ones | [`Step::vertices`](crate::Step::vertices); no step waits for a build |
+//! | `rtcSetNewGeometryBuffer` of a geometry in use, `rtcCommitScene` | [`Tracer::replace`](crate::Tracer::replace), [`Tracer::commit`](crate::Tracer::commit) |
 //! | `rtcSetGeometryTransform` of an instance | [`Step::poses`](crate::Step::poses) of a [`Mesh::rigid`](crate::Mesh::rigid), which holds its own vertices |
 //! | `rtcSetGeometryTimeStepCount`, `RTCRay::time` | [`Mesh::keyframes`](crate::Mesh::keyframes), with one time for all rays of a step |
 //! | `RTC_BUILD_QUALITY_REFIT` | [`Update::Refit`](crate::Update::Refit) |

@@ -41,6 +41,19 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
+//! # New topology
+//!
+//! A mesh that tears, or grows, gets other vertices and triangles by [`Tracer::replace`](crate::Tracer::replace).
+//! A scene with them is loaded beside the steps, and its first tree built by the threads that build trees anyway. It
+//! counts once the program hands it to [`Tracer::commit`](crate::Tracer::commit), between two steps: from then on
+//! [`Step::vertices`](crate::Step::vertices) takes the new number.
+//!
+//! [`Replacement::is_ready`](crate::Replacement::is_ready) tells when that need not wait. Other meshes stay where they are,
+//! and all keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until they are dropped,
+//! both scenes take memory.
+//!
+//! Replacements are prepared for the scene as it is: of several at a time only the first can be committed.
+//!
 //! # Trees ahead of the motion
 //!
 //! [`Update::Auto`](crate::Update::Auto) takes [`Update::Async`](crate::Update::Async) for whatever moves. Then the next

@@ -2,8 +2,11 @@
 //!
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
+mod replace;
+
 use abvh::{
-    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Scene, Source, Tracer, Update,
+    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Tracer,
+    Update,
 };
 use integration::is_required;
 use integration::stage::pixels;
@@ -11,7 +14,7 @@ use libtest_mimic::{Arguments, Trial};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 7] = [
+const LAWS: [(&str, Law); 12] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("rigid_parts_find_what_their_vertices_do", rigid),
     ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
@@ -19,12 +22,26 @@ const LAWS: [(&str, Law); 7] = [
     ("vertices_go_anywhere", anywhere),
     ("results_stay_until_the_second_step_after", results),
     ("misuse_is_an_error", misuse),
+    ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
+    ("a_replaced_mesh_may_move_in_another_way", replace::motions),
+    ("results_stay_beyond_a_commit", replace::results),
+    (
+        "a_replacement_that_is_given_up_changes_nothing",
+        replace::given_up,
+    ),
+    ("replacements_that_do_not_fit_are_errors", replace::misuse),
 ];
+
+/// Likewise, of a wgpu device that the program opened.
+const OWN: (&str, Law) = (
+    "meshes_are_replaced_on_a_device_of_the_program",
+    replace::own,
+);
 
 /// Whatever a program holds may go to another thread.
 const _: () = {
     const fn is_send<T: Send>() {}
-    is_send::<(Tracer, Scene, Mesh, Device, Error)>();
+    is_send::<(Tracer, Replacement, Scene, Mesh, Device, Error)>();
 };
 
 fn main() {
@@ -37,7 +54,8 @@ fn main() {
     for (name, device) in devices {
         let absent = Tracer::builder().device(device.clone()).build(Scene::new());
         let absent = absent.err().map(|e| e.to_string());
-        for (law, holds) in LAWS {
+        let own = (name == "wgpu").then_some(OWN);
+        for (law, holds) in LAWS.into_iter().chain(own) {
             let (device, why) = (device.clone(), absent.clone());
             let trial = Trial::test(format!("{name}::{law}"), move || match why {
                 Some(why) => Err(why.into()),

@@ -1,0 +1,206 @@
+//! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
+
+use crate::motion::{Joined, Standing};
+use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
+use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket};
+use geom::{Animation, Camera};
+use pipeline::{BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// What kernels depend on: whether rays are a camera's, and what is looked for.
+type Asked = (Option<Camera>, QueryKind);
+
+pub(crate) struct Loaded {
+    pub(crate) driver: Driver,
+    pub(crate) joined: Joined,
+    pub(crate) animation: Arc<Animation>,
+    pub(crate) update: Update,
+    pub(crate) builders: BuilderThreads,
+    /// That key-framed meshes stand at in the newest query.
+    pub(crate) time: f64,
+    /// One query of each kind so far.
+    pub(crate) asked: Vec<Asked>,
+    /// Trees of the scenes before it.
+    trees_before: u64,
+    frames: u64,
+    under_way: VecDeque<QueryId>,
+    /// That may be asked for, from the oldest to the newest.
+    results: VecDeque<(QueryId, Ticket)>,
+}
+
+impl Loaded {
+    pub(crate) fn new(
+        meshes: Vec<Mesh>,
+        backend: Box<dyn Backend>,
+        (method, update): (Method, Update),
+        builders: BuilderThreads,
+    ) -> Result<Self> {
+        let (mut joined, animation) = Joined::of(meshes)?;
+        let last = match joined.is_live() {
+            true => f64::MAX,
+            false => animation.end(),
+        };
+        let options = DriverOptions {
+            method,
+            update,
+            builder_threads: 0,
+            time_range: [0.0, last],
+            predict: true,
+        };
+        let animation = Arc::new(animation);
+        let (of_driver, threads) = (Arc::clone(&animation), builders.clone());
+        let driver = Driver::with_builders(backend, of_driver, options, threads);
+        let mut driver = driver.map_err(Error::of_driver)?;
+        joined.prepare(&animation, driver.backend())?;
+        Ok(Self {
+            driver,
+            joined,
+            animation,
+            update,
+            builders,
+            time: 0.0,
+            asked: Vec::new(),
+            trees_before: 0,
+            frames: 0,
+            under_way: VecDeque::new(),
+            results: VecDeque::new(),
+        })
+    }
+
+    /// Has the first tree built for `time`, and all made ready that such queries take.
+    pub(crate) fn warm_up(&mut self, time: f64, asked: &[Asked]) -> Result<()> {
+        let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
+        // The first tree is built for the first query.
+        let list = [(None, QueryKind::Closest)];
+        for &(camera, kind) in if asked.is_empty() { &list } else { asked } {
+            let pixel = camera.map(|camera| Camera {
+                width: 1,
+                height: 1,
+                ..camera
+            });
+            let rays = pixel.as_ref().map_or(Rays::List(&ray), Rays::Camera);
+            self.submit(time, Query { rays, kind })?;
+            self.driver.finish(None).map_err(Error::of_driver)?;
+        }
+        Ok(())
+    }
+
+    /// Goes on where `before` is, which differs by one mesh.
+    pub(crate) fn follow(&mut self, before: &mut Self, but: usize) -> Result<()> {
+        self.joined.stand_as(&before.settle()?, but);
+        #[cfg(feature = "wgpu")]
+        self.follow_on_device(before, but)?;
+        self.asked.clone_from(&before.asked);
+        self.trees_before = before.trees_before + before.driver.generation().0;
+        Ok(())
+    }
+
+    /// Where meshes stand, with what no query has seen yet.
+    fn settle(&mut self) -> Result<Standing> {
+        let (backend, time) = (self.driver.backend(), self.joined.time);
+        self.joined.tell(&self.animation, backend, time)?;
+        self.joined.standing(&self.animation)
+    }
+
+    pub(crate) fn begin(
+        &mut self,
+        id: QueryId,
+        time: f64,
+        query: Query<'_>,
+        last: &mut Option<Statistics>,
+    ) -> Result<()> {
+        let most = match self.update {
+            Update::Rebuild => 1,
+            _ => FRAMES_IN_FLIGHT,
+        };
+        while self.under_way.len() >= most {
+            self.finish(last)?;
+        }
+        let ticket = self.submit(time, query)?;
+        self.note(query);
+        self.under_way.push_back(id);
+        self.results.push_back((id, ticket));
+        Ok(())
+    }
+
+    fn submit(&mut self, time: f64, query: Query<'_>) -> Result<Ticket> {
+        #[cfg(feature = "wgpu")]
+        self.release_points();
+        let backend = self.driver.backend();
+        // This one comes after all of them.
+        backend.keep(self.results.len() + 1);
+        self.time = time;
+        let time = self.joined.tell(&self.animation, backend, time)?;
+        let index = self.frames;
+        let begun = self.driver.begin(Frame { index, time }, query);
+        self.frames += 1;
+        begun.map_err(Error::of_driver)
+    }
+
+    fn note(&mut self, query: Query<'_>) {
+        let camera = match query.rays {
+            Rays::Camera(camera) => Some(*camera),
+            Rays::List(_) => None,
+        };
+        let is_same = |(c, kind): &Asked| c.is_some() == camera.is_some() && *kind == query.kind;
+        if !self.asked.iter().any(is_same) {
+            self.asked.push((camera, query.kind));
+        }
+    }
+
+    /// Waits for a query.
+    pub(crate) fn wait(&mut self, query: QueryId, last: &mut Option<Statistics>) -> Result<()> {
+        while self.under_way.contains(&query) {
+            self.finish(last)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the oldest query under way.
+    fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
+        if self.under_way.pop_front().is_some() {
+            let finished = self.driver.finish(None).map_err(Error::of_driver)?;
+            let done = finished.map(|record| self.statistics(&record));
+            // Those of a former scene may be waited for late.
+            let is_newer = |done: &Statistics| last.is_none_or(|l| l.generation <= done.generation);
+            *last = done.filter(is_newer).or(*last);
+        }
+        Ok(())
+    }
+
+    fn statistics(&self, record: &FrameRecord) -> Statistics {
+        Statistics {
+            generation: self.trees_before + record.tree_generation.0,
+            age: record.tree_age_frames,
+            cost_ratio: record.sah_ratio,
+            inactive: record.report.inactive,
+            degenerate: record.report.degenerate,
+        }
+    }
+
+    /// Drops results of steps before one; says whether any are left.
+    pub(crate) fn keep_from(&mut self, step: u64) -> bool {
+        let is_old = |(query, _): &(QueryId, Ticket)| query.step.0 < step;
+        while self.results.front().is_some_and(is_old) {
+            self.results.pop_front();
+        }
+        !self.results.is_empty()
+    }
+}
+
+/// The ticket of a query of a step, and the scene that it was traced in: the one in use, or a former one.
+pub(crate) fn find<'t>(
+    current: &'t mut Loaded,
+    former: &'t mut [Loaded],
+    step: StepId,
+    query: QueryId,
+) -> Result<(&'t mut Loaded, Ticket)> {
+    let is_asked = |(id, _): &&(QueryId, Ticket)| *id == query && query.step == step;
+    let mut all = std::iter::once(current).chain(former);
+    let found = all.find_map(|loaded| {
+        let (_, ticket) = *loaded.results.iter().find(is_asked)?;
+        Some((loaded, ticket))
+    });
+    found.ok_or(Error::NoResult)
+}

@@ -1,0 +1,200 @@
+//! Other triangles in a mesh's place, prepared while the scene is traced.
+
+use crate::disposal::Disposal;
+use crate::loaded::Loaded;
+use crate::motion::Standing;
+use crate::tracer::{Builder, name};
+use crate::{Camera, Error, Mesh, MeshId, Result, Tracer};
+use backend::QueryKind;
+use pipeline::{BuilderThreads, Pace, Update};
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+
+/// A mesh that is to be another: see [`Tracer::replace`]. One that is dropped instead of [committed](Tracer::commit) is given
+/// up.
+#[must_use = "nothing is replaced before it is committed"]
+pub struct Replacement {
+    mesh: MeshId,
+    /// Replacements that were committed before it was begun.
+    commits: u64,
+    /// The tracer's, which it is known by.
+    disposal: Arc<Disposal>,
+    is_given_up: Arc<AtomicBool>,
+    /// `None` once somebody waits for it.
+    preparation: Option<JoinHandle<Result<Loaded>>>,
+}
+
+impl Replacement {
+    /// The mesh that it replaces.
+    #[must_use]
+    pub fn mesh(&self) -> MeshId {
+        self.mesh
+    }
+
+    /// Whether [`Tracer::commit`] would not wait.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.preparation
+            .as_ref()
+            .is_none_or(JoinHandle::is_finished)
+    }
+
+    fn wait(mut self) -> Result<Loaded> {
+        match self.preparation.take().map(JoinHandle::join) {
+            Some(Ok(prepared)) => prepared,
+            _ => Err(Error::Device("the preparation broke off".to_owned())),
+        }
+    }
+}
+
+impl Drop for Replacement {
+    fn drop(&mut self) {
+        if let Some(preparation) = self.preparation.take() {
+            self.is_given_up.store(true, Ordering::Relaxed);
+            self.disposal.take(preparation, |p| drop(p.join()));
+        }
+    }
+}
+
+impl fmt::Debug for Replacement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Replacement of mesh {}", self.mesh.index())
+    }
+}
+
+impl Tracer {
+    /// Begins to replace a mesh: by any number of other vertices and triangles, which may move in another way. A scene with
+    /// them is loaded and its first tree built beside the steps, which go on with the old one until
+    /// [`Tracer::commit`]. The device holds both until then, and until the last results of the old one are dropped.
+    ///
+    /// ```
+    /// # use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
+    /// let (low, high) = ([[0., 0., 0.], [2., 0., 0.], [0., 2., 0.]], [[0., 0., 1.], [2., 0., 1.], [0., 2., 1.]]);
+    /// let mut scene = Scene::new();
+    /// let mesh = scene.add(Mesh::fixed(&low, &[[0, 1, 2]])?);
+    /// let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+    /// let both = [low, high].concat();
+    /// let mut replacement = Some(tracer.replace(mesh, Mesh::fixed(&both, &[[0, 1, 2], [3, 4, 5]])?)?);
+    /// loop {
+    ///     if let Some(ready) = replacement.take_if(|r| r.is_ready()) {
+    ///         tracer.commit(ready)?;
+    ///     }
+    ///     let mut step = tracer.step(0.0);
+    ///     let query = step.trace(&[Ray::new([0.5, 0.5, 3.0], [0.0, 0.0, -1.0])], Query::Closest)?;
+    ///     let done = step.submit()?;
+    ///     let hit = tracer.hits(done, query)?.closest(0).unwrap();
+    ///     assert_eq!(hit.mesh, mesh);
+    ///     if replacement.is_none() {
+    ///         assert_eq!((hit.triangle, hit.t), (1, 2.0));
+    ///         break;
+    ///     }
+    /// }
+    /// # Ok::<_, abvh::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::ForeignMesh`]; [`Error::Device`] if no thread can be had.
+    pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
+        let preparation = self.preparation(mesh.within(self.scene)?, with)?;
+        let is_given_up = Arc::<AtomicBool>::default();
+        let heard = Arc::clone(&is_given_up);
+        let thread = thread::Builder::new().name("abvh-replace".into());
+        let begun = thread.spawn(move || preparation.carry_out(&heard));
+        let begun = begun.map_err(|e| Error::Device(format!("no thread to prepare it: {e}")))?;
+        Ok(Replacement {
+            mesh,
+            commits: self.commits,
+            disposal: Arc::clone(&self.disposal),
+            is_given_up,
+            preparation: Some(begun),
+        })
+    }
+
+    /// Replaces a mesh from the next step on; waits if that is not [ready](Replacement::is_ready) yet. Other meshes stay
+    /// where they are, however often they moved meanwhile, and all keep their [`MeshId`]. Results of earlier steps
+    /// stay as long as ever, and name triangles of the old mesh.
+    ///
+    /// # Errors
+    /// [`Error::Conflict`] if another was committed since it was begun, [`Error::ForeignReplacement`],
+    /// those of [`Builder::build`]. The old mesh then stays.
+    pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
+        let mesh = replacement.mesh;
+        if !Arc::ptr_eq(&self.disposal, &replacement.disposal) {
+            return Err(Error::ForeignReplacement(mesh));
+        }
+        if self.commits != replacement.commits {
+            return Err(Error::Conflict(mesh));
+        }
+        let mut next = replacement.wait()?;
+        next.follow(&mut self.current, mesh.index())?;
+        let before = std::mem::replace(&mut self.current, next);
+        self.former.push(before);
+        self.commits += 1;
+        Ok(())
+    }
+
+    fn preparation(&self, mesh: usize, with: Mesh) -> Result<Preparation> {
+        let current = &self.current;
+        Ok(Preparation {
+            builder: self.builder.clone(),
+            device: self.device().to_owned(),
+            parts: Box::new(current.joined.parts(&current.animation)),
+            mesh,
+            with,
+            standing: current.joined.standing(&current.animation)?,
+            time: current.time,
+            asked: current.asked.clone(),
+            builders: match current.update {
+                // They have all cores while steps wait for them.
+                Update::Refit => self
+                    .builder
+                    .builders(self.kind, Update::Async(Pace::Free))?,
+                _ => current.builders.clone(),
+            },
+        })
+    }
+}
+
+/// What a scene with another mesh is made of.
+struct Preparation {
+    builder: Builder,
+    /// What is to be opened once more.
+    device: String,
+    /// The meshes as they are.
+    parts: Box<dyn FnOnce() -> Vec<Mesh> + Send>,
+    mesh: usize,
+    with: Mesh,
+    standing: Standing,
+    time: f64,
+    asked: Vec<(Option<Camera>, QueryKind)>,
+    builders: BuilderThreads,
+}
+
+impl Preparation {
+    /// Loads the scene and builds its first tree, by threads that build trees anyway: steps need the others.
+    fn carry_out(self, is_given_up: &AtomicBool) -> Result<Loaded> {
+        let standing = self.standing.detached();
+        let mut meshes = (self.parts)();
+        meshes[self.mesh] = self.with;
+        let update = self.builder.policy(&meshes);
+        let backend = self.builder.open(update)?;
+        let (found, expected) = (name(backend.as_ref()), self.device);
+        if found != expected {
+            let why = format!("{expected} cannot be opened once more, only {found}");
+            return Err(Error::Device(why));
+        }
+        let how = (self.builder.method, update);
+        let builders = self.builders.clone();
+        self.builders.install(move || {
+            let mut loaded = Loaded::new(meshes, backend, how, builders)?;
+            loaded.joined.stand_as(&standing, self.mesh);
+            if is_given_up.load(Ordering::Relaxed) {
+                return Err(Error::Device("it was given up".to_owned()));
+            }
+            loaded.warm_up(self.time, &self.asked)?;
+            Ok(loaded)
+        })
+    }
+}

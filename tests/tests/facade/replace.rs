@@ -1,0 +1,363 @@
+//! New topology for a mesh while the scene is traced.
+
+use crate::{bits, demo, still, tracer};
+use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
+use abvh::{
+    Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
+};
+
+/// Key frames and triangles of the meshes that stay, and of those that come and go.
+struct Stage {
+    keys: Vec<Vec<Point>>,
+    triangles: Vec<[u32; 3]>,
+    other: (Vec<Vec<Point>>, Vec<[u32; 3]>),
+    rays: Vec<Ray>,
+}
+
+/// A scene's meshes.
+#[derive(Clone, Copy)]
+struct Ids {
+    robot: MeshId,
+    target: MeshId,
+    cloth: MeshId,
+}
+
+/// How the mesh moves that is replaced or replaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Fixed,
+    Keys,
+    Streamed,
+    Rigid,
+}
+
+fn raised(points: &[Point], by: f32) -> Vec<Point> {
+    points.iter().map(|p| [p[0], p[1] + by, p[2]]).collect()
+}
+
+impl Stage {
+    fn new() -> Self {
+        let (staying, other) = (demo("demo:twist:1000"), demo("demo:twist:300"));
+        let keys = other.keys.iter().map(|key| raised(key, 0.3)).collect();
+        Self {
+            keys: staying.keys,
+            triangles: staying.triangles,
+            other: (keys, other.triangles),
+            rays: staying.rays,
+        }
+    }
+
+    /// The mesh before, or the one in its place.
+    fn target(&self, is_new: bool, kind: Kind) -> Mesh {
+        let (keys, triangles) = match is_new {
+            true => (&self.other.0, &self.other.1),
+            false => (&self.keys, &self.triangles),
+        };
+        let parts = vec![0; keys[0].len()];
+        let made = match kind {
+            Kind::Fixed => Mesh::fixed(&keys[0], triangles),
+            Kind::Keys => Mesh::keyframes(keys.clone(), triangles),
+            Kind::Streamed => Mesh::streamed(&keys[0], triangles),
+            Kind::Rigid => Mesh::rigid(&keys[0], triangles, &parts),
+        };
+        made.unwrap()
+    }
+
+    /// A rigid mesh, the target, a key-framed and a streamed one.
+    fn scene(&self, target: Mesh) -> (Scene, Ids) {
+        let mut scene = Scene::new();
+        let (low, high) = (raised(&self.keys[0], -0.5), raised(&self.keys[0], 0.8));
+        let keys = self.keys.iter().map(|key| raised(key, -0.2)).collect();
+        let robot = Mesh::rigid(&low, &self.triangles, &vec![0; low.len()]);
+        let robot = scene.add(robot.unwrap());
+        let target = scene.add(target);
+        scene.add(Mesh::keyframes(keys, &self.triangles).unwrap());
+        let cloth = scene.add(Mesh::streamed(&high, &self.triangles).unwrap());
+        let ids = Ids {
+            robot,
+            target,
+            cloth,
+        };
+        (scene, ids)
+    }
+
+    /// Moves what steps move, and traces.
+    fn advance(&self, tracer: &mut Tracer, ids: Ids, i: usize) -> (StepId, QueryId) {
+        let mut step = tracer.step(time(i));
+        let cloth = self.cloth(i);
+        step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
+        step.poses(ids.robot, &[lift(i)]).unwrap();
+        let query = step.trace(&self.rays, Query::Closest).unwrap();
+        (step.submit().unwrap(), query)
+    }
+
+    fn cloth(&self, i: usize) -> Vec<Point> {
+        raised(&self.keys[i % self.keys.len()], 0.05 * i as f32)
+    }
+
+    /// Moves the target, too.
+    fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Vec<Found> {
+        let mut step = tracer.step(time(i));
+        let target = &self.other.0[i % self.other.0.len()];
+        match kind {
+            Kind::Streamed => step.vertices(ids.target, Source::Host(target)).unwrap(),
+            Kind::Rigid => step.poses(ids.target, &[lift(i)]).unwrap(),
+            Kind::Fixed | Kind::Keys => {}
+        }
+        let asked = self.advance(tracer, ids, i);
+        found(tracer, asked)
+    }
+}
+
+fn time(i: usize) -> f64 {
+    0.3 * i as f64
+}
+
+fn lift(i: usize) -> abvh::Matrix {
+    let by = 0.03 * i as f32;
+    [
+        [1.0, 0.0, 0.0, by],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, by],
+    ]
+}
+
+/// A hit's mesh and bits.
+type Found = (Option<usize>, [u32; 4]);
+
+fn found(tracer: &mut Tracer, (step, query): (StepId, QueryId)) -> Vec<Found> {
+    let hits = tracer.hits(step, query).unwrap();
+    let mesh = |ray| hits.closest(ray).map(|hit| hit.mesh.index());
+    let meshes = (0..hits.len()).map(mesh);
+    meshes.zip(bits(hits)).collect()
+}
+
+fn stand(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<Found> {
+    let mut step = tracer.step(time);
+    let query = step.trace(rays, Query::Closest).unwrap();
+    let asked = (step.submit().unwrap(), query);
+    found(tracer, asked)
+}
+
+/// Beside meshes of all kinds, which move on until the commit.
+pub(crate) fn anew(device: &Device) {
+    let stage = Stage::new();
+    for (before, after, update) in [
+        (Kind::Streamed, Kind::Streamed, Update::Auto),
+        (Kind::Fixed, Kind::Keys, Update::Refit),
+        (Kind::Keys, Kind::Rigid, Update::Rebuild),
+    ] {
+        let build = |scene: Scene| {
+            let builder = Tracer::builder().device(device.clone()).update(update);
+            builder.threads(2).build(scene).unwrap()
+        };
+        let (scene, ids) = stage.scene(stage.target(false, before));
+        let (mut live, mut twin) = (build(scene.clone()), build(scene));
+        stage.advance(&mut live, ids, 0);
+        let (mesh, mut i) = (stage.target(true, after), 1);
+        let replacement = live.replace(ids.target, mesh.clone()).unwrap();
+        while i < 4 || !replacement.is_ready() {
+            let asked = stage.advance(&mut live, ids, i);
+            let expected = stage.advance(&mut twin, ids, i);
+            let expected = found(&mut twin, expected);
+            assert!(found(&mut live, asked) == expected, "{before:?} at {i}");
+            i += 1;
+        }
+        // A step that is dropped has moved meshes all the same.
+        let cloth = stage.cloth(i + 1);
+        let mut step = live.step(time(i));
+        step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
+        let trees = live.statistics().unwrap().generation;
+        live.commit(replacement).unwrap();
+
+        let (scene, new) = stage.scene(mesh);
+        let mut fresh = build(scene);
+        let mut step = fresh.step(time(i));
+        step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
+        step.poses(new.robot, &[lift(i - 1)]).unwrap();
+        let expected = stand(&mut fresh, time(i), &stage.rays);
+        let all = stand(&mut live, time(i), &stage.rays);
+        assert!(all == expected, "{after:?} at once");
+        assert!(live.statistics().unwrap().generation > trees);
+        for mesh in 0..4 {
+            let hits = all.iter().filter(|(met, _)| *met == Some(mesh));
+            assert!(hits.count() > 10, "mesh {mesh} is seen");
+        }
+        for i in i + 1..i + 5 {
+            let expected = stage.follow(&mut fresh, new, (i, after));
+            let all = stage.follow(&mut live, ids, (i, after));
+            assert!(all == expected, "{after:?} at {i}");
+        }
+    }
+}
+
+/// One tracer after another kind of scene: whether anything arrives, and whether anything moves.
+pub(crate) fn motions(device: &Device) {
+    let stage = Stage::new();
+    let fixed = |by| Mesh::fixed(&raised(&stage.keys[0], by), &stage.triangles).unwrap();
+    let mut scene = Scene::new();
+    let target = scene.add(stage.target(false, Kind::Fixed));
+    scene.add(fixed(-0.5));
+    let mut live = tracer(scene, device);
+    stand(&mut live, 0.0, &stage.rays);
+    for (i, kind) in [Kind::Streamed, Kind::Keys, Kind::Fixed, Kind::Rigid]
+        .into_iter()
+        .enumerate()
+    {
+        let is_new = i % 2 == 0;
+        let mesh = stage.target(is_new, kind);
+        let replacement = live.replace(target, mesh.clone()).unwrap();
+        live.commit(replacement).unwrap();
+        let mut scene = Scene::new();
+        let same = scene.add(mesh.clone());
+        scene.add(fixed(-0.5));
+        let mut fresh = tracer(scene, device);
+        for at in [0.0, 1.5] {
+            for (tracer, mesh) in [(&mut live, target), (&mut fresh, same)] {
+                let mut step = tracer.step(at);
+                let poses = step.poses(mesh, &[lift(3)]);
+                let what = "matrices";
+                let refused = Err(Error::Motion { mesh, what });
+                assert_eq!(poses, if kind == Kind::Rigid { Ok(()) } else { refused });
+                let there = match kind {
+                    Kind::Streamed => step.vertices_mut(mesh).map(|to| to.reverse()),
+                    _ => Ok(()),
+                };
+                there.unwrap();
+            }
+            let expected = stand(&mut fresh, at, &stage.rays);
+            let all = stand(&mut live, at, &stage.rays);
+            assert!(all == expected, "{kind:?} at {at}");
+        }
+    }
+}
+
+pub(crate) fn results(device: &Device) {
+    let stage = Stage::new();
+    let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
+    let mut twin = tracer(scene.clone(), device);
+    let expected = [0, 1].map(|i| {
+        let asked = stage.advance(&mut twin, ids, i);
+        found(&mut twin, asked)
+    });
+    let mut live = tracer(scene, device);
+    let of_old = [0, 1].map(|i| stage.advance(&mut live, ids, i));
+    // Twice, without a step between them.
+    for is_new in [true, false] {
+        let mesh = stage.target(is_new, Kind::Streamed);
+        let replacement = live.replace(ids.target, mesh).unwrap();
+        live.commit(replacement).unwrap();
+    }
+    for (asked, expected) in of_old.into_iter().zip(&expected) {
+        assert!(found(&mut live, asked) == *expected);
+    }
+    let none = |live: &mut Tracer, (step, query)| live.hits(step, query).err();
+    let later = stage.advance(&mut live, ids, 2);
+    assert_eq!(none(&mut live, of_old[0]), Some(Error::NoResult));
+    assert!(found(&mut live, of_old[1]) == expected[1]);
+    assert_eq!(found(&mut live, later).len(), stage.rays.len());
+    stage.advance(&mut live, ids, 3);
+    assert_eq!(none(&mut live, of_old[1]), Some(Error::NoResult));
+}
+
+fn open(limits: wgpu::Limits) -> OwnDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
+    let adapter = pollster::block_on(adapter).unwrap();
+    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        required_features: required_features(),
+        required_limits: limits,
+        ..Default::default()
+    }))
+    .unwrap();
+    let info = adapter.get_info();
+    OwnDevice {
+        device,
+        queue,
+        info,
+    }
+}
+
+/// Both scenes are on the one device, whose buffers of hits stay as results do.
+pub(crate) fn own(_: &Device) {
+    let stage = Stage::new();
+    let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
+    let device = open(required_limits(&scene, stage.rays.len()).unwrap());
+    anew(&Device::from(device.clone()));
+    let mut live = tracer(scene, &Device::from(device));
+    let before = stage.advance(&mut live, ids, 0);
+    let mesh = stage.target(true, Kind::Streamed);
+    let grown = mesh.triangle_count() as u32;
+    let replacement = live.replace(ids.target, mesh).unwrap();
+    live.commit(replacement).unwrap();
+    let after = stage.advance(&mut live, ids, 1);
+    let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query).cloned());
+    let [old, new] = buffers.map(Result::unwrap);
+    assert!(old != new);
+    let mesh = stage.triangles.len() as u32;
+    let firsts = [ids.robot, ids.target, ids.cloth].map(|id| live.first_triangle(id).unwrap());
+    assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
+}
+
+pub(crate) fn given_up(device: &Device) {
+    let stage = Stage::new();
+    let (scene, ids) = stage.scene(stage.target(false, Kind::Keys));
+    let (mut live, mut twin) = (tracer(scene.clone(), device), tracer(scene, device));
+    let early = live.replace(ids.target, stage.target(true, Kind::Fixed));
+    drop(early.unwrap());
+    let late = live.replace(ids.target, stage.target(true, Kind::Fixed));
+    let late = late.unwrap();
+    while !late.is_ready() {
+        std::thread::yield_now();
+    }
+    drop(late);
+    for i in 0..3 {
+        let asked = [&mut live, &mut twin].map(|tracer| stage.advance(tracer, ids, i));
+        assert!(found(&mut live, asked[0]) == found(&mut twin, asked[1]));
+    }
+    // Nor does it stand in the way of others.
+    let mesh = stage.target(true, Kind::Fixed);
+    let kept = live.replace(ids.target, mesh.clone()).unwrap();
+    live.commit(kept).unwrap();
+    let (scene, new) = stage.scene(mesh);
+    let expected = stage.follow(&mut tracer(scene, device), new, (3, Kind::Fixed));
+    assert!(stage.follow(&mut live, ids, (3, Kind::Fixed)) == expected);
+    // It may outlive its tracer.
+    let orphan = live.replace(ids.target, stage.target(true, Kind::Fixed));
+    drop(live);
+    assert_eq!(orphan.unwrap().mesh(), ids.target);
+}
+
+pub(crate) fn misuse(device: &Device) {
+    let (points, triangles) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+    let mesh = || Mesh::fixed(&points, &triangles).unwrap();
+    let mut scene = Scene::new();
+    let (one, two) = (scene.add(mesh()), scene.add(mesh()));
+    // Of the same scene, but another tracer.
+    let (mut live, mut other) = (tracer(scene.clone(), device), tracer(scene, device));
+    let foreign = Scene::new().add(mesh());
+    assert_eq!(
+        live.replace(foreign, mesh()).err(),
+        Some(Error::ForeignMesh(foreign))
+    );
+    let lent = other.replace(one, mesh()).unwrap();
+    assert_eq!(live.commit(lent), Err(Error::ForeignReplacement(one)));
+    let both = [one, two].map(|id| live.replace(id, mesh()).unwrap());
+    let [first, second] = both;
+    live.commit(first).unwrap();
+    assert_eq!(live.commit(second), Err(Error::Conflict(two)));
+    // Without a triangle, and where no vertex is a number.
+    let nowhere = Mesh::streamed(&[[f32::NAN; 3]; 3], &triangles).unwrap();
+    for mesh in [Mesh::fixed(&[], &[]).unwrap(), nowhere] {
+        for id in [one, two] {
+            let replacement = live.replace(id, mesh.clone()).unwrap();
+            live.commit(replacement).unwrap();
+        }
+        let ray = [Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])];
+        assert_eq!(still(&mut live, 0.0, &ray), [[u32::MAX; 4]]);
+        let mut step = other.step(0.0);
+        let query = step.trace(&ray, Query::Any).unwrap();
+        let done = step.submit().unwrap();
+        assert!(other.hits(done, query).unwrap().is_hit(0));
+    }
+}
