@@ -16,7 +16,7 @@ use std::path::Path;
 pub(crate) const PIPELINE: &str = "traversal/driver_rays";
 pub(crate) const KERNELS: &str = "traversal/driver_counts";
 
-/// What stands in the file for address spaces and inputs that the crate `wesl` does not know.
+/// What stands in the file for address spaces and inputs that WESL does not know.
 const UNKNOWN: [(&str, &str); 5] = [
     ("@ray_t_current_max", "@builtin(ray_t_current_max)"),
     ("@ray_invocation_id", "@builtin(ray_invocation_id)"),

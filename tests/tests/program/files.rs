@@ -1,7 +1,7 @@
 //! What is written, and what is said, when all goes well.
 
 use crate::devices::{BACKENDS, HOST, Subject};
-use crate::sandbox::{Sandbox, says, trial};
+use crate::sandbox::{Sandbox, picture, says, trial};
 use libtest_mimic::Trial;
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -24,8 +24,8 @@ fn table(sandbox: &Sandbox) {
     let expected = [0, 1, 2].map(|i| PathBuf::from(format!("abvh-out/frame_000{i}.png")));
     assert_eq!(sandbox.files(), expected);
     for path in expected {
-        let picture = image::open(sandbox.path().join(&path)).unwrap();
-        assert_eq!((picture.width(), picture.height()), (32, 24), "{path:?}");
+        let (size, _) = picture(&sandbox.read(&path.to_string_lossy()));
+        assert_eq!(size, [32, 24], "{path:?}");
     }
     says(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
 }

@@ -4,7 +4,7 @@
 //! look at them before you commit. A picture that differs is left in the
 //! target directory, and the failure says where.
 
-use crate::sandbox::{Sandbox, trial};
+use crate::sandbox::{self, Sandbox, trial};
 use integration::program::target_dir;
 use libtest_mimic::Trial;
 use std::fs;
@@ -68,8 +68,7 @@ fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
         return;
     }
     let [found, expected] = [&new, &golden].map(|path| {
-        let read = image::open(path).map(image::DynamicImage::into_rgb8);
-        read.unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+        sandbox::picture(&fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
     });
     if found == expected {
         return;
@@ -79,13 +78,13 @@ fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
     fs::create_dir_all(&folder).unwrap();
     let beside = folder.join(format!("{name}.png"));
     fs::copy(&new, &beside).unwrap();
-    let pixels = found.enumerate_pixels().zip(expected.pixels());
-    let mut other = pixels.filter(|((_, _, a), b)| a != b);
+    let pixels = found.1.chunks(3).zip(expected.1.chunks(3)).enumerate();
+    let mut other = pixels.filter(|(_, (a, b))| a != b);
     let first = other.next();
     panic!(
         "{:?} and {:?} differ, first in {first:?} and {} more\nexpected: {}\nfound:    {}",
-        found.dimensions(),
-        expected.dimensions(),
+        found.0,
+        expected.0,
         other.count(),
         golden.display(),
         beside.display()

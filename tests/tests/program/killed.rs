@@ -2,7 +2,7 @@
 
 use crate::hits::array;
 use crate::runs::bytes;
-use crate::sandbox::{Run, Sandbox, trial};
+use crate::sandbox::{Run, Sandbox, picture, trial};
 use fastrand::Rng;
 use integration::program::abvh;
 use libtest_mimic::Trial;
@@ -92,7 +92,7 @@ fn read_whole(sandbox: &Sandbox, file: &Path) {
     let name = file.to_str().unwrap();
     let bytes = sandbox.read(name);
     match file.extension().and_then(|e| e.to_str()) {
-        Some("png") => drop(image::load_from_memory(&bytes).unwrap()),
+        Some("png") => drop(picture(&bytes)),
         Some("npz") => {
             for what in ["t", "u", "v"] {
                 array::<f32>(sandbox, name, what);

@@ -174,6 +174,17 @@ pub(crate) fn list(json: &Value) -> &[Value] {
     json.as_array().unwrap_or_else(|| panic!("no list: {json}"))
 }
 
+/// Width, height and bytes of a picture, which is whole.
+pub(crate) fn picture(png: &[u8]) -> ([u32; 2], Vec<u8>) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png))
+        .read_info()
+        .unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    reader.finish().unwrap();
+    ([info.width, info.height], bytes)
+}
+
 /// Every one of `parts`, between bars, is in the text.
 pub(crate) fn says(text: &str, parts: &str) {
     for part in parts.split('|') {

@@ -1,8 +1,9 @@
 //! Scenes whose key frames are read while they are played.
 
-use crate::sandbox::{Run, SQUARE, Sandbox, trial};
+use crate::sandbox::{Run, SQUARE, Sandbox, picture, trial};
 use libtest_mimic::Trial;
 use std::io::Read;
+use std::path::PathBuf;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![trial(
@@ -52,6 +53,6 @@ fn vanishes(sandbox: &Sandbox) {
 fn pictures(sandbox: &Sandbox, run: usize) -> usize {
     let all = sandbox.files().into_iter();
     let all = all.filter(|f| f.starts_with(format!("out{run}")));
-    let whole = |f: &_| drop(image::open(sandbox.path().join(f)).unwrap());
+    let whole = |f: &PathBuf| drop(picture(&sandbox.read(&f.to_string_lossy())));
     all.inspect(whole).count()
 }

@@ -1,6 +1,6 @@
 //! `--video` and `--y4m`: frames in order, or one line and no file.
 
-use crate::sandbox::{Sandbox, trial};
+use crate::sandbox::{Sandbox, picture, trial};
 use libtest_mimic::Trial;
 use std::ffi::OsStr;
 
@@ -19,10 +19,8 @@ const RUN: &str = "render demo:twist:500 --frames 5 --size 32x18 --quiet";
 
 /// The pictures of the run, one after the other.
 fn pictures(sandbox: &Sandbox) -> Vec<u8> {
-    let picture = |i| image::open(sandbox.path().join(format!("out/frame_{i:04}.png"))).unwrap();
-    (0..5)
-        .flat_map(|i| picture(i).into_rgb8().into_raw())
-        .collect()
+    let picture = |i| picture(&sandbox.read(&format!("out/frame_{i:04}.png")));
+    (0..5).flat_map(|i| picture(i).1).collect()
 }
 
 fn raw(sandbox: &Sandbox) {

@@ -12,9 +12,8 @@ mod view;
 use crate::{WriteError, write_with};
 use geom::{Camera, Hit, Moment, Point};
 use glam::Vec3;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, ImageError};
 use light::{ambient, encode, lamp, linear, sky};
+use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 use rayon::prelude::*;
 use std::io;
 use std::path::Path;
@@ -158,13 +157,22 @@ pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
 /// If `rgb` does not hold `3 * width * height` bytes.
 pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
     write_with(path, |out| {
-        PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
-            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-            .map_err(|e| match e {
-                ImageError::IoError(e) => e,
-                other => io::Error::other(other),
-            })
+        let mut encoder = Encoder::new(out, width, height);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_depth(BitDepth::Eight);
+        encoder.set_compression(Compression::Fast);
+        encoder.set_filter(Filter::Adaptive);
+        let mut header = encoder.write_header().map_err(plain)?;
+        header.write_image_data(rgb).map_err(plain)?;
+        header.finish().map_err(plain)
     })
+}
+
+fn plain(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::IoError(e) => e,
+        other => io::Error::other(other),
+    }
 }
 
 #[cfg(test)]
@@ -211,8 +219,10 @@ mod tests {
         let path = dir.path().join("a.png");
         let rgb: Vec<u8> = (0..5 * 3 * 3).map(|i| (i * 5) as u8).collect();
         write_png(&path, [5, 3], &rgb).unwrap();
-        let read = image::open(&path).unwrap().into_rgb8();
-        assert_eq!((read.width(), read.height()), (5, 3));
-        assert_eq!(read.into_raw(), rgb);
+        let file = io::BufReader::new(std::fs::File::open(path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut read = vec![0; rgb.len()];
+        let info = reader.next_frame(&mut read).unwrap();
+        assert_eq!((info.width, info.height, read), (5, 3, rgb));
     }
 }
