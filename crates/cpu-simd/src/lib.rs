@@ -17,7 +17,10 @@ mod rays;
 mod search;
 mod simd;
 #[cfg(test)]
-mod tests;
+mod tests {
+    mod boxes;
+    mod simd;
+}
 mod together;
 mod trace;
 mod tree;
@@ -27,8 +30,9 @@ mod walk;
 use backend::{Layout, Result};
 use cpu_ref::bvh2::Bvh2;
 use cpu_ref::{Accelerator, CpuBackend};
-use simd::Level;
 use tree::Wide;
+
+pub use simd::Level;
 
 /// The host as a backend, with a pool of `threads` threads, or of one a core: `bvh2` is traced as the reference does,
 /// `fast` by the best vectors that the machine has.
@@ -39,7 +43,11 @@ pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
     open_at(Level::best(), threads)
 }
 
-fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
+/// Likewise, by vectors of one instruction set.
+///
+/// # Errors
+/// Those of [`CpuBackend::new`].
+pub fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
     CpuBackend::with_trees(threads, move |layout| -> Box<dyn Accelerator> {
         match layout {
             Layout::Bvh2 => Box::new(Bvh2::default()),

@@ -7,11 +7,11 @@
 use crate::WriteError;
 use crate::atomic::write_whole;
 use geom::Hit;
-use npyz::zip::write::{FileOptions, ZipWriter};
-use npyz::zip::{CompressionMethod, DateTime};
 use npyz::{AutoSerialize, WriteOptions, WriterBuilder};
 use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
+use zip::write::{FileOptions, ZipWriter};
+use zip::{CompressionMethod, DateTime};
 
 /// More than the heads of five arrays and the archive's directory take.
 const ROOM_FOR_HEADS: usize = 4096;
@@ -82,7 +82,7 @@ fn add<T: AutoSerialize>(
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default())
         .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
-    zip.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    zip.start_file(format!("{name}.npy"), options)?;
     // Numbers are written one by one, and the archive sums each write up by itself.
     let mut out = BufWriter::with_capacity(1 << 16, zip);
     let npy = WriteOptions::new().default_dtype().shape(shape);
@@ -95,8 +95,8 @@ fn add<T: AutoSerialize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use npyz::npz::NpzArchive;
-    use std::fs;
+    use std::fs::{self, File};
+    use zip::ZipArchive;
 
     fn hits() -> Vec<Hit> {
         let hit = |i: u32| Hit {
@@ -109,8 +109,9 @@ mod tests {
     }
 
     fn read<T: npyz::Deserialize>(path: &Path, name: &str) -> (Vec<u64>, String, Vec<T>) {
-        let mut archive = NpzArchive::open(path).unwrap();
-        let array = archive.by_name(name).unwrap().unwrap();
+        let mut archive = ZipArchive::new(File::open(path).unwrap()).unwrap();
+        let file = archive.by_name(&format!("{name}.npy")).unwrap();
+        let array = npyz::NpyFile::new(file).unwrap();
         let (shape, dtype) = (array.shape().to_vec(), array.dtype().descr());
         (shape, dtype, array.into_vec().unwrap())
     }
@@ -143,13 +144,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
         let names = || {
-            let archive = NpzArchive::open(&path).unwrap();
-            let mut names: Vec<_> = archive.array_names().map(str::to_owned).collect();
+            let archive = ZipArchive::new(File::open(&path).unwrap()).unwrap();
+            let mut names: Vec<_> = archive.file_names().map(str::to_owned).collect();
             names.sort_unstable();
             names.join(" ")
         };
         write_hits(&path, &[6], &hits(), None).unwrap();
-        assert_eq!(names(), "t triangle u v");
+        assert_eq!(names(), "t.npy triangle.npy u.npy v.npy");
         let bytes = fs::read(&path).unwrap();
         // Bytes 10..14 of a local file header: time and date. 1980-01-01 00:00 is (0, 0x0021).
         assert_eq!(bytes[10..14], [0, 0, 0x21, 0]);
@@ -157,7 +158,7 @@ mod tests {
         let again = fs::read(&path).unwrap();
         assert_eq!(again, bytes, "equal hits are equal files");
         write_found(&path, &[1, 0, 1]).unwrap();
-        assert_eq!(names(), "hit");
+        assert_eq!(names(), "hit.npy");
         assert_eq!(read::<u8>(&path, "hit").2, [1, 0, 1]);
     }
 

@@ -3,8 +3,8 @@
 use crate::runs::bytes;
 use crate::sandbox::{Sandbox, trial};
 use libtest_mimic::Trial;
-use npyz::npz::NpzArchive;
 use std::io::Cursor;
+use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -98,8 +98,9 @@ pub(crate) fn array<T: npyz::Deserialize>(
     file: &str,
     name: &str,
 ) -> (Vec<u64>, Vec<T>) {
-    let mut archive = NpzArchive::new(Cursor::new(sandbox.read(file))).unwrap();
-    let array = archive.by_name(name).unwrap();
-    let array = array.unwrap_or_else(|| panic!("{file} has no {name}"));
+    let mut archive = ZipArchive::new(Cursor::new(sandbox.read(file))).unwrap();
+    let array = archive.by_name(&format!("{name}.npy"));
+    let array = array.unwrap_or_else(|e| panic!("{file}, {name}: {e}"));
+    let array = npyz::NpyFile::new(array).unwrap();
     (array.shape().to_vec(), array.into_vec().unwrap())
 }

@@ -1,14 +1,30 @@
-//! Rays that run together, and rays prepared together, against the reference, ray by ray.
+//! Every instruction set that the machine has against the reference: by every law, and ray by ray where rays run or are
+//! prepared together.
 
-use crate::open_at;
-use crate::simd::Level;
 use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, First, Topology};
+use conformance::{LAWS, Reference, hold};
 use cpu_ref::CpuBackend;
+use cpu_simd::{Level, open_at};
 use geom::{Aabb, Animation, Camera, Point, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
+
+/// Cases of each law and instruction set.
+const CASES: u32 = 4;
+
+#[test]
+fn every_instruction_set_keeps_every_law() {
+    let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
+    for level in Level::all() {
+        let mut subject = open_at(level, Some(2)).unwrap();
+        for law in LAWS {
+            let held = hold(law, &mut subject, &mut reference, 7, 0..CASES);
+            held.unwrap_or_else(|e| panic!("{level:?}: {e}"));
+        }
+    }
+}
 
 fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
@@ -253,7 +269,7 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
         let blocks = (&[][..], First::Left);
         let with = new.clone().with_blocks(animation.triangles(), blocks);
         let [found, expected] = [&with, new].map(|new| {
-            let mut backend = ready(crate::open(Some(1)).unwrap(), &animation, method, old);
+            let mut backend = ready(cpu_simd::open(Some(1)).unwrap(), &animation, method, old);
             refit(&mut backend, &animation, (new, 2));
             let boxes = backend.inspect().boxes().unwrap();
             (boxes, answers(&mut backend, Rays::List(&rays), [3.0; 3]))
