@@ -127,8 +127,7 @@ pub trait Backend: Send + Any {
         Ok(None)
     }
 
-    /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks. It may
-    /// need submissions to travel with.
+    /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks.
     ///
     /// # Errors
     /// See [`BackendError`].

@@ -6,7 +6,7 @@ use backend::{BackendError, Result};
 use bytemuck::Pod;
 use gpu_common::refuse_above;
 use std::sync::{Arc, OnceLock};
-use wgpu::{Buffer, BufferUsages, CommandEncoder, MapMode};
+use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
 const PIECE: u64 = 512 << 10;
@@ -25,7 +25,7 @@ pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
     make(gpu, what, bytes, usage)
 }
 
-/// At least 16 bytes, so that an empty scene has buffers to bind. What the host writes is mapped for it at once.
+/// At least 16 bytes, so that an empty scene has buffers to bind.
 pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let about = || format!("{what} (bytes of one buffer)");
@@ -34,7 +34,7 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
         label: Some(what),
         size,
         usage,
-        mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
+        mapped_at_creation: false,
     };
     gpu.count(|t| t.buffers += 1);
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
@@ -104,11 +104,11 @@ pub(crate) fn copy(
 pub(crate) struct Mapping(Arc<OnceLock<bool>>);
 
 impl Mapping {
-    pub(crate) fn ask(gpu: &Gpu, buffer: &Buffer, mode: MapMode) -> Result<Self> {
+    pub(crate) fn ask(gpu: &Gpu, buffer: &Buffer) -> Result<Self> {
         let done = Arc::new(OnceLock::new());
         let heard = Arc::clone(&done);
         gpu.guard("mapping a buffer", 0, || {
-            buffer.map_async(mode, .., move |result| {
+            buffer.map_async(wgpu::MapMode::Read, .., move |result| {
                 let _ = heard.set(result.is_ok());
             });
         })?;
@@ -156,7 +156,7 @@ impl Window {
         let mut encoder = gpu.encoder("a view for the host")?;
         copy(gpu, &mut encoder, [from, &window], bytes)?;
         let submission = gpu.submit([encoder])?;
-        let mapping = Mapping::ask(gpu, &window, MapMode::Read)?;
+        let mapping = Mapping::ask(gpu, &window)?;
         gpu.wait_for(submission)?;
         mapping.expect(gpu)?;
         let view = window.get_mapped_range(..bytes).map_err(unreadable)?;

@@ -28,7 +28,6 @@ mod modules;
 mod pipeline_cache;
 mod pipelines;
 mod slot;
-mod staging;
 mod wgpu_device;
 
 pub use adapters::adapters;

@@ -8,7 +8,7 @@ use crate::wgpu_device::WgpuDevice;
 use backend::Result;
 use gpu_common::{Dispatch, Find, Finished, Stage};
 use shaders::Counts;
-use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
@@ -147,11 +147,7 @@ impl Slot {
     }
 
     /// Ends the recording and submits it, after what has to come before.
-    pub(crate) fn submit(
-        &mut self,
-        gpu: &Gpu,
-        before: impl IntoIterator<Item = CommandEncoder>,
-    ) -> Result<()> {
+    pub(crate) fn submit(&mut self, gpu: &Gpu, before: Option<CommandEncoder>) -> Result<()> {
         self.encoder(gpu)?;
         self.launches.write(gpu)?;
         let mut encoder = self.encoder.take().expect("a recording was begun");
@@ -162,7 +158,7 @@ impl Slot {
             }
         })?;
         let submission = gpu.submit(before.into_iter().chain([encoder]))?;
-        let mapping = Mapping::ask(gpu, &self.back, MapMode::Read)?;
+        let mapping = Mapping::ask(gpu, &self.back)?;
         self.sent = Some((submission, mapping));
         Ok(())
     }

@@ -8,7 +8,6 @@ use crate::gpu::{CallCounts, Gpu};
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
-use crate::staging::{Sender, Staging};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
@@ -18,9 +17,10 @@ use gpu_common::{
 };
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
+use std::convert::Infallible;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
-use wgpu::{Buffer, BufferView, MapMode};
+use wgpu::{Buffer, BufferView};
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -78,9 +78,6 @@ pub struct WgpuDevice {
     free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
     points: DevicePoints,
-    sender: Sender,
-    /// Bytes of the last tree; 0 before the first.
-    tree_bytes: u64,
     form: KernelForm,
     validation: Validation,
     gpu: Arc<Gpu>,
@@ -99,17 +96,9 @@ impl WgpuDevice {
             free: Default::default(),
             spares: Spares::default(),
             points: DevicePoints::default(),
-            sender: Sender::default(),
-            tree_bytes: 0,
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),
-        }
-    }
-
-    fn note(&mut self, what: Sent, bytes: u64) {
-        if what == Sent::Tree {
-            self.tree_bytes = bytes;
         }
     }
 
@@ -176,7 +165,8 @@ impl GpuDevice for WgpuDevice {
     type Maker = PipelineMaker;
     type Slot = Slot;
     type Copy = PositionsCopy;
-    type Staging = Staging;
+    /// The queue stages what it writes.
+    type Staging = Infallible;
 
     fn open(options: &Options) -> Result<Self> {
         Ok(Self::over(Gpu::open(options)?, options))
@@ -258,7 +248,6 @@ impl GpuDevice for WgpuDevice {
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
         let (buffer, _) = self.room(what, bytes)?;
-        self.note(what, bytes);
         let mut at = 0;
         for words in parts.iter().filter(|p| !p.is_empty()) {
             write(&self.gpu, &buffer, at, words)?;
@@ -267,26 +256,12 @@ impl GpuDevice for WgpuDevice {
         Ok((buffer, 0))
     }
 
-    fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
-        let known = what == Sent::Tree && self.tree_bytes > 0;
-        let made = known.then(|| self.sender.staging(&self.gpu, what.room(self.tree_bytes)));
-        made.transpose()
+    fn fill(staging: &mut Infallible, _: &[&[u32]]) -> bool {
+        match *staging {}
     }
 
-    fn fill(staging: &mut Staging, parts: &[&[u32]]) -> bool {
-        staging.fill(parts)
-    }
-
-    fn send_filled(&mut self, what: Sent, staging: Staging) -> Result<(Buffer, u64)> {
-        let bytes = staging.filled();
-        self.note(what, bytes);
-        let (to, _) = self.room(what, bytes)?;
-        let number = self.sender.send(&self.gpu, staging, &to)?;
-        Ok((to, number))
-    }
-
-    fn has_been_sent(&self, arrival: u64) -> Result<bool> {
-        Ok(self.sender.has_been_sent(arrival))
+    fn send_filled(&mut self, _: Sent, staging: Infallible) -> Result<(Buffer, u64)> {
+        match staging {}
     }
 
     fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
@@ -305,13 +280,10 @@ impl GpuDevice for WgpuDevice {
         Ok((buffer, 0))
     }
 
-    fn expect(&mut self, arrival: u64) {
-        self.sender.expect(arrival);
-    }
-
     /// The queue runs in order.
+    fn expect(&mut self, _: u64) {}
+
     fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
-        self.sender.give_up(&buffer);
         self.free[what as usize].push(buffer);
     }
 
@@ -356,11 +328,9 @@ impl GpuDevice for WgpuDevice {
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
         let gpu = &self.gpu;
-        let before = [self.points.take_copies(), self.sender.pieces(gpu)?];
-        let before = before.into_iter().flatten();
+        let before = self.points.take_copies();
         let Some((from, bytes)) = positions else {
-            slot.submit(gpu, before)?;
-            return self.sender.submitted(gpu).map(|()| None);
+            return slot.submit(gpu, before).map(|()| None);
         };
         let spare = self.spares.pop().and_then(|s| s.unmapped(&gpu.device));
         let buffer = match spare.filter(|b| b.size() >= bytes) {
@@ -369,8 +339,7 @@ impl GpuDevice for WgpuDevice {
         };
         copy(gpu, slot.encoder(gpu)?, [from, &buffer], bytes)?;
         slot.submit(gpu, before)?;
-        self.sender.submitted(gpu)?;
-        let mapping = Mapping::ask(gpu, &buffer, MapMode::Read)?;
+        let mapping = Mapping::ask(gpu, &buffer)?;
         Ok(Some(PositionsCopy { buffer, mapping }))
     }
 
@@ -405,8 +374,7 @@ impl GpuDevice for WgpuDevice {
         slots.for_each(Slot::forget);
         self.free = Default::default();
         self.spares = Spares::default();
-        (self.points, self.sender) = (DevicePoints::default(), Sender::default());
-        self.tree_bytes = 0;
+        self.points = DevicePoints::default();
         Ok(())
     }
 

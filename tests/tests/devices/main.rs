@@ -143,7 +143,6 @@ const OF_DRIVERS_TREES: &[(&str, fn())] =
     named![rebuild::the_drivers_work_is_timed_and_trees_of_others_are_refused];
 const OF_WGPU: &[(&str, fn())] = named![
     wgpu_calls::a_steady_frame_makes_no_buffer_and_no_bind_group,
-    wgpu_calls::a_tree_that_was_written_goes_piece_by_piece,
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
     wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
     wgpu_lent::a_device_with_too_few_buffers_is_refused,

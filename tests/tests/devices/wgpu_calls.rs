@@ -1,6 +1,6 @@
 //! What a frame asks of wgpu, in counts that are the same on every machine.
 
-use crate::scenes::{SHADOWED, arrive, camera, go, open_laid, see, stand, swarm, tree_at};
+use crate::scenes::{SHADOWED, arrive, camera, go, open_laid, stand, swarm, tree_at};
 use backend::{Backend, Generation, Layout, Rays};
 use bvh_layout::{Topology, Treelets};
 use gpu_common::Options;
@@ -81,34 +81,4 @@ fn tally_of_steady_frames(layout: Layout) {
     let spent = frame(&mut backend, &animation, 48);
     assert_eq!(spent.dispatches, 2 + 1 + refits(&tree, layout) + rays);
     assert_eq!((spent.buffers, spent.submissions), (0, 1));
-}
-
-/// So no frame waits for all of it, and this thread copies nothing.
-pub(crate) fn a_tree_that_was_written_goes_piece_by_piece() {
-    let animation = swarm(60_000);
-    let mut backend = WgpuBackend::new(&Options::default()).unwrap();
-    open_laid(&mut backend, &animation, Layout::Fast);
-    stand(&mut backend, &animation, 0.3);
-    let camera = camera();
-    let look = |backend: &mut WgpuBackend| see(backend, Rays::Camera(&camera), SHADOWED);
-    let fresh = look(&mut backend);
-    for (generation, most) in [(2, 9), (3, 9), (4, 1)] {
-        let tree = tree_at(&animation, 0.1 * generation as f64);
-        let of = Generation(generation);
-        let write = backend.tree_writer(of).unwrap().unwrap();
-        write(&tree);
-        let (before, mut frames) = (backend.gpu().call_counts(), 0);
-        while frames < most && !backend.bring(&tree, of).unwrap() {
-            assert!(look(&mut backend) == fresh, "{frames}");
-            frames += 1;
-        }
-        assert!(frames >= most.min(2), "{frames}");
-        // Of each frame its parameters.
-        let uploads = (backend.gpu().call_counts() - before).uploads;
-        assert_eq!(uploads, frames);
-        // What is left goes at once.
-        backend.adopt(&tree, of).unwrap();
-        stand(&mut backend, &animation, 0.3);
-        assert!(look(&mut backend) == fresh, "{generation}");
-    }
 }
