@@ -1,6 +1,6 @@
 //! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
 
-use crate::motion::{Joined, Standing};
+use crate::motion::{CurrentVertices, Joined};
 use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket};
 use geom::{Animation, Camera};
@@ -88,7 +88,7 @@ impl Loaded {
 
     /// Goes on where `before` is, which differs by one mesh.
     pub(crate) fn follow(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        self.joined.stand_as(&before.settle()?, but);
+        self.joined.move_to(&before.settle()?, but);
         #[cfg(feature = "wgpu")]
         self.follow_on_device(before, but)?;
         self.asked.clone_from(&before.asked);
@@ -97,10 +97,10 @@ impl Loaded {
     }
 
     /// Where meshes stand, with what no query has seen yet.
-    fn settle(&mut self) -> Result<Standing> {
+    fn settle(&mut self) -> Result<CurrentVertices> {
         let (backend, time) = (self.driver.backend(), self.joined.time);
         self.joined.tell(&self.animation, backend, time)?;
-        self.joined.standing(&self.animation)
+        self.joined.current_vertices(&self.animation)
     }
 
     pub(crate) fn begin(

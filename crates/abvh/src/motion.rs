@@ -54,13 +54,13 @@ impl Motion {
 }
 
 /// Where all meshes of a scene stand.
-pub(crate) struct Standing {
+pub(crate) struct CurrentVertices {
     newest: KeyFrame,
     /// The first vertex of each mesh.
     starts: Vec<usize>,
 }
 
-impl Standing {
+impl CurrentVertices {
     /// A copy of its own: steps to come use that memory again.
     pub(crate) fn detached(self) -> Self {
         let newest = Arc::new(self.newest.to_vec().into());
@@ -153,16 +153,16 @@ impl Joined {
     }
 
     /// Where meshes stand, but for what no query has seen yet.
-    pub(crate) fn standing(&self, animation: &Animation) -> Result<Standing> {
+    pub(crate) fn current_vertices(&self, animation: &Animation) -> Result<CurrentVertices> {
         let newest = animation.key(animation.key_count() - 1);
-        Ok(Standing {
+        Ok(CurrentVertices {
             newest: newest.map_err(Error::of_keys)?,
             starts: self.vertices.clone(),
         })
     }
 
     /// Puts meshes that steps move, but for one, where they stand in another scene.
-    pub(crate) fn stand_as(&mut self, other: &Standing, but: usize) {
+    pub(crate) fn move_to(&mut self, other: &CurrentVertices, but: usize) {
         for mesh in (0..self.motions.len()).filter(|&mesh| mesh != but) {
             if self.motions[mesh].is_live() {
                 let from = &other.newest[other.starts[mesh]..];

@@ -2,7 +2,7 @@
 
 use crate::disposal::Disposal;
 use crate::loaded::Loaded;
-use crate::motion::Standing;
+use crate::motion::CurrentVertices;
 use crate::tracer::{Builder, name};
 use crate::{Camera, Error, Mesh, MeshId, Result, Tracer};
 use backend::QueryKind;
@@ -143,7 +143,7 @@ impl Tracer {
             parts: Box::new(current.joined.parts(&current.animation)),
             mesh,
             with,
-            standing: current.joined.standing(&current.animation)?,
+            current_vertices: current.joined.current_vertices(&current.animation)?,
             time: current.time,
             asked: current.asked.clone(),
             builders: match current.update {
@@ -166,7 +166,7 @@ struct Preparation {
     parts: Box<dyn FnOnce() -> Vec<Mesh> + Send>,
     mesh: usize,
     with: Mesh,
-    standing: Standing,
+    current_vertices: CurrentVertices,
     time: f64,
     asked: Vec<(Option<Camera>, QueryKind)>,
     builders: BuilderThreads,
@@ -175,7 +175,7 @@ struct Preparation {
 impl Preparation {
     /// Loads the scene and builds its first tree, by threads that build trees anyway: steps need the others.
     fn carry_out(self, is_given_up: &AtomicBool) -> Result<Loaded> {
-        let standing = self.standing.detached();
+        let current_vertices = self.current_vertices.detached();
         let mut meshes = (self.parts)();
         meshes[self.mesh] = self.with;
         let update = self.builder.policy(&meshes);
@@ -189,7 +189,7 @@ impl Preparation {
         let builders = self.builders.clone();
         self.builders.install(move || {
             let mut loaded = Loaded::new(meshes, backend, how, builders)?;
-            loaded.joined.stand_as(&standing, self.mesh);
+            loaded.joined.move_to(&current_vertices, self.mesh);
             if is_given_up.load(Ordering::Relaxed) {
                 return Err(Error::Device("it was given up".to_owned()));
             }

@@ -126,7 +126,7 @@ fn misses_all(ray: Asked) -> bool {
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
 // Where the host did not know which rays are left, other kernels have answered all.
-fn take_back(i: u32) {
+fn discount_hit(i: u32) {
     let last = answers[params.rounds * (i + 1u) - 1u];
     let found = select(last != NO_TRIANGLE, last == 1u, params.rounds == 1u);
     if params.extreme == 2u && found { atomicSub(&counts[2], 1u); }
@@ -144,7 +144,7 @@ fn answer(i: u32, hit: vec4<u32>) {
 fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 64u);
     if i >= params.count || !is_left(i) { return; }
-    take_back(i);
+    discount_hit(i);
     if misses_all(asked(i)) {
         answer(i, MISS);
         return;
