@@ -22,7 +22,7 @@ const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;
 // Samples of an invocation of the last workgroup: 4096 in all.
-const SHARE: u32 = 16u;
+const SHARE: u32 = 32u;
 
 var<workgroup> group_largest: atomic<u32>;
 var<workgroup> group_near: atomic<u32>;
@@ -54,7 +54,7 @@ fn typical_size(local: u32, largest: u32) -> u32 {
     var own: array<u32, SHARE>;
     let count = (params.count + params.first - 1u) / params.first;
     for (var i = 0u; i < SHARE; i += 1u) {
-        let sample = i * 256u + local;
+        let sample = i * 128u + local;
         own[i] = INFINITE;
         if sample < count { own[i] = atomicLoad(&range[SAMPLES + sample]); }
         if own[i] < INFINITE { atomicAdd(&below[32], 1u); }
@@ -93,7 +93,7 @@ fn judge(local: u32) {
 
 // A vertex an invocation; the workgroup that is done last judges.
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(128)
 fn measure_range(
     @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -105,7 +105,7 @@ fn measure_range(
         atomicStore(&group_near, 0u);
     }
     workgroupBarrier();
-    let vertex = element(id, groups, 256u);
+    let vertex = element(id, groups, 128u);
     if vertex < params.count { measure(vertex); }
     workgroupBarrier();
     if local == 0u {
