@@ -1,16 +1,18 @@
 //! The backend, carried out by kernels.
 
+mod trace;
+
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Options, Pipelines, Stage, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
-    Query, QueryKind, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
-use geom::{Animation, PointBuffer, Pose, Ray};
+use geom::{Animation, PointBuffer, Pose};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{BufferName, Extent, KERNELS, Kernel, Params, Shape, Traits, common};
+use shaders::{Extent, KERNELS, Kernel, Params, Shape, Traits, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -135,60 +137,12 @@ impl<D: GpuDevice> ComputeBackend<D> {
         (tree.generation, tree.shape, tree.made_here) = (generation, shape, true);
         Ok(())
     }
-
-    /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
-    fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
-        let has_tree = self.tree().shape.leaf_count > 0;
-        if query.kind.light().is_some() {
-            // Shadow rays keep clear by the typical size, so the host has to look.
-            self.engine.scene().animation.range(self.engine.pose);
-        }
-        let params = self.params();
-        let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
-        let how = (self.method.intersector, has_tree);
-        let trace = self.engine.begin_trace(query, how, is_extreme)?;
-        let rays = match query.rays {
-            Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-            _ => work::Rays::Given(trace.count as u32, trace.extremes),
-        };
-        let engine = &mut self.engine;
-        let mut traits = engine.pipelines.traits;
-        traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
-        let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
-        if has_tree && !self.measured {
-            let vertices = engine.scene().animation.vertex_count();
-            self.measured = tracing.measure_range(self.method, params, vertices);
-        }
-        let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.grow_picture(&mut engine.gpu, &tracing)?;
-        let stages = [
-            (Stage::TracePrimary, Some(tracing.primary)),
-            (Stage::TraceShadow, tracing.shadow),
-        ];
-        for (stage, work) in stages {
-            let Some(work) = work else { continue };
-            let work = if has_tree { &work[..] } else { &[] };
-            let own = |name| trace.get(name).or_else(|| tree.get(name));
-            engine.run(Some(stage), work, own)?;
-        }
-        engine.traces.pending = Some(trace);
-        Ok(())
-    }
 }
 
 /// What makes trees for a method.
 fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let all = KERNELS.iter().filter(|k| k.makes_trees());
     all.filter(move |k| k.serves(method))
-}
-
-impl<D: GpuDevice> ComputeBackend<D> {
-    /// Where a submission's closest hits are or will be, while it is kept; `None` if it looked for none.
-    pub fn hits_buffer(&mut self, ticket: Ticket) -> Option<&D::Buffer> {
-        let trace = self.engine.traces.get(ticket);
-        let closest = trace.has_tree && trace.kind != QueryKind::Any;
-        trace.get(BufferName::Hits).filter(|_| closest)
-    }
 }
 
 impl<D: GpuDevice> Backend for ComputeBackend<D> {
@@ -369,7 +323,6 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             Err(_) => {
                 self.engine.abandon();
                 (self.stale, self.progress) = (Stale::Positions, Progress::default());
-                self.measured = false;
             }
         }
         submitted

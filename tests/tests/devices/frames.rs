@@ -6,6 +6,7 @@ use crate::scenes::{
     swarm, tree_at,
 };
 use backend::{Backend, BackendError, Generation, Layout, Query, QueryKind, Rays};
+use geom::Animation;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -119,6 +120,37 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     assert!(is_named, "{refused:?}");
     let found = see(backend, Rays::List(&rays(8)), kind);
     assert_eq!(found.closest.len(), 8);
+}
+
+/// The query that comes instead finds what it does where the host has looked.
+pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn Subject) {
+    let scene = swarm(50);
+    let mut far = scene.first().to_vec();
+    far[7] = [1e30, 0.0, 0.0];
+    let found = [false, true].map(|looks| {
+        let marks = vec![false; far.len()];
+        let triangles = scene.triangles().to_vec();
+        let live = Animation::live(scene.first().to_vec(), &marks, triangles);
+        let live = Arc::new(live.unwrap());
+        open(backend, &live);
+        let time = live.push(far.clone()).unwrap();
+        if looks {
+            live.range(live.pose(time));
+        }
+        stand(backend, &live, time);
+        // More workgroups in a row than most devices take.
+        let wide = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [1_100_000, 1]));
+        let (rays_of, kind) = (Rays::Camera(&wide), QueryKind::Closest);
+        let asked = backend.trace(Query {
+            rays: rays_of,
+            kind,
+        });
+        if asked.is_ok() {
+            report(backend);
+        }
+        see(backend, Rays::List(&rays(200)), kind)
+    });
+    assert!(found[0] == found[1]);
 }
 
 pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {

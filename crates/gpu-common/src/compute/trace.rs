@@ -1,0 +1,57 @@
+//! Traces, and where their hits lie.
+
+use super::ComputeBackend;
+use crate::{GpuDevice, Stage, are_given};
+use backend::{Query, QueryKind, Rays, Result, Ticket};
+use geom::Ray;
+use shaders::BufferName;
+use shaders::work;
+
+impl<D: GpuDevice> ComputeBackend<D> {
+    /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
+    pub(super) fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
+        let has_tree = self.tree().shape.leaf_count > 0;
+        if query.kind.light().is_some() {
+            // Shadow rays keep clear by the typical size, so the host has to look.
+            self.engine.scene().animation.range(self.engine.pose);
+        }
+        let params = self.params();
+        let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
+        let how = (self.method.intersector, has_tree);
+        let trace = self.engine.begin_trace(query, how, is_extreme)?;
+        let rays = match query.rays {
+            Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+            _ => work::Rays::Given(trace.count as u32, trace.extremes),
+        };
+        let engine = &mut self.engine;
+        let mut traits = engine.pipelines.traits;
+        traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
+        let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
+        let vertices = engine.scene().animation.vertex_count();
+        let measures =
+            has_tree && !self.measured && tracing.measure_range(self.method, params, vertices);
+        let tree = self.tree.as_mut().expect("a scene was loaded");
+        tree.grow_picture(&mut engine.gpu, &tracing)?;
+        let stages = [
+            (Stage::TracePrimary, Some(tracing.primary)),
+            (Stage::TraceShadow, tracing.shadow),
+        ];
+        for (stage, work) in stages {
+            let Some(work) = work else { continue };
+            let work = if has_tree { &work[..] } else { &[] };
+            let own = |name| trace.get(name).or_else(|| tree.get(name));
+            engine.run(Some(stage), work, own)?;
+        }
+        engine.traces.pending = Some(trace);
+        // What was refused measured nothing.
+        self.measured |= measures;
+        Ok(())
+    }
+
+    /// Where a submission's closest hits are or will be, while it is kept; `None` if it looked for none.
+    pub fn hits_buffer(&mut self, ticket: Ticket) -> Option<&D::Buffer> {
+        let trace = self.engine.traces.get(ticket);
+        let closest = trace.has_tree && trace.kind != QueryKind::Any;
+        trace.get(BufferName::Hits).filter(|_| closest)
+    }
+}
