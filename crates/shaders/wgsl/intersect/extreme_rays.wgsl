@@ -145,12 +145,12 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
     let i = element(id, groups, 64u);
     if i >= params.count || !is_left(i) { return; }
     discount_hit(i);
-    if misses_all(asked(i)) {
-        answer(i, MISS);
-        return;
+    var hit = MISS;
+    if !misses_all(asked(i)) {
+        set_line_of(i);
+        hit = hit_extreme(params.rounds == 1u);
     }
-    set_line_of(i);
-    answer(i, hit_extreme(params.rounds == 1u));
+    answer(i, hit);
 }
 
 // The shadows of the hits of those rays that are extreme.
