@@ -1,6 +1,7 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
 mod own;
+mod run;
 mod trees;
 mod warm_up;
 
@@ -14,14 +15,12 @@ use backend::{
 };
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
+pub use run::{Answers, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use trees::{FIRST, PendingBuild, Tree};
 pub use warm_up::{Warmed, warm_up};
-
-/// Frames whose key frames are read before they come, where not all are held.
-const LOOK_AHEAD: usize = 64;
 
 /// Why rendering stopped.
 #[derive(Debug, thiserror::Error)]
@@ -53,32 +52,6 @@ pub struct DriverOptions {
     /// going to be used, from key frames, instead of for the frame that asks,
     /// from the backend's vertices.
     pub predict: bool,
-}
-
-/// What is fetched of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
-    /// Hits and shadows.
-    pub hits: bool,
-    /// Pixels, or hits and shadows where the backend leaves pictures to the host.
-    pub pixels: bool,
-}
-
-impl Wanted {
-    /// Hits and shadows alone.
-    pub const HITS: Self = Self {
-        hits: true,
-        pixels: false,
-    };
-}
-
-/// What was fetched of a frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Answers {
-    /// Hits and shadows, where they are wanted.
-    pub hits: Hits,
-    /// As [`Backend::pixels`]; empty where the host is to shade.
-    pub pixels: Vec<u8>,
 }
 
 /// A frame submitted and not finished.
@@ -226,48 +199,6 @@ impl Driver {
         self.builder_thread.is_open()
     }
 
-    /// Renders `frames` in order, keeping as many under way as the backend allows,
-    /// and hands each to `on_frame` when it is done, with what is wanted of it, in the memory that `on_frame` leaves in
-    /// place of the last answers.
-    ///
-    /// # Errors
-    /// The backend's, or whatever `on_frame` returns.
-    pub fn run<E: From<PipelineError>>(
-        &mut self,
-        frames: impl IntoIterator<Item = Frame>,
-        query: Query<'_>,
-        wanted: Wanted,
-        mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let mut answers = Answers::default();
-        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        let own = self.makes_trees();
-        let under_way = if self.schedule.waits_at_once() && !own {
-            1
-        } else {
-            FRAMES_IN_FLIGHT
-        };
-        let frames: Vec<Frame> = frames.into_iter().collect();
-        let mut finish = |driver: &mut Self| -> Result<bool, E> {
-            let read = |driver: &mut Self, ticket| driver.fetch(ticket, wanted, &mut answers);
-            let Some(record) = driver.end(read)? else {
-                return Ok(false);
-            };
-            on_frame(&record, &mut answers)?;
-            Ok(true)
-        };
-        for (i, &frame) in frames.iter().enumerate() {
-            let next = frames[i..].iter().take(LOOK_AHEAD);
-            self.animation.look_ahead(next.map(|frame| frame.time));
-            self.begin(frame, query)?;
-            if self.pending.len() >= under_way {
-                finish(self)?;
-            }
-        }
-        while finish(self)? {}
-        Ok(())
-    }
-
     /// Submits one frame, whose results its ticket stands for. With trees built at once (`rebuild`, lockstep 0) the
     /// frame before must be finished: each takes two submissions.
     ///
@@ -315,22 +246,6 @@ impl Driver {
             Some(hits) => driver.take_hits(ticket, hits),
             None => Ok(()),
         })
-    }
-
-    fn fetch(
-        &mut self,
-        ticket: Ticket,
-        wanted: Wanted,
-        answers: &mut Answers,
-    ) -> backend::Result<()> {
-        let shaded = wanted.pixels && self.backend.pixels(ticket, &mut answers.pixels)?;
-        if !shaded {
-            answers.pixels.clear();
-        }
-        match wanted.hits || (wanted.pixels && !shaded) {
-            true => self.take_hits(ticket, &mut answers.hits),
-            false => Ok(()),
-        }
     }
 
     fn take_hits(&mut self, ticket: Ticket, hits: &mut Hits) -> backend::Result<()> {
