@@ -9,10 +9,10 @@ use std::thread::{Builder, JoinHandle};
 pub(crate) struct Disposal(Mutex<Vec<JoinHandle<()>>>);
 
 impl Disposal {
-    /// Has it freed by `free`, or here if no thread is to be had.
-    pub(crate) fn take<T: Send + 'static>(&self, old: T, free: impl FnOnce(T) + Send + 'static) {
+    /// Frees what `free` owns, here if no thread is to be had.
+    pub(crate) fn begin(&self, free: impl FnOnce() + Send + 'static) {
         let thread = Builder::new().name("abvh-dispose".into());
-        let freeing = thread.spawn(move || free(old));
+        let freeing = thread.spawn(free);
         let mut threads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         threads.retain(|thread| !thread.is_finished());
         threads.extend(freeing);

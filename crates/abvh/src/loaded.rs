@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What kernels depend on: whether rays are a camera's, and what is looked for.
-type Asked = (Option<Camera>, QueryKind);
+pub(crate) type Asked = (Option<Camera>, QueryKind);
 
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
@@ -17,8 +17,6 @@ pub(crate) struct Loaded {
     pub(crate) animation: Arc<Animation>,
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
-    /// That key-framed meshes stand at in the newest query.
-    pub(crate) time: f64,
     /// One query of each kind so far.
     pub(crate) asked: Vec<Asked>,
     /// Trees of the scenes before it.
@@ -59,7 +57,6 @@ impl Loaded {
             animation,
             update,
             builders,
-            time: 0.0,
             asked: Vec::new(),
             trees_before: 0,
             frames: 0,
@@ -130,7 +127,6 @@ impl Loaded {
         let backend = self.driver.backend();
         // This one comes after all of them.
         backend.keep(self.results.len() + 1);
-        self.time = time;
         let time = self.joined.tell(&self.animation, backend, time)?;
         let index = self.frames;
         let begun = self.driver.begin(Frame { index, time }, query);

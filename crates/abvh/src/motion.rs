@@ -81,7 +81,7 @@ pub(crate) struct Joined {
     is_fresh: Vec<bool>,
     /// Where vertices came to lie there that a device had of its own before.
     #[cfg(feature = "wgpu")]
-    returned: Vec<Range<usize>>,
+    pub(crate) returned: Vec<Range<usize>>,
     /// Whether the animation knows them all.
     is_told: bool,
     /// The time that key-framed meshes stand at.
@@ -220,12 +220,6 @@ impl Joined {
         self.returned.retain(|other| *other != range);
     }
 
-    /// Runs of vertices that come from the host again.
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn take_returned(&mut self) -> std::vec::Drain<'_, Range<usize>> {
-        self.returned.drain(..)
-    }
-
     /// Has steps to come prepared where the device reads them.
     pub(crate) fn prepare(
         &mut self,
@@ -261,11 +255,11 @@ impl Joined {
         backend: &mut dyn Backend,
         time: f64,
     ) -> Result<f64> {
+        let passed = time != std::mem::replace(&mut self.time, time);
         if !self.is_live() {
             return Ok(time);
         }
-        if time != self.time {
-            self.time = time;
+        if passed {
             self.blend(time);
         }
         if std::mem::replace(&mut self.is_told, true) {

@@ -58,10 +58,9 @@ pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
 }
 
 impl Loaded {
-    fn wgpu(&mut self) -> Result<&mut WgpuBackend> {
+    fn wgpu(&mut self) -> Option<&mut WgpuBackend> {
         let backend: &mut dyn Any = self.driver.backend();
-        let found = backend.downcast_mut();
-        found.ok_or_else(|| Error::Device("it has no buffers of wgpu's".into()))
+        backend.downcast_mut()
     }
 
     /// Has a streamed mesh's vertices come from a buffer of the program's.
@@ -90,7 +89,8 @@ impl Loaded {
             self.joined.range_of(mesh).start,
             self.animation.vertex_count(),
         ];
-        let brought = self.wgpu()?.gpu_mut().bring_points(places, from);
+        let backend = self.wgpu().ok_or_else(no_wgpu)?;
+        let brought = backend.gpu_mut().bring_points(places, from);
         brought.map_err(Error::of_backend)?;
         self.driver.forget_key_frames();
         self.joined.is_on_device(mesh);
@@ -99,11 +99,10 @@ impl Loaded {
 
     /// Has vertices come from the host again that did not.
     pub(crate) fn release_points(&mut self) {
-        let backend: &mut dyn Any = self.driver.backend();
-        let mut device = backend.downcast_mut::<WgpuBackend>();
-        for run in self.joined.take_returned() {
-            let device = device.as_mut().map(|backend| backend.gpu_mut());
-            device.into_iter().for_each(|gpu| gpu.release_points(&run));
+        let returned = std::mem::take(&mut self.joined.returned);
+        if let Some(backend) = self.wgpu() {
+            let gpu = backend.gpu_mut();
+            returned.iter().for_each(|run| gpu.release_points(run));
         }
     }
 
@@ -111,7 +110,7 @@ impl Loaded {
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
         for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
-            let Ok(backend) = before.wgpu() else {
+            let Some(backend) = before.wgpu() else {
                 return Ok(());
             };
             let points = backend.gpu_mut().brought_points(&run);
@@ -123,6 +122,10 @@ impl Loaded {
     }
 }
 
+fn no_wgpu() -> Error {
+    Error::Device("it has no buffers of wgpu's".into())
+}
+
 impl Tracer {
     /// Where a query's closest hits lie on a device of wgpu's, or will when the work submitted so far is done. One a ray, 16
     /// bytes each: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the triangle's number among those of all meshes
@@ -132,8 +135,8 @@ impl Tracer {
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
         let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
-        let buffer = loaded.wgpu()?.hits_buffer(ticket);
-        buffer.ok_or(Error::NoResult)
+        let backend = loaded.wgpu().ok_or_else(no_wgpu)?;
+        backend.hits_buffer(ticket).ok_or(Error::NoResult)
     }
 
     /// The number of a mesh's first triangle among those of all meshes, which changes when one is

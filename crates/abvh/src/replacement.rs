@@ -1,11 +1,10 @@
 //! Other triangles in a mesh's place, prepared while the scene is traced.
 
 use crate::disposal::Disposal;
-use crate::loaded::Loaded;
+use crate::loaded::{Asked, Loaded};
 use crate::motion::CurrentVertices;
 use crate::tracer::{Builder, name};
-use crate::{Camera, Error, Mesh, MeshId, Result, Tracer};
-use backend::QueryKind;
+use crate::{Error, Mesh, MeshId, Result, Tracer};
 use pipeline::{BuilderThreads, Pace, Update};
 use std::fmt;
 use std::sync::Arc;
@@ -53,7 +52,7 @@ impl Drop for Replacement {
     fn drop(&mut self) {
         if let Some(preparation) = self.preparation.take() {
             self.is_given_up.store(true, Ordering::Relaxed);
-            self.disposal.take(preparation, |p| drop(p.join()));
+            self.disposal.begin(move || drop(preparation.join()));
         }
     }
 }
@@ -144,7 +143,7 @@ impl Tracer {
             mesh,
             with,
             current_vertices: current.joined.current_vertices(&current.animation)?,
-            time: current.time,
+            time: current.joined.time,
             asked: current.asked.clone(),
             builders: match current.update {
                 // They have all cores while steps wait for them.
@@ -168,7 +167,7 @@ struct Preparation {
     with: Mesh,
     current_vertices: CurrentVertices,
     time: f64,
-    asked: Vec<(Option<Camera>, QueryKind)>,
+    asked: Vec<Asked>,
     builders: BuilderThreads,
 }
 

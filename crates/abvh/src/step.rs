@@ -68,6 +68,13 @@ impl Step<'_> {
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.may_stream(mesh)?;
         let current = &mut self.tracer.current;
+        #[cfg_attr(
+            not(feature = "wgpu"),
+            expect(
+                clippy::infallible_destructuring_match,
+                reason = "there is no other source"
+            )
+        )]
         let vertices = match source {
             Source::Host(vertices) => vertices,
             #[cfg(feature = "wgpu")]

@@ -229,7 +229,7 @@ impl Tracer {
         self.current.keep_from(oldest);
         let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);
         for done in self.former.extract_if(.., is_done) {
-            self.disposal.take(done, drop);
+            self.disposal.begin(move || drop(done));
         }
     }
 }

@@ -29,19 +29,18 @@ impl DevicePoints {
         from: BufferSlice<'_>,
     ) -> Result<()> {
         let count = (from.size() / POINT) as usize;
-        let all = match self.all.take() {
-            Some(all) => all,
-            None => storage(gpu, "positions", vertices as u64 * POINT)?,
-        };
-        let to = (&all, first as u64 * POINT);
+        if self.all.is_none() {
+            self.all = Some(storage(gpu, "positions", vertices as u64 * POINT)?);
+        }
+        let all = self.all.as_ref().expect("made just now");
+        let (from_at, to) = ((from.buffer(), from.offset()), (all, first as u64 * POINT));
         let copies = commands(&mut self.copies, gpu)?;
-        let copied = copy_part(gpu, copies, (from.buffer(), from.offset()), to, from.size());
-        self.all = Some(all);
+        copy_part(gpu, copies, from_at, to, from.size())?;
         let run = first..first + count;
         self.release(&run);
         let at = self.runs.partition_point(|r| r.start < run.start);
         self.runs.insert(at, run);
-        copied
+        Ok(())
     }
 
     /// Where a run lies that was brought.
