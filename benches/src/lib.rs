@@ -15,7 +15,7 @@ mod rounds;
 
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
-pub use rays::{camera, diffuse_rays, light, random_rays, shadow_rays, squares};
+pub use rays::{blocks, camera, diffuse_rays, light, random_numbers, random_rays, shadow_rays};
 #[cfg(feature = "embree")]
 pub use rivals::{EmbreeScene, Made, Packet16};
 pub use rivals::{Node, Rival, rivals, sah_cost};

@@ -60,18 +60,23 @@ fn from_hits(
         .collect()
 }
 
-/// A camera's rays in squares of four by four pixels.
+/// A camera's rays in blocks of so many columns and rows of pixels.
 #[must_use]
-pub fn squares(camera: &Camera) -> Vec<Ray> {
-    let corners = |end: u32| (0..end).step_by(4);
-    let rays = corners(camera.height).flat_map(|y| corners(camera.width).map(move |x| [x, y]));
-    let square = rays.flat_map(|[x, y]| (0..16).map(move |i| [x + i % 4, y + i / 4]));
-    let within = square.filter(|[x, y]| *x < camera.width && *y < camera.height);
+pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
+    let across = || (0..camera.width).step_by(columns as usize);
+    let down = (0..camera.height).step_by(rows as usize);
+    let corners = down.flat_map(|y| across().map(move |x| [x, y]));
+    let block =
+        |[x, y]: [u32; 2]| (0..columns * rows).map(move |i| [x + i % columns, y + i / columns]);
+    let within = corners
+        .flat_map(block)
+        .filter(|[x, y]| *x < camera.width && *y < camera.height);
     within.map(|[x, y]| camera.ray(x, y)).collect()
 }
 
 /// Numbers in `[0, 1)`, always the same ones.
-fn random_numbers() -> impl FnMut() -> f32 {
+#[must_use]
+pub fn random_numbers() -> impl FnMut() -> f32 {
     let mut state = 1_u64;
     move || {
         // Knuth's generator; its upper bits are good enough.
@@ -89,12 +94,9 @@ pub fn light(mesh: &Mesh) -> Point {
     offset(centre, radius, [-1.0, 3.0, 0.7])
 }
 
-/// How many rays [`random_rays`] makes.
-const RANDOM: usize = 1 << 17;
-
-/// Rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
+/// So many rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
 #[must_use]
-pub fn random_rays(mesh: &Mesh) -> Vec<Ray> {
+pub fn random_rays(mesh: &Mesh, count: usize) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
     let mut next = random_numbers();
     let mut point = || {
@@ -106,7 +108,7 @@ pub fn random_rays(mesh: &Mesh) -> Vec<Ray> {
         let (from, to) = (point(), point());
         Ray::new(from, std::array::from_fn(|i| to[i] - from[i]))
     };
-    (0..RANDOM).map(|_| ray()).collect()
+    (0..count).map(|_| ray()).collect()
 }
 
 fn to_light(ray: &Ray, t: f32, light: Point) -> Ray {

@@ -4,8 +4,8 @@ use crate::{METHOD, Unit, report};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, camera, diffuse_rays, in_turn, light,
-    pool, random_rays, setting, shadow_rays, squares, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, in_turn,
+    light, pool, random_rays, setting, shadow_rays, thread_counts,
 };
 use geom::{Camera, Hit, Ray};
 use rayon::ThreadPool;
@@ -13,6 +13,8 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 const ROUNDS: usize = 15;
+/// Rays in no order.
+const RANDOM: usize = 1 << 17;
 /// Rays that one task of Embree's traces, a multiple of a packet's.
 const TASK: usize = 512;
 
@@ -50,14 +52,14 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let most = thread_counts().into_iter().max().unwrap_or(1);
     let width = setting("ABVH_WIDTH", 1920) as u32;
     let camera = camera(mesh, [width, width * 5 / 8]);
-    let primary = squares(&camera);
+    let primary = blocks(&camera, [4, 4]);
     let mut tracer = Tracer::ready(mesh, METHOD, most);
     let asked = |what| match what {
         "primary" => Asked::new(primary.clone(), true, Closest),
         "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, Any),
         "diffuse" => Asked::new(diffuse_rays(mesh, &primary, &mut tracer), false, Closest),
-        "random" => Asked::new(random_rays(mesh), false, Closest),
-        _ => Asked::new(random_rays(mesh), false, Any),
+        "random" => Asked::new(random_rays(mesh, RANDOM), false, Closest),
+        _ => Asked::new(random_rays(mesh, RANDOM), false, Any),
     };
     let kinds = ["primary", "shadow", "diffuse", "random", "random-any"];
     let kinds = kinds.into_iter().filter(|what| is_asked(what));

@@ -137,7 +137,7 @@ impl Loaded {
     fn note(&mut self, query: Query<'_>) {
         let camera = match query.rays {
             Rays::Camera(camera) => Some(*camera),
-            Rays::List(_) => None,
+            Rays::List(_) | Rays::OnDevice(_) => None,
         };
         let is_same = |(c, kind): &Asked| c.is_some() == camera.is_some() && *kind == query.kind;
         if !self.asked.iter().any(is_same) {

@@ -1,6 +1,6 @@
 //! A wgpu device that the program opened for itself, and results that its own shaders read there.
 //!
-//! Vertices may come from its buffers: [`Source::Wgpu`](crate::Source::Wgpu).
+//! Vertices may come from its buffers, [`Source::Wgpu`](crate::Source::Wgpu), and so may rays: [`Step::trace_buffers`].
 //!
 //! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
@@ -9,10 +9,10 @@
 use crate::loaded::{Loaded, find};
 use crate::motion::Joined;
 use crate::step::check;
-use crate::{Device, Error, MeshId, QueryId, Result, Scene, StepId, Tracer};
-use backend::Backend;
-use geom::Point;
-use gpu_wgpu::{WgpuBackend, from_device};
+use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
+use backend::{Backend, Rays};
+use geom::{Hit, Point};
+use gpu_wgpu::{LentRays, WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
 use std::any::Any;
 /// The version of wgpu that the library speaks.
@@ -119,6 +119,61 @@ impl Loaded {
             }
         }
         Ok(())
+    }
+}
+
+/// Rays in a buffer of the program's, and where what they meet is to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct RayBuffers<'a> {
+    /// Eight floats a ray, as [`Ray`] lies in memory: origin, `t_min`, direction, `t_max`. It needs the usage `STORAGE`.
+    pub rays: &'a wgpu::Buffer,
+    /// How many of them there are, from the first on.
+    pub count: usize,
+    /// Of [`Query::Closest`] what [`Tracer::hits_buffer`] tells, of [`Query::Any`] a word a ray that is not 0 if it met
+    /// anything. It needs the usages `STORAGE` and `COPY_DST`, and `COPY_SRC` for [`Tracer::hits`]. Without it the library
+    /// has a buffer.
+    pub answers: Option<&'a wgpu::Buffer>,
+}
+
+impl RayBuffers<'_> {
+    fn check(&self, query: Query) -> Result<()> {
+        use wgpu::BufferUsages as Usage;
+        let answer = match query {
+            Query::Closest => size_of::<Hit>(),
+            Query::Any => size_of::<u32>(),
+        };
+        let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
+        let answers = |buffer| (buffer, answer, Usage::STORAGE | Usage::COPY_DST);
+        for (buffer, bytes, usage) in [rays].into_iter().chain(self.answers.map(answers)) {
+            let is_large = (bytes as u64)
+                .checked_mul(self.count as u64)
+                .is_some_and(|all| all <= buffer.size());
+            if !is_large || !buffer.usage().contains(usage) {
+                let why = format!(
+                    "a buffer of {} rays or answers needs {bytes} bytes each and the usage {usage:?}",
+                    self.count
+                );
+                return Err(Error::Device(why));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Step<'_> {
+    /// As [`Step::trace`], of rays that lie on the program's wgpu device: they are read in the order of its queue, and no
+    /// host sees them.
+    ///
+    /// # Errors
+    /// [`Error::Device`], also on another device and where a buffer is too small or lacks a usage.
+    pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
+        buffers.check(query)?;
+        let backend = self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
+        backend.gpu_mut().lend_rays(LentRays {
+            rays: buffers.rays.clone(),
+            answers: buffers.answers.cloned(),
+        });
+        self.ask(Rays::OnDevice(buffers.count), query)
     }
 }
 

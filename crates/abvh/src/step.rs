@@ -142,14 +142,18 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
+        self.ask(rays.into(), query)
+    }
+
+    pub(crate) fn ask(&mut self, rays: Rays<'_>, query: Query) -> Result<QueryId> {
         let id = QueryId {
             step: self.id,
             query: self.queries,
         };
         self.queries += 1;
-        let (rays, kind) = (rays.into(), query.kind());
-        self.tracer
-            .begin(id, self.time, backend::Query { rays, kind })?;
+        let kind = query.kind();
+        let asked = backend::Query { rays, kind };
+        self.tracer.begin(id, self.time, asked)?;
         Ok(id)
     }
 

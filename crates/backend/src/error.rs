@@ -52,6 +52,14 @@ pub enum BackendError {
     DeviceLost(String),
 }
 
+impl BackendError {
+    /// A backend was told of no rays on its device.
+    pub fn no_rays_on_device(backend: &'static str) -> Self {
+        let what = "rays that lie on the device".into();
+        Self::Unsupported { backend, what }
+    }
+}
+
 fn need(bytes: u64) -> String {
     match bytes {
         0 => String::new(),

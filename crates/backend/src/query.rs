@@ -11,6 +11,9 @@ pub enum Rays<'a> {
     List(&'a [Ray]),
     /// One through the middle of each pixel, made on the device: [`Camera::ray`], row by row.
     Camera(&'a Camera),
+    /// So many that lie on the device, which was told where: see its own interface. The host sees none of them; those
+    /// that are not valid miss.
+    OnDevice(usize),
 }
 
 impl Rays<'_> {
@@ -19,6 +22,7 @@ impl Rays<'_> {
         match self {
             Self::List(rays) => rays.len(),
             Self::Camera(camera) => camera.pixels(),
+            Self::OnDevice(count) => *count,
         }
     }
 }

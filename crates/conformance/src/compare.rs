@@ -96,7 +96,7 @@ pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
             let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
             format!("pixel ({x}, {y}): {}", ray_text(&camera.ray(x, y)))
         }
-        Rays::Camera(_) => String::new(),
+        Rays::Camera(_) | Rays::OnDevice(_) => String::new(),
     }
 }
 

@@ -257,6 +257,9 @@ impl Backend for CpuBackend {
         let (camera, rays) = match query.rays {
             Rays::Camera(camera) => (Some(*camera), None),
             Rays::List(rays) => (None, Some(rays)),
+            Rays::OnDevice(_) => {
+                return Err(BackendError::no_rays_on_device(self.device.backend));
+            }
         };
         self.commands.push(Command::Trace(camera, query.kind));
         if let Some(rays) = rays {

@@ -30,7 +30,7 @@ impl TraceTask<'_> {
         let Geometry { range, scale, .. } = self.geometry;
         let from = match self.query.rays {
             Rays::Camera(camera) => range.is_extreme(scale.apply(camera.eye)),
-            Rays::List(_) => false,
+            Rays::List(_) | Rays::OnDevice(_) => false,
         };
         range.extreme || from
     }
@@ -44,6 +44,7 @@ impl TraceTask<'_> {
                 let width = camera.width as usize;
                 camera.ray((index % width) as u32, (index / width) as u32)
             }
+            Rays::OnDevice(_) => Ray::VOID,
         }
     }
 }

@@ -20,6 +20,14 @@ pub struct Ray {
 }
 
 impl Ray {
+    /// A ray that hits nothing, as its direction of zero says.
+    pub const VOID: Self = Self {
+        origin: [0.0; 3],
+        t_min: 0.0,
+        direction: [0.0; 3],
+        t_max: f32::INFINITY,
+    };
+
     /// A ray over `(0, inf)`.
     #[must_use]
     pub fn new(origin: Point, direction: Point) -> Self {

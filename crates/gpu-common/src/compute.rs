@@ -272,7 +272,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
         let rays = match query.rays {
             Rays::Camera(camera) if !are_given(&query) => work::Rays::Camera(camera),
-            rays => work::Rays::Given(rays.count() as u32, false),
+            rays => {
+                let unseen = matches!(rays, Rays::OnDevice(_));
+                work::Rays::Given(rays.count() as u32, unseen)
+            }
         };
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = match makes_trees {

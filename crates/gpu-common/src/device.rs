@@ -69,6 +69,14 @@ pub struct Finished {
     pub ticks: Option<Vec<u64>>,
 }
 
+/// Rays that the device's owner has there, and room for what they meet: see [`backend::Rays::OnDevice`].
+pub struct LentRays<B> {
+    /// One a ray, as [`geom::Ray`] lies in memory.
+    pub rays: B,
+    /// As [`geom::Hit`] lies in memory, or a word that is not 0 for any hit; none if the backend is to have it.
+    pub answers: Option<B>,
+}
+
 /// A device that runs kernels. It has one owner, so nothing of it needs a lock.
 ///
 /// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device. Submissions run in their order;
@@ -139,6 +147,11 @@ pub trait GpuDevice: Send + Sized + 'static {
 
     /// Drops a buffer once all that was recorded so far is done with it.
     fn discard(&mut self, buffer: Self::Buffer);
+
+    /// The rays that its owner told it of last, once.
+    fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>> {
+        None
+    }
 
     /// Buffers made so far, of any purpose.
     fn buffers_made(&self) -> u64;

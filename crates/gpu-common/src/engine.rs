@@ -29,7 +29,7 @@ pub struct Engine<D: GpuDevice> {
     snapshots: Snapshots<D>,
     /// The scene, once one is loaded.
     pub scene: Option<SceneBuffers<D>>,
-    /// Which of the two position buffers is current.
+    /// Which position buffer is current.
     pub position: usize,
     /// The moment that positions were last interpolated at.
     pub pose: Pose,
@@ -187,6 +187,8 @@ impl<D: GpuDevice> Engine<D> {
 
     /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.
     pub fn request_positions(&mut self) -> Result<()> {
+        let scene = self.scene.as_mut().expect("a scene was loaded");
+        scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
         self.frames.record(&self.gpu)?.split(&self.gpu)
     }

@@ -29,7 +29,7 @@ mod tree;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, Sent, refuse_above,
+    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, LentRays, Sent, refuse_above,
 };
 pub use engine::Engine;
 pub use frames::{Frames, Slot};

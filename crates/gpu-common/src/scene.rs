@@ -13,9 +13,9 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// What was loaded.
     pub animation: Arc<Animation>,
     keys: KeySlots<D>,
-    /// Two, so that one can go back to the host while the next frame fills the other.
+    /// One, and another from the moment that positions first go to the host: the next frame fills it meanwhile.
     /// Where rows are listed, static vertices stand in both from the start.
-    pub positions: [D::Buffer; 2],
+    pub positions: Vec<D::Buffer>,
     /// Corners of triangles; rows of positions in which anything moves, where listing them pays; how far the coordinates of a
     /// key frame that arrived reach.
     others: BufferTable<D>,
@@ -30,7 +30,6 @@ pub struct SceneBuffers<D: GpuDevice> {
 
 impl<D: GpuDevice> SceneBuffers<D> {
     pub(crate) fn new(gpu: &mut D, animation: Arc<Animation>) -> Result<Self> {
-        let key_bytes = animation.vertex_count() as u64 * 12;
         let rows = shaders::moving_rows(&animation);
         let row_bytes = rows.as_ref().map_or(0, |rows| rows.len() as u64 * 4);
         let triangle_bytes = animation.triangle_count() as u64 * 12;
@@ -40,32 +39,44 @@ impl<D: GpuDevice> SceneBuffers<D> {
             (BufferName::Range, RANGE_BYTES),
         ];
         let others = BufferTable::new(gpu, sizes)?;
-        let device = |name: BufferName| gpu.buffer(name.what(), key_bytes, BufferPurpose::Storage);
-        let position = || device(BufferName::Positions);
-        let positions = [position()?, position()?];
         let keys = KeySlots::new(gpu, &animation)?;
         let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
         let other = |name| others.get(name).expect("made just now");
         if let Some(rows) = &rows {
-            let first = bytemuck::cast_slice(animation.first());
             contents.push((bytemuck::cast_slice(rows), other(BufferName::MovingRows)));
-            contents.extend(positions.iter().map(|to| (first, to)));
         }
         let triangles = bytemuck::cast_slice(animation.triangles());
         contents.push((triangles, other(BufferName::Triangles)));
         let zeros = [0; RANGE_BYTES as usize];
         contents.push((&zeros, other(BufferName::Range)));
         gpu.upload(&contents)?;
-        Ok(Self {
+        let mut made = Self {
             keys,
-            positions,
+            positions: Vec::new(),
             others,
             moving_row_count: rows.map(|rows| rows.len()),
             palette: None,
             never_active: (animation.triangle_count() - animation.live_count()) as u64,
             scale_exponent: animation.scale_exponent(),
             animation,
-        })
+        };
+        made.make_positions(gpu)?;
+        Ok(made)
+    }
+
+    /// Makes one more buffer of positions, if there are not two.
+    pub(crate) fn make_positions(&mut self, gpu: &mut D) -> Result<()> {
+        if self.positions.len() == 2 {
+            return Ok(());
+        }
+        let what = BufferName::Positions.what();
+        let made = gpu.buffer(what, self.position_bytes(), BufferPurpose::Storage)?;
+        if self.moving_row_count.is_some() {
+            let first = bytemuck::cast_slice(self.animation.first());
+            gpu.upload(&[(first, &made)])?;
+        }
+        self.positions.push(made);
+        Ok(())
     }
 
     /// Takes what pictures are painted by.

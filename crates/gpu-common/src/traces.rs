@@ -1,7 +1,9 @@
 //! The output of traces, kept until it is too old to be asked for.
 
-use crate::{BufferPurpose, GpuDevice};
-use backend::{FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket};
+use crate::{BufferPurpose, GpuDevice, LentRays};
+use backend::{
+    BackendError, FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket,
+};
 use bytemuck::Pod;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
@@ -30,12 +32,14 @@ pub struct Trace<D: GpuDevice> {
     pub kind: QueryKind,
     /// Whether there was a tree to trace. Without one every ray misses.
     pub has_tree: bool,
-    /// Whether any given ray is extreme.
+    /// Whether any given ray is extreme, so far as anybody knows.
     pub extremes: bool,
     /// Whether its pixels are there.
     shaded: bool,
     /// Each is there if a query ever needed it.
     buffers: Outputs<D>,
+    /// Stand in their place.
+    lent: Option<LentRays<D::Buffer>>,
     /// On the host, once it was asked for.
     found: Hits,
     fetched: bool,
@@ -101,15 +105,30 @@ impl<D: GpuDevice> Traces<D> {
                 false => Ok(spare),
             }
         };
-        let given = are_given(query);
+        let mut lent = lent_rays(gpu, query)?;
+        let answers = lent.as_mut().and_then(|lent| lent.answers.as_mut());
+        if let Some(answers) = answers.filter(|_| !has_tree) {
+            // No kernel is going to write them.
+            let each = (0..query.rays.count()).into_par_iter();
+            match kind {
+                QueryKind::Any => gpu.write(answers, each.map(|_| 0_u32))?,
+                _ => gpu.write(answers, each.map(|_| Hit::MISS))?,
+            }
+        }
+        let given = are_given(query) && lent.is_none();
         let rays_bytes = count * size_of::<Ray>() as u64;
         let mut rays = fit(gpu, BufferName::Rays, rays_bytes, given, spare.rays)?;
-        let mut extremes = false;
+        let mut extremes = lent.is_some();
         if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
             extremes = send(gpu, query.rays, rays, is_extreme)?;
         }
-        let closest = kind != QueryKind::Any;
-        let any = kind != QueryKind::Closest || intersector == Intersector::Exact;
+        let has_room = lent.as_ref().is_some_and(|lent| lent.answers.is_some());
+        let closest = kind != QueryKind::Any && !has_room;
+        let any = match kind {
+            QueryKind::Any => !has_room,
+            QueryKind::Closest => intersector == Intersector::Exact,
+            QueryKind::ClosestAndShadow { .. } => true,
+        };
         let hits = count * size_of::<Hit>() as u64;
         let words = shaders::occluded_words(intersector, count);
         Ok(Trace {
@@ -125,6 +144,7 @@ impl<D: GpuDevice> Traces<D> {
                 rays,
                 pixels: spare.pixels,
             },
+            lent,
             found,
             fetched: false,
         })
@@ -175,10 +195,19 @@ fn fitting<D: GpuDevice>(
     }
 }
 
-/// Whether the rays go to the device one by one: no kernel seeks any hit of a camera's rays, and
+fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
+    if !matches!(query.rays, Rays::OnDevice(_)) {
+        return Ok(None);
+    }
+    let lent = gpu.take_lent_rays();
+    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
+    lent.ok_or_else(refused).map(Some)
+}
+
+/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
 /// made here they have the same bits.
 pub fn are_given(query: &Query<'_>) -> bool {
-    matches!(query.rays, Rays::List(_)) || query.kind == QueryKind::Any
+    !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
 }
 
 /// Sends rays, and says whether any is extreme.
@@ -188,14 +217,9 @@ fn send<D: GpuDevice>(
     to: &mut D::Buffer,
     is_extreme: impl Fn(&Ray) -> bool + Sync,
 ) -> Result<bool> {
-    // A direction of zero marks a ray that hits nothing.
-    let void = Ray {
-        direction: [0.0; 3],
-        ..Ray::new([0.0; 3], [0.0; 3])
-    };
     let extremes = AtomicBool::new(false);
     let row = |ray: Ray| {
-        let row = if ray.is_valid() { ray } else { void };
+        let row = if ray.is_valid() { ray } else { Ray::VOID };
         if is_extreme(&row) {
             extremes.store(true, Ordering::Relaxed);
         }
@@ -208,6 +232,7 @@ fn send<D: GpuDevice>(
             let ray = |i: u32| row(camera.ray(i % camera.width, i / camera.width));
             gpu.write(to, pixels.map(ray))?;
         }
+        Rays::OnDevice(_) => (),
     }
     Ok(extremes.into_inner())
 }
@@ -215,15 +240,27 @@ fn send<D: GpuDevice>(
 impl<D: GpuDevice> Trace<D> {
     /// Its rays, hits or shadows.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
-        match name {
-            BufferName::Hits => self.buffers.hits.as_ref(),
-            BufferName::Occluded => self.buffers.occluded.as_ref(),
-            BufferName::Rays => self.buffers.rays.as_ref(),
-            BufferName::Pixels => self.buffers.pixels.as_ref(),
-            BufferName::Answers if self.kind == QueryKind::Any => self.buffers.occluded.as_ref(),
-            BufferName::Answers => self.buffers.hits.as_ref(),
+        let answers = match self.kind {
+            QueryKind::Any => BufferName::Occluded,
+            QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => BufferName::Hits,
+        };
+        let name = match name {
+            BufferName::Answers => answers,
+            name => name,
+        };
+        let lent = self.lent.as_ref().and_then(|lent| match name {
+            BufferName::Rays => Some(&lent.rays),
+            name if name == answers => lent.answers.as_ref(),
             _ => None,
-        }
+        });
+        let own = match name {
+            BufferName::Hits => &self.buffers.hits,
+            BufferName::Occluded => &self.buffers.occluded,
+            BufferName::Rays => &self.buffers.rays,
+            BufferName::Pixels => &self.buffers.pixels,
+            _ => &None,
+        };
+        lent.or(own.as_ref())
     }
 
     /// Makes room for a pixel a ray, which are about to be recorded.

@@ -32,5 +32,6 @@ mod wgpu_device;
 
 pub use adapters::adapters;
 pub use gpu::CallCounts;
+pub use gpu_common::LentRays;
 pub use limits::{required_features, required_limits, useful_features};
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

@@ -13,7 +13,7 @@ use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
-    KernelForm, Options, Sent, Stage, Validation,
+    KernelForm, LentRays, Options, Sent, Stage, Validation,
 };
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
@@ -78,6 +78,7 @@ pub struct WgpuDevice {
     free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
     points: DevicePoints,
+    lent_rays: Option<LentRays<Buffer>>,
     form: KernelForm,
     validation: Validation,
     gpu: Arc<Gpu>,
@@ -96,6 +97,7 @@ impl WgpuDevice {
             free: Default::default(),
             spares: Spares::default(),
             points: DevicePoints::default(),
+            lent_rays: None,
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),
@@ -130,6 +132,11 @@ impl WgpuDevice {
     /// The buffers that they came from cannot be copied.
     pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
         self.points.brought(&self.gpu, run)
+    }
+
+    /// Has the next query of [`backend::Rays::OnDevice`] trace these, which kernels can bind.
+    pub fn lend_rays(&mut self, rays: LentRays<Buffer>) {
+        self.lent_rays = Some(rays);
     }
 
     /// Has a run of them come from the host again.
@@ -218,6 +225,10 @@ impl GpuDevice for WgpuDevice {
 
     /// Submissions keep what they use alive.
     fn discard(&mut self, _: Buffer) {}
+
+    fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
+        self.lent_rays.take()
+    }
 
     fn buffers_made(&self) -> u64 {
         self.call_counts().buffers

@@ -15,6 +15,7 @@ mod scenes;
 mod wgpu_calls;
 mod wgpu_lent;
 mod wgpu_points;
+mod wgpu_rays;
 
 use backend::Backend;
 use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
@@ -153,6 +154,9 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_points::vertices_may_lie_in_a_buffer_of_the_programs,
     wgpu_points::a_buffer_that_does_not_fit_is_an_error,
     wgpu_points::vertices_of_a_buffer_stay_while_another_mesh_is_replaced,
+    wgpu_rays::rays_may_lie_in_a_buffer_of_the_programs,
+    wgpu_rays::rays_in_a_buffer_miss_where_nothing_can_be_hit,
+    wgpu_rays::a_buffer_of_rays_that_does_not_fit_is_an_error,
 ];
 
 fn main() -> ExitCode {

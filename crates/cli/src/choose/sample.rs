@@ -86,6 +86,7 @@ fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
     match rays {
         Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
         Rays::List(rays) => rng.choice(rays).copied(),
+        Rays::OnDevice(_) => None,
     }
 }
 

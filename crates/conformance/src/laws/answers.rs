@@ -39,6 +39,7 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
     match rays {
         Rays::List(list) => list.iter().any(|r| is_extreme(r.origin)),
         Rays::Camera(camera) => is_extreme(camera.eye),
+        Rays::OnDevice(_) => true,
     }
 }
 

@@ -1,7 +1,7 @@
 // The rays that are asked: a camera's, by pixel, and those given one by one.
 
 import package::geometry::ray::{FARTHEST, Prepared, Root, prepare, root_from};
-import package::geometry::units::{is_extreme, is_finite_point, scaled_point};
+import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_point};
 import package::intersect::intersector::LEAVES_EXTREMES;
 import package::intersect::line::set_line;
 import package::lib::buffers::rays;
@@ -76,12 +76,20 @@ fn given_ray(i: u32) -> Prepared {
     return prepare(origin, b.xyz, a.w, b.w, root_from(origin));
 }
 
-// The host marks rays that can hit nothing by a direction of zero; an origin may be too far for the scene's scale.
+// Whether a ray's rows can hit nothing: geom::Ray::is_valid.
+fn is_void_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
+    let sizes = vec2<u32>(first.w, second.w) & vec2<u32>(0x7fffffffu);
+    let is_interval = all(sizes <= vec2<u32>(0x7f800000u)) && ordered(first.w) < ordered(second.w);
+    return is_void_way(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
+}
+
+// Likewise, and those that are left to other kernels; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
-    let marked = all((rays[2u * i + 1u].xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    let origin = scaled_point(rays[2u * i].xyz);
-    if LEAVES_EXTREMES { return marked || is_extreme(origin); }
-    return marked || !is_finite_point(origin);
+    let first = rays[2u * i];
+    let is_void = is_void_ray(first, rays[2u * i + 1u]);
+    let origin = scaled_point(first.xyz);
+    if LEAVES_EXTREMES { return is_void || is_extreme(origin); }
+    return is_void || !is_finite_point(origin);
 }
 
 // Rays by number, for kernels that settle what others left open: a camera's, or given one by one where there is no picture.

@@ -1,11 +1,11 @@
 // The kernels for extreme rays.
 
-import package::geometry::queries::{Asked, asked, set_line_of};
+import package::geometry::queries::{asked, is_void_ray, set_line_of};
 import package::geometry::ray::MISS;
 import package::geometry::range::{EXTREME, TINY};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{is_extreme, is_finite_point, scale_bits, starts_beyond};
+import package::geometry::units::{is_extreme, scale_bits, starts_beyond};
 import package::intersect::extreme::{any_extreme, hit_extreme};
 import package::intersect::line::{make_line, put_corners, put_side, set_line};
 import package::lib::buffers::{counts, hits, occluded, range};
@@ -114,13 +114,6 @@ fn is_left(i: u32) -> bool {
 @else
 fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
-// Whether a ray hits nothing: the host marks given ones by a direction of zero.
-fn misses_all(ray: Asked) -> bool {
-    let is_zero = all((ray.second.xyz & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u));
-    let is_bounded = is_finite_point(bitcast<vec3<f32>>(ray.second.xyz)) && is_finite_point(bitcast<vec3<f32>>(ray.first.xyz));
-    return is_zero || !is_bounded;
-}
-
 // What those rays that are extreme hit: the closest, or of `rounds` 1 whether there is any. An answer has `rounds` words.
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
@@ -146,7 +139,8 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
     if i >= params.count || !is_left(i) { return; }
     discount_hit(i);
     var hit = MISS;
-    if !misses_all(asked(i)) {
+    let ray = asked(i);
+    if !is_void_ray(ray.first, ray.second) {
         set_line_of(i);
         hit = hit_extreme(params.rounds == 1u);
     }

@@ -1,0 +1,173 @@
+//! Queries of the library in a scene that stands still: sixteen cameras in a step beside one of as many pixels, and rays
+//! that lie on the device beside a camera's.
+//!
+//! `cargo bench -p benches --bench queries [-- vulkan|wgpu]`. Steps follow one another without waiting for hits
+//! (`ABVH_STEPS` of them), so a step takes what its device takes.
+
+use abvh::own_device::{OwnDevice, RayBuffers, required_limits, useful_features, wgpu};
+use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
+use benches::{Mesh as Motion, camera, median, print_table, setting};
+use std::time::Instant;
+use wgpu::util::DeviceExt;
+
+const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
+/// One of sixteen cameras, and a camera of as many pixels as all of them.
+const SMALL: [u32; 2] = [640, 480];
+const LARGE: [u32; 2] = [2560, 1920];
+/// A camera's rays that are given one by one, too: 2.3 million.
+const LISTED: [u32; 2] = [1920, 1200];
+const ROUNDS: usize = 5;
+
+fn main() {
+    let named = std::env::args().skip(1).find(|a| !a.starts_with('-'));
+    let device = match named.as_deref() {
+        Some("wgpu") => Device::Wgpu(None),
+        Some("cpu") => Device::Cpu,
+        _ => Device::Vulkan(None),
+    };
+    let motions = SCENES.map(|scene| Motion::open(scene).expect("demos open"));
+    let rows = motions.iter().map(|motion| many(motion, &device)).collect();
+    let header = ["scene", "device", "one query ms", "16 queries", "times"];
+    print_table("Rays of sixteen cameras of 640x480", &header, rows);
+    let rows = motions.iter().map(listed).collect();
+    let header = [
+        "scene",
+        "camera ms",
+        "in blocks",
+        "times",
+        "camera's, shuffled",
+        "any direction, of the host",
+        "of a buffer",
+    ];
+    print_table("Closest hits of 2.3 million rays, wgpu", &header, rows);
+}
+
+fn standing(motion: &Motion) -> Scene {
+    let mesh = Mesh::fixed(
+        &motion.positions(motion.start()),
+        motion.animation.triangles(),
+    );
+    let mut scene = Scene::new();
+    scene.add(mesh.expect("it is a mesh"));
+    scene
+}
+
+/// Milliseconds of a step, the median of some rounds.
+fn time(tracer: &mut Tracer, ask: &mut dyn FnMut(&mut Step<'_>)) -> f64 {
+    let steps = setting("ABVH_STEPS", 300);
+    let mut round = || {
+        let begun = Instant::now();
+        for _ in 0..steps {
+            let mut step = tracer.step(0.0);
+            ask(&mut step);
+            step.submit().expect("it traces");
+        }
+        begun.elapsed().as_secs_f64() * 1e3 / steps as f64
+    };
+    // Kernels are made ready.
+    round();
+    median(&(0..ROUNDS).map(|_| round()).collect::<Vec<_>>())
+}
+
+fn trace(step: &mut Step<'_>, camera: &Camera) {
+    step.trace(camera, Query::Closest).expect("it traces");
+}
+
+fn many(motion: &Motion, device: &Device) -> Vec<String> {
+    let tracer = Tracer::builder()
+        .device(device.clone())
+        .build(standing(motion));
+    let mut tracer = tracer.expect("the device is there");
+    let [small, large] = [SMALL, LARGE].map(|size| camera(motion, size));
+    let one = time(&mut tracer, &mut |step| trace(step, &large));
+    let each = time(&mut tracer, &mut |step| {
+        (0..16).for_each(|_| trace(step, &small));
+    });
+    let device = tracer.device().to_owned();
+    let numbers = [one, each, each / one].map(|x| format!("{x:.3}"));
+    [motion.label.clone(), device]
+        .into_iter()
+        .chain(numbers)
+        .collect()
+}
+
+fn open(scene: &Scene, rays: usize) -> OwnDevice {
+    let desc = wgpu::InstanceDescriptor::new_without_display_handle();
+    let instance = wgpu::Instance::new(desc);
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    let adapter = pollster::block_on(instance.request_adapter(&options)).expect("there is one");
+    let wanted = wgpu::DeviceDescriptor {
+        required_features: useful_features() & adapter.features(),
+        required_limits: required_limits(scene, rays).expect("it is small"),
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&wanted)).expect("it opens");
+    let info = adapter.get_info();
+    OwnDevice {
+        device,
+        queue,
+        info,
+    }
+}
+
+fn listed(motion: &Motion) -> Vec<String> {
+    let scene = standing(motion);
+    let camera = camera(motion, LISTED);
+    let count = camera.pixels();
+    let own = open(&scene, count);
+    let tracer = Tracer::builder().device(Device::from(own.clone()));
+    let mut tracer = tracer.build(scene).expect("it is loaded");
+    let buffer = |rays: &[Ray]| {
+        let about = wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(rays),
+            usage: wgpu::BufferUsages::STORAGE,
+        };
+        own.device.create_buffer_init(&about)
+    };
+    let hits = own.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 16 * count as u64,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut of_buffer = |tracer: &mut Tracer, rays: &[Ray]| {
+        let rays = buffer(rays);
+        let asked = RayBuffers {
+            rays: &rays,
+            count,
+            answers: Some(&hits),
+        };
+        time(tracer, &mut |step| {
+            step.trace_buffers(asked, Query::Closest)
+                .expect("it traces");
+        })
+    };
+    let blocks = benches::blocks(&camera, [8, 4]);
+    let mut next = benches::random_numbers();
+    let mut shuffled = blocks.clone();
+    for i in (1..shuffled.len()).rev() {
+        shuffled.swap(i, (next() * (i + 1) as f32) as usize % (i + 1));
+    }
+    let anywhere = benches::random_rays(motion, count);
+    let of_camera = time(&mut tracer, &mut |step| trace(step, &camera));
+    let in_blocks = of_buffer(&mut tracer, &blocks);
+    let shuffled = of_buffer(&mut tracer, &shuffled);
+    let of_host = time(&mut tracer, &mut |step| {
+        step.trace(&anywhere, Query::Closest).expect("it traces");
+    });
+    let anywhere = of_buffer(&mut tracer, &anywhere);
+    let numbers = [
+        of_camera,
+        in_blocks,
+        in_blocks / of_camera,
+        shuffled,
+        of_host,
+        anywhere,
+    ];
+    let numbers = numbers.map(|x| format!("{x:.3}"));
+    [motion.label.clone()].into_iter().chain(numbers).collect()
+}
