@@ -2,12 +2,16 @@
 
 use crate::{BufferPurpose, GpuDevice, Sent};
 use backend::Result;
-use geom::{Animation, KeyFrame, Pose};
+use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Key frames that are kept of a stream: two that are blended and as many to come. Two more may be on their way out.
+/// Key frames that are kept of a stream: two that are blended and as many to come; of large ones, one to come. Two more may be
+/// on their way out.
 const KEPT: usize = 4;
+const LARGE_KEPT: usize = 3;
+/// Bytes of a large key frame.
+const LARGE: usize = 64 << 20;
 
 /// Vertices between two runs that differ, at least: fewer are sent with them.
 const GAP: usize = 1 << 12;
@@ -15,6 +19,8 @@ const GAP: usize = 1 << 12;
 /// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
 pub(crate) struct KeySlots<D: GpuDevice> {
     slots: Vec<KeySlot<D>>,
+    /// How many are kept of a stream.
+    kept: usize,
     /// Rises with each use.
     clock: u64,
     submissions: u64,
@@ -61,6 +67,10 @@ impl<D: GpuDevice> KeySlots<D> {
         gpu.upload(&contents)?;
         Ok(Self {
             slots,
+            kept: match animation.vertex_count() * size_of::<Point>() {
+                LARGE.. => LARGE_KEPT,
+                _ => KEPT,
+            },
             clock: 0,
             submissions: 0,
             pose: Pose::default(),
@@ -86,7 +96,7 @@ impl<D: GpuDevice> KeySlots<D> {
     /// What was recorded is submitted. Sends one of the key frames that are played next, if it was read.
     pub(crate) fn submitted(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
         self.submissions += 1;
-        let upcoming = animation.upcoming(KEPT);
+        let upcoming = animation.upcoming(self.kept);
         let wanted = upcoming.iter().find(|(key, _)| self.find(*key).is_none());
         let Some((key, frame)) = wanted else {
             return Ok(());
@@ -118,7 +128,7 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
-        while self.slots.len() >= KEPT {
+        while self.slots.len() >= self.kept {
             // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
             let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
             let all = self.slots.iter().enumerate();

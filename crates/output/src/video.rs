@@ -11,6 +11,9 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
+use y4m::Colorspace;
+
+const FULL: Colorspace = Colorspace::C444;
 
 type Result<T> = std::result::Result<T, OutputError>;
 
@@ -57,7 +60,8 @@ impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
             return Ok(None);
         }
         let (frames, receiver) = channel();
-        let thread = thread::Builder::new().spawn(move || write(&receiver, sinks));
+        let width = wanted.size[0] as usize;
+        let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, width));
         let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
         Ok(Some(Self {
             frames: Some(frames),
@@ -98,18 +102,21 @@ impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
 fn write<F: AsRef<[u8]>>(
     frames: &Receiver<Option<(usize, F)>>,
     mut sinks: Vec<Sink>,
+    width: usize,
 ) -> Result<()> {
     let (mut next, mut early) = (0, BTreeMap::new());
-    let mut planes = [const { Vec::new() }; 3];
+    let mut planes = Planes::default();
     for frame in frames {
         let Some((place, frame)) = frame else {
             return sinks.into_iter().try_for_each(Sink::end);
         };
         early.insert(place, frame);
         while let Some(frame) = early.remove(&next) {
-            separate(frame.as_ref(), &mut planes);
-            let frame = y4m::Frame::new([&planes[0], &planes[1], &planes[2]], None);
-            sinks.iter_mut().try_for_each(|sink| sink.frame(&frame))?;
+            separate(frame.as_ref(), &mut planes.full);
+            for sink in &mut sinks {
+                let frame = planes.frame(width, sink.is_halved);
+                sink.frame(&frame)?;
+            }
             next += 1;
         }
     }
@@ -117,10 +124,50 @@ fn write<F: AsRef<[u8]>>(
     Ok(())
 }
 
-/// A video's frames at full size (4:4:4), of BT.601 in its limited range, which readers of the format take them for.
+/// A frame's luma and chroma, of BT.601 in its limited range, which readers of the format take them for.
+#[derive(Default)]
+struct Planes {
+    /// At full size (4:4:4).
+    full: [Vec<u8>; 3],
+    /// Chroma at half of it along both axes (4:2:0).
+    halves: [Vec<u8>; 2],
+}
+
+impl Planes {
+    /// Of so many columns; 4:2:0 if `halved`.
+    fn frame(&mut self, width: usize, halved: bool) -> y4m::Frame<'_> {
+        let [y, cb, cr] = &self.full;
+        if !halved {
+            return y4m::Frame::new([y, cb, cr], None);
+        }
+        let halves = &mut self.halves;
+        halve((cb, width), &mut halves[0]);
+        halve((cr, width), &mut halves[1]);
+        y4m::Frame::new([y, &halves[0], &halves[1]], None)
+    }
+}
+
+/// Means of two by two samples; at an odd edge, of those that are there twice.
+fn halve((plane, width): (&[u8], usize), to: &mut Vec<u8>) {
+    let (width, half) = (width.max(1), width.div_ceil(2).max(1));
+    to.resize(half * (plane.len() / width).div_ceil(2), 0);
+    let rows = plane.par_chunks(2 * width).zip(to.par_chunks_mut(half));
+    rows.for_each(|(rows, to)| {
+        let (upper, lower) = rows.split_at(width);
+        let lower = if lower.is_empty() { upper } else { lower };
+        let pairs = upper.chunks(2).zip(lower.chunks(2));
+        for ((upper, lower), to) in pairs.zip(to) {
+            let both = |row: &[u8]| u16::from(row[0]) + u16::from(row[row.len() - 1]);
+            *to = ((both(upper) + both(lower) + 2) / 4) as u8;
+        }
+    });
+}
+
+/// A video: full size (4:4:4) in a file of its own, and for the encoder the half of it that it takes (4:2:0).
 struct Sink {
     // Dropped in this order: no encoder writes a file that is gone.
     video: y4m::Encoder<Box<dyn Write + Send>>,
+    is_halved: bool,
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
     name: String,
@@ -129,13 +176,13 @@ struct Sink {
 impl Sink {
     fn raw(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
         if path.as_os_str() == "-" {
-            return Self::begin(path, wanted, Box::new(io::stdout()));
+            return Self::begin(path, wanted, (FULL, Box::new(io::stdout())));
         }
         let file = UnfinishedFile::beside(path)?;
         let out = File::create(file.path()).map_err(|e| cannot_write(path.display(), e))?;
         Ok(Self {
             file: Some(file),
-            ..Self::begin(path, wanted, Box::new(out))?
+            ..Self::begin(path, wanted, (FULL, Box::new(out)))?
         })
     }
 
@@ -146,19 +193,24 @@ impl Sink {
         Ok(Self {
             encoder: Some(encoder),
             file: Some(file),
-            ..Self::begin(path, wanted, Box::new(pipe))?
+            ..Self::begin(path, wanted, (Colorspace::C420jpeg, Box::new(pipe)))?
         })
     }
 
-    fn begin(path: &Path, wanted: &VideoFiles<'_>, out: Box<dyn Write + Send>) -> Result<Self> {
+    fn begin(
+        path: &Path,
+        wanted: &VideoFiles<'_>,
+        (colours, out): (Colorspace, Box<dyn Write + Send>),
+    ) -> Result<Self> {
         let name = path.display().to_string();
         let [width, height] = wanted.size.map(|n| n as usize);
         // Frames a second to a thousandth.
         let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
-        let header = y4m::encode(width, height, rate).with_colorspace(y4m::Colorspace::C444);
+        let header = y4m::encode(width, height, rate).with_colorspace(colours);
         let video = header.write_header(out);
         Ok(Self {
             video: video.map_err(|e| cannot_write(&name, e))?,
+            is_halved: colours != FULL,
             encoder: None,
             file: None,
             name,
@@ -300,6 +352,17 @@ fn ycbcr([r, g, b]: [u8; 3]) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn chroma_is_halved_along_both_axes_and_edges_count_twice() {
+        let mut halves = Vec::new();
+        halve((&[0, 4, 8, 4, 9, 10, 20, 22, 30], 3), &mut halves);
+        assert_eq!(halves, [4, 9, 21, 30]);
+        halve((&[1, 3, 5, 7], 2), &mut halves);
+        assert_eq!(halves, [4]);
+        halve((&[], 2), &mut halves);
+        assert_eq!(halves, [0; 0]);
+    }
 
     #[test]
     fn greys_have_no_chroma_and_reach_both_ends() {

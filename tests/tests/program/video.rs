@@ -83,7 +83,15 @@ fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
 fn encoded(sandbox: &Sandbox) {
     let path = encoder(sandbox, "cat > \"$last\"");
     sandbox.does(&format!("{RUN} --out out --y4m a.y4m"));
-    let video = sandbox.read("a.y4m");
+    let full = sandbox.read("a.y4m");
+    sandbox
+        .run_where(
+            &format!("{RUN} --no-images --video a.mp4"),
+            &[("PATH", &path)],
+        )
+        .succeeds();
+    let video = sandbox.read("a.mp4");
+    is_halved(&video, &full);
     for threads in [1, 4] {
         let words = format!("{RUN} --out out --overwrite --video a.mp4 --threads {threads}");
         sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
@@ -94,6 +102,29 @@ fn encoded(sandbox: &Sandbox) {
         sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
         assert!(sandbox.read("a.mp4") == video, "{threads}");
     }
+}
+
+/// The same luma, and chroma of means.
+#[cfg(unix)]
+fn is_halved(video: &[u8], full: &[u8]) {
+    let [mut video, mut full] = [video, full].map(|file| y4m::decode(file).unwrap());
+    for _ in 0..5 {
+        let (half, full) = (video.read_frame().unwrap(), full.read_frame().unwrap());
+        assert!(half.get_y_plane() == full.get_y_plane());
+        for (half, full) in [
+            (half.get_u_plane(), full.get_u_plane()),
+            (half.get_v_plane(), full.get_v_plane()),
+        ] {
+            assert_eq!(half.len(), 16 * 9);
+            for (i, &mean) in half.iter().enumerate() {
+                let at = 2 * (i / 16) * 32 + 2 * (i % 16);
+                let four = [at, at + 1, at + 32, at + 33].map(|i| f32::from(full[i]));
+                let expected = four.iter().sum::<f32>() / 4.0;
+                assert!((expected - f32::from(mean)).abs() < 0.6, "{four:?} {mean}");
+            }
+        }
+    }
+    assert!(video.read_frame().is_err());
 }
 
 #[cfg(unix)]
