@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
-const STEPS: usize = 8;
-const KEYS: usize = 6;
+const STEPS: usize = 64;
+const KEYS: usize = 2;
 /// What is traced while a mesh is replaced, and that mesh: 1.6 million triangles.
 const LARGE: [&str; 2] = ["demo:collide:1350000", "demo:twist:250000"];
 /// Steps that are looked at after a mesh was replaced.

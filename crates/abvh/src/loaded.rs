@@ -22,9 +22,18 @@ pub(crate) struct Loaded {
     /// Trees of the scenes before it.
     trees_before: u64,
     frames: u64,
-    under_way: VecDeque<QueryId>,
+    /// Submissions that were not seen to be done, the oldest first.
+    under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
-    results: VecDeque<(QueryId, Ticket)>,
+    results: VecDeque<(QueryId, Answer)>,
+}
+
+/// Where what a query found is kept.
+#[derive(Clone, Copy)]
+pub(crate) struct Answer {
+    pub(crate) ticket: Ticket,
+    /// Among the queries of its submission.
+    pub(crate) place: usize,
 }
 
 impl Loaded {
@@ -77,7 +86,7 @@ impl Loaded {
                 ..camera
             });
             let rays = pixel.as_ref().map_or(Rays::List(&ray), Rays::Camera);
-            self.submit(time, Query { rays, kind })?;
+            self.submit(time, &[Query { rays, kind }])?;
             self.driver.finish(None).map_err(Error::of_driver)?;
         }
         Ok(())
@@ -100,13 +109,17 @@ impl Loaded {
         self.joined.current_vertices(&self.animation)
     }
 
+    /// Begins queries, in one submission if the device can.
     pub(crate) fn begin(
         &mut self,
-        id: QueryId,
         time: f64,
-        query: Query<'_>,
+        (ids, queries): (&[QueryId], &[Query<'_>]),
         last: &mut Option<Statistics>,
     ) -> Result<()> {
+        if queries.len() > 1 && !self.driver.backend().traces_together(queries) {
+            let mut each = ids.chunks(1).zip(queries.chunks(1));
+            return each.try_for_each(|one| self.begin(time, one, last));
+        }
         let most = match self.update {
             Update::Rebuild => 1,
             _ => FRAMES_IN_FLIGHT,
@@ -114,22 +127,25 @@ impl Loaded {
         while self.under_way.len() >= most {
             self.finish(last)?;
         }
-        let ticket = self.submit(time, query)?;
-        self.note(query);
-        self.under_way.push_back(id);
-        self.results.push_back((id, ticket));
+        let ticket = self.submit(time, queries)?;
+        queries.iter().for_each(|&query| self.note(query));
+        self.under_way.push_back(ticket);
+        for (place, &id) in ids.iter().enumerate() {
+            self.results.push_back((id, Answer { ticket, place }));
+        }
         Ok(())
     }
 
-    fn submit(&mut self, time: f64, query: Query<'_>) -> Result<Ticket> {
+    fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(feature = "wgpu")]
         self.release_points();
         let backend = self.driver.backend();
+        let submissions = self.results.iter().filter(|(_, answer)| answer.place == 0);
         // This one comes after all of them.
-        backend.keep(self.results.len() + 1);
+        backend.keep(submissions.count() + 1);
         let time = self.joined.tell(&self.animation, backend, time)?;
         let index = self.frames;
-        let begun = self.driver.begin(Frame { index, time }, query);
+        let begun = self.driver.begin_together(Frame { index, time }, queries);
         self.frames += 1;
         begun.map_err(Error::of_driver)
     }
@@ -146,8 +162,8 @@ impl Loaded {
     }
 
     /// Waits for a query.
-    pub(crate) fn wait(&mut self, query: QueryId, last: &mut Option<Statistics>) -> Result<()> {
-        while self.under_way.contains(&query) {
+    pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
+        while self.under_way.contains(&ticket) {
             self.finish(last)?;
         }
         Ok(())
@@ -177,7 +193,7 @@ impl Loaded {
 
     /// Drops results of steps before one; says whether any are left.
     pub(crate) fn keep_from(&mut self, step: u64) -> bool {
-        let is_old = |(query, _): &(QueryId, Ticket)| query.step.0 < step;
+        let is_old = |(query, _): &(QueryId, Answer)| query.step.0 < step;
         while self.results.front().is_some_and(is_old) {
             self.results.pop_front();
         }
@@ -185,18 +201,18 @@ impl Loaded {
     }
 }
 
-/// The ticket of a query of a step, and the scene that it was traced in: the one in use, or a former one.
+/// Where the answer to a query of a step is, and the scene that it was traced in: the one in use, or a former one.
 pub(crate) fn find<'t>(
     current: &'t mut Loaded,
     former: &'t mut [Loaded],
     step: StepId,
     query: QueryId,
-) -> Result<(&'t mut Loaded, Ticket)> {
-    let is_asked = |(id, _): &&(QueryId, Ticket)| *id == query && query.step == step;
+) -> Result<(&'t mut Loaded, Answer)> {
+    let is_asked = |(id, _): &&(QueryId, Answer)| *id == query && query.step == step;
     let mut all = std::iter::once(current).chain(former);
     let found = all.find_map(|loaded| {
-        let (_, ticket) = *loaded.results.iter().find(is_asked)?;
-        Some((loaded, ticket))
+        let (_, answer) = *loaded.results.iter().find(is_asked)?;
+        Some((loaded, answer))
     });
     found.ok_or(Error::NoResult)
 }

@@ -189,9 +189,10 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
-        let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
+        let (loaded, answer) = find(&mut self.current, &mut self.former, step, query)?;
         let backend = loaded.wgpu().ok_or_else(no_wgpu)?;
-        backend.hits_buffer(ticket).ok_or(Error::NoResult)
+        let found = backend.hits_buffer(answer.ticket, answer.place);
+        found.ok_or(Error::NoResult)
     }
 
     /// The number of a mesh's first triangle among those of all meshes, which changes when one is

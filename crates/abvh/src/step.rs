@@ -3,6 +3,7 @@
 use crate::motion::Motion;
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
 use backend::{QueryKind, Rays};
+use geom::Camera;
 
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +59,8 @@ pub struct Step<'t> {
     pub(crate) time: f64,
     /// Queries so far.
     pub(crate) queries: u32,
+    /// Those of them that are traced when the step ends, all together.
+    pub(crate) cameras: Vec<(QueryId, Camera, Query)>,
 }
 
 impl Step<'_> {
@@ -138,6 +141,7 @@ impl Step<'_> {
 
     /// Traces rays, or those of a camera: one through the middle of each pixel, row by row from the top. Rays are read
     /// before the call returns; those with a direction of zero, a number that is not finite or an empty interval miss.
+    /// Cameras are traced together when the step is submitted: so many small ones take little longer than a large one.
     ///
     /// # Errors
     /// [`Error::Device`].
@@ -152,8 +156,13 @@ impl Step<'_> {
         };
         self.queries += 1;
         let kind = query.kind();
-        let asked = backend::Query { rays, kind };
-        self.tracer.begin(id, self.time, asked)?;
+        match rays {
+            Rays::Camera(camera) => self.cameras.push((id, *camera, query)),
+            rays => {
+                let asked = backend::Query { rays, kind };
+                self.tracer.begin(self.time, (&[id], &[asked]))?;
+            }
+        }
         Ok(id)
     }
 
@@ -162,6 +171,14 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::Device`].
     pub fn submit(self) -> Result<StepId> {
+        let cameras = self.cameras.iter().map(|(id, camera, query)| {
+            let (rays, kind) = (Rays::Camera(camera), query.kind());
+            (*id, backend::Query { rays, kind })
+        });
+        let (ids, queries): (Vec<_>, Vec<_>) = cameras.unzip();
+        if !queries.is_empty() {
+            self.tracer.begin(self.time, (&ids, &queries))?;
+        }
         self.tracer.end_step(self.id);
         Ok(self.id)
     }

@@ -1,7 +1,7 @@
 //! A scene on a device, with the trees that follow its motion.
 
 use crate::disposal::Disposal;
-use crate::loaded::{Loaded, find};
+use crate::loaded::{Answer, Loaded, find};
 use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
 use backend::{Backend, DeviceKind, Method, Query};
 use pipeline::{BuilderThreads, Pace, Threads};
@@ -195,6 +195,7 @@ impl Tracer {
             tracer: self,
             time,
             queries: 0,
+            cameras: Vec::new(),
         }
     }
 
@@ -203,9 +204,10 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        let (loaded, ticket) = find(&mut self.current, &mut self.former, step, query)?;
-        loaded.wait(query, &mut self.last)?;
-        let found = loaded.driver.backend().hits(ticket);
+        let (loaded, answer) = find(&mut self.current, &mut self.former, step, query)?;
+        let Answer { ticket, place } = answer;
+        loaded.wait(ticket, &mut self.last)?;
+        let found = loaded.driver.backend().hits_of(ticket, place);
         Ok(Hits {
             found: found.map_err(Error::of_backend)?,
             joined: &loaded.joined,
@@ -219,8 +221,8 @@ impl Tracer {
         self.last
     }
 
-    pub(crate) fn begin(&mut self, id: QueryId, time: f64, query: Query<'_>) -> Result<()> {
-        self.current.begin(id, time, query, &mut self.last)
+    pub(crate) fn begin(&mut self, time: f64, asked: (&[QueryId], &[Query<'_>])) -> Result<()> {
+        self.current.begin(time, asked, &mut self.last)
     }
 
     /// Drops results of all steps but this one and the one before.

@@ -193,6 +193,17 @@ pub trait Backend: Send + Any {
     /// Records: records and boxes to hits. At most one trace a submission.
     fn trace(&mut self, query: Query<'_>) -> Result<()>;
 
+    /// Whether [`Backend::trace_together`] takes these queries.
+    fn traces_together(&self, _queries: &[Query<'_>]) -> bool {
+        false
+    }
+
+    /// Records: several traces of one submission, in the place of its one. Small ones end sooner than by themselves, since
+    /// none waits for the slowest rays of another. Asked where [`Backend::traces_together`] says so.
+    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
+        queries.iter().try_for_each(|&query| self.trace(query))
+    }
+
     /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:
     /// then nothing is shaded.
     fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
@@ -226,6 +237,12 @@ pub trait Backend: Send + Any {
     /// To keep it without a copy, exchange it for other memory, which a later trace then uses:
     /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
+
+    /// Likewise, of one of the queries that were traced together, by its place among them.
+    fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
+        assert!(place == 0, "there was one query");
+        self.hits(ticket)
+    }
 
     /// Keeps what submissions found until so many further ones with a trace were made, at least [`FRAMES_IN_FLIGHT`];
     /// so long as the scene is loaded.

@@ -5,8 +5,8 @@ mod trace;
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Options, Pipelines, Stage, are_given};
 use backend::{
-    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Layout, Method, Palette,
-    Query, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
+    Method, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose};
@@ -264,9 +264,18 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
-        let fresh = self.stale == Stale::Fresh;
-        assert!(fresh, "a stale tree must not be traced");
-        self.trace_stages(&query)
+        self.trace_one_of(&query, [0, 1])
+    }
+
+    /// What `exact` leaves to be settled would share a list.
+    fn traces_together(&self, queries: &[Query<'_>]) -> bool {
+        let is_simple = |query: &Query<'_>| query.kind.light().is_none();
+        self.method.intersector != Intersector::Exact && queries.iter().all(is_simple)
+    }
+
+    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
+        let mut all = queries.iter().enumerate();
+        all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]))
     }
 
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
@@ -336,7 +345,11 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
-        self.engine.hits(ticket)
+        self.engine.hits(ticket, 0)
+    }
+
+    fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
+        self.engine.hits(ticket, place)
     }
 
     fn keep(&mut self, traces: usize) {

@@ -132,16 +132,12 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Makes room for what a query finds, and sends its rays if kernels do not make them.
-    ///
-    /// # Panics
-    /// If the recording has a trace already.
     pub fn begin_trace(
         &mut self,
         query: &Query<'_>,
         how: (backend::Intersector, bool),
         is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Trace<D>> {
-        assert!(self.traces.pending.is_none(), "one trace a submission");
         self.traces.make(&mut self.gpu, query, how, is_extreme)
     }
 
@@ -150,9 +146,9 @@ impl<D: GpuDevice> Engine<D> {
     /// # Panics
     /// If no trace is pending.
     pub fn shade(&mut self, query: &Query<'_>, params: Params) -> Result<()> {
-        let mut trace = self.traces.pending.take().expect("a trace is recorded");
+        let mut trace = self.traces.pending.pop().expect("a trace is recorded");
         let shaded = self.shade_trace(&mut trace, query, params);
-        self.traces.pending = Some(trace);
+        self.traces.pending.push(trace);
         shaded
     }
 
@@ -182,7 +178,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Waits for a submission and copies its pixels, if there are any.
     pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
         self.wait(ticket)?;
-        self.traces.get(ticket).fetch_pixels(&mut self.gpu, out)
+        self.traces.get(ticket, 0).fetch_pixels(&mut self.gpu, out)
     }
 
     /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.
@@ -200,7 +196,7 @@ impl<D: GpuDevice> Engine<D> {
             .snapshots
             .requested
             .map(|p| (&scene.positions[p], scene.position_bytes()));
-        let about = (self.traces.pending.is_some(), never_active);
+        let about = (!self.traces.pending.is_empty(), never_active);
         let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
         self.traces.submitted(ticket);
         self.snapshots.submitted(ticket, copy);
@@ -213,7 +209,7 @@ impl<D: GpuDevice> Engine<D> {
     pub fn abandon(&mut self) {
         self.frames.recording = false;
         self.snapshots.requested = None;
-        self.traces.pending = None;
+        self.traces.pending.clear();
         self.gpu.abandon();
     }
 
@@ -222,10 +218,10 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.retire(&mut self.gpu, ticket)
     }
 
-    /// Waits for a submission and lends what it found.
-    pub fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
+    /// Waits for a submission and lends what its trace of that place found.
+    pub fn hits(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         self.wait(ticket)?;
-        self.traces.get(ticket).fetch(&mut self.gpu)
+        self.traces.get(ticket, place).fetch(&mut self.gpu)
     }
 
     /// Keeps what submissions found until so many further ones with a trace were made: see [`backend::Backend::keep`].

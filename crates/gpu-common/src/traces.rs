@@ -17,15 +17,17 @@ const RUN: usize = 1 << 18;
 /// Traces, oldest first.
 pub struct Traces<D: GpuDevice> {
     kept: VecDeque<Trace<D>>,
-    /// How many, besides the newest.
+    /// Of how many submissions, besides the newest.
     pub(crate) most_kept: usize,
-    /// Recorded but not submitted yet.
-    pub pending: Option<Trace<D>>,
+    /// Recorded but not submitted yet, in order.
+    pub pending: Vec<Trace<D>>,
 }
 
 /// One trace: its output, and its rays if kernels do not make them.
 pub struct Trace<D: GpuDevice> {
     ticket: Ticket,
+    /// Among those of its submission.
+    place: usize,
     /// Rays.
     pub count: usize,
     /// What was looked for.
@@ -68,14 +70,14 @@ impl<D: GpuDevice> Default for Traces<D> {
         Self {
             kept: VecDeque::new(),
             most_kept: FRAMES_IN_FLIGHT,
-            pending: None,
+            pending: Vec::new(),
         }
     }
 }
 
 impl<D: GpuDevice> Traces<D> {
     /// Buffers for a query, taken from the oldest trace if they fit. That one is
-    /// older than the submissions that may be under way, so nothing uses it any more.
+    /// older than the submissions that may be under way, so nothing uses it any more. The query is the next of its submission.
     ///
     /// # Errors
     /// Those of [`GpuDevice::buffer`] and [`GpuDevice::write`].
@@ -86,10 +88,10 @@ impl<D: GpuDevice> Traces<D> {
         (intersector, has_tree): (Intersector, bool),
         is_extreme: impl Fn(&Ray) -> bool + Sync,
     ) -> Result<Trace<D>> {
-        while self.kept.len() > self.most_kept + 1 {
+        while self.submissions() > self.most_kept + 1 {
             self.kept.pop_front();
         }
-        let old = match self.kept.len() > self.most_kept {
+        let old = match self.submissions() > self.most_kept {
             true => self.kept.pop_front(),
             false => None,
         };
@@ -133,6 +135,7 @@ impl<D: GpuDevice> Traces<D> {
         let words = shaders::occluded_words(intersector, count);
         Ok(Trace {
             ticket: Ticket(0),
+            place: self.pending.len(),
             count: count as usize,
             kind,
             has_tree,
@@ -150,19 +153,30 @@ impl<D: GpuDevice> Traces<D> {
         })
     }
 
-    /// The trace that is pending was submitted, if there is one.
+    /// The traces that are pending were submitted.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
-        let pending = self.pending.take();
+        let pending = self.pending.drain(..);
         self.kept
             .extend(pending.map(|trace| Trace { ticket, ..trace }));
     }
 
-    /// What a submission found.
+    /// How many submissions' traces are kept, of the oldest perhaps a part.
+    fn submissions(&self) -> usize {
+        let tickets = self.kept.iter().map(|trace| trace.ticket);
+        let earlier = std::iter::once(None).chain(tickets.clone().map(Some));
+        let changes = tickets.zip(earlier);
+        changes
+            .filter(|&(ticket, earlier)| earlier != Some(ticket))
+            .count()
+    }
+
+    /// What a submission's trace of that place found.
     ///
     /// # Panics
-    /// If it had no trace, or was too long ago.
-    pub(crate) fn get(&mut self, ticket: Ticket) -> &mut Trace<D> {
-        let found = self.kept.iter_mut().find(|t| t.ticket == ticket);
+    /// If it had no such trace, or was too long ago.
+    pub(crate) fn get(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
+        let mut all = self.kept.iter_mut();
+        let found = all.find(|t| (t.ticket, t.place) == (ticket, place));
         found.expect("this submission had no trace, or was too long ago")
     }
 

@@ -97,12 +97,14 @@ impl Backend for DriverTreeBackend {
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
         let fresh = self.stale == Stale::Fresh;
         assert!(fresh, "a stale tree must not be traced");
+        let is_first = self.engine.traces.pending.is_empty();
+        assert!(is_first, "one trace a submission");
         let size = self.launch_size(&query)?;
         let has_tree = self.engine.scene().animation.live_count() > 0;
         let how = (Intersector::Watertight, has_tree);
         let trace = self.engine.begin_trace(&query, how, |_| false)?;
         self.launch(&query, &trace, size)?;
-        self.engine.traces.pending = Some(trace);
+        self.engine.traces.pending.push(trace);
         Ok(())
     }
 
@@ -139,7 +141,7 @@ impl Backend for DriverTreeBackend {
     }
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
-        self.engine.hits(ticket)
+        self.engine.hits(ticket, 0)
     }
 
     fn keep(&mut self, traces: usize) {
@@ -270,7 +272,7 @@ impl DriverTreeBackend {
             let work = work::count_triangles(params, self.triangles());
             self.engine.run(None, &[work], |_| None)?;
         }
-        let pending = self.engine.traces.pending.take();
+        let pending = std::mem::take(&mut self.engine.traces.pending);
         let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
             let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
             all.try_for_each(|(work, buffer)| {

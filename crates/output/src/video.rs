@@ -210,7 +210,7 @@ impl Sink {
         let video = header.write_header(out);
         Ok(Self {
             video: video.map_err(|e| cannot_write(&name, e))?,
-            is_halved: colours != FULL,
+            is_halved: matches!(colours, Colorspace::C420jpeg),
             encoder: None,
             file: None,
             name,

@@ -205,10 +205,22 @@ impl Driver {
     /// # Errors
     /// The backend's.
     pub fn begin(&mut self, frame: Frame, query: Query<'_>) -> Result<Ticket, PipelineError> {
+        self.begin_together(frame, &[query])
+    }
+
+    /// Likewise, of several queries that the backend [traces together](Backend::traces_together): at least one.
+    ///
+    /// # Errors
+    /// The backend's.
+    pub fn begin_together(
+        &mut self,
+        frame: Frame,
+        queries: &[Query<'_>],
+    ) -> Result<Ticket, PipelineError> {
         let begun = Instant::now();
         self.record = FrameRecord::begin(frame, begun);
         let pose = self.animation.pose(frame.time);
-        self.light = query.kind.light();
+        self.light = queries[0].kind.light();
         self.predictor.frame(frame.time, begun);
         self.poll_builder()?;
         let stale = if self.makes_trees() {
@@ -217,7 +229,7 @@ impl Driver {
             self.bring_tree(pose)?;
             self.record_geometry(pose)?
         };
-        self.record_stages(stale, query)?;
+        self.record_stages(stale, queries)?;
         self.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         self.poll_builder()?;
@@ -277,11 +289,14 @@ impl Driver {
     }
 
     /// Records what follows positions and a tree.
-    fn record_stages(&mut self, stale: bool, query: Query<'_>) -> Result<(), PipelineError> {
+    fn record_stages(&mut self, stale: bool, queries: &[Query<'_>]) -> Result<(), PipelineError> {
         if stale {
             self.backend.preprocess()?;
             self.backend.refit()?;
         }
+        let &[query] = queries else {
+            return Ok(self.backend.trace_together(queries)?);
+        };
         self.backend.trace(query)?;
         match self.shades {
             true => Ok(self.backend.shade(query)?),

@@ -2,6 +2,7 @@
 //!
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
+mod cameras;
 mod replace;
 
 use abvh::{
@@ -14,13 +15,14 @@ use libtest_mimic::{Arguments, Trial};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 12] = [
+const LAWS: [(&str, Law); 13] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("rigid_parts_find_what_their_vertices_do", rigid),
     ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
     ("results_stay_until_the_second_step_after", results),
+    ("cameras_of_a_step_find_what_each_does", cameras::together),
     ("misuse_is_an_error", misuse),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),

@@ -7,8 +7,8 @@ use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
 use crate::stage::ask;
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Intersector, QueryKind, Rays};
-use geom::{Point, Ray};
+use backend::{Intersector, Query, QueryKind, Rays};
+use geom::{Camera, Point, Ray};
 
 /// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
 fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
@@ -93,6 +93,46 @@ pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     if let Some((i, (hit, any))) = pairs.find(|(_, (hit, any))| hit.is_hit() != (**any == 1)) {
         let ray = named_ray(c.rays(), i);
         bail!("closest hit {hit:?}, any hit {any}: {ray}");
+    }
+    Ok(())
+}
+
+/// Queries of one submission find what each finds by itself, where the backend takes them together.
+pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
+    let case = c.case;
+    let half = Camera {
+        width: case.camera.width.div_ceil(2),
+        ..case.camera
+    };
+    let [all, half, list] = [Rays::Camera(&case.camera), Rays::Camera(&half), c.rays()];
+    let queries = [
+        (all, QueryKind::Closest),
+        (list, QueryKind::Any),
+        (half, QueryKind::Closest),
+        (half, QueryKind::Any),
+        (list, QueryKind::Closest),
+    ];
+    let queries = queries.map(|(rays, kind)| Query { rays, kind });
+    c.open(case.times[0])?;
+    if !c.subject.traces_together(&queries) {
+        return Ok(());
+    }
+    for &time in &case.times {
+        c.stand(time)?;
+        c.subject.trace_together(&queries)?;
+        let ticket = c.subject.submit()?;
+        let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
+        let mut found = Vec::new();
+        for place in 0..queries.len() {
+            found.push(c.subject.hits_of(ticket, place)?.clone());
+        }
+        for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
+            let (alone, report) = ask(c.subject, query.rays, query.kind)?;
+            let answered = answers(case, time, query.rays, found, &alone);
+            answered.with_context(|| format!("query {place}"))?;
+            sum += report.hits;
+        }
+        ensure!(met == sum, "{met} hits are reported of {sum}");
     }
     Ok(())
 }

@@ -138,6 +138,7 @@ pub const LAWS: &[Law] = &[
     law_of_robust("pictures_and_shadows_equal_the_reference", answers::picture),
     law_of_methods("a_camera_is_its_rays", answers::camera_is_rays),
     law_of_methods("any_hit_agrees_with_closest_hit", answers::any_is_closest),
+    law_of_methods("queries_together_find_what_each_does", answers::together),
     law("closed_bodies_do_not_leak", answers::leaks),
     law_of_methods("tree_age_does_not_change_hits", trees::age),
     law_of_methods("tree_shape_does_not_change_hits", trees::shape),

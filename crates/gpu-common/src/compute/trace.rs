@@ -1,6 +1,6 @@
 //! Traces, and where their hits lie.
 
-use super::ComputeBackend;
+use super::{ComputeBackend, Stale};
 use crate::{GpuDevice, Stage, are_given};
 use backend::{Query, QueryKind, Rays, Result, Ticket};
 use geom::Ray;
@@ -8,8 +8,19 @@ use shaders::BufferName;
 use shaders::work;
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Records the stages of a trace. An empty tree has no node to trace: its stages are empty too.
-    pub(super) fn trace_stages(&mut self, query: &Query<'_>) -> Result<()> {
+    /// Records the stages of a trace, of so many that are submitted together. An empty tree has no node to trace: its stages are
+    /// empty too.
+    pub(super) fn trace_one_of(
+        &mut self,
+        query: &Query<'_>,
+        [place, count]: [usize; 2],
+    ) -> Result<()> {
+        assert!(
+            self.stale == Stale::Fresh,
+            "a stale tree must not be traced"
+        );
+        let pending = self.engine.traces.pending.len();
+        assert!(pending == place, "one trace a submission, or all together");
         let has_tree = self.tree().shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // Shadow rays keep clear by the typical size, so the host has to look.
@@ -32,25 +43,31 @@ impl<D: GpuDevice> ComputeBackend<D> {
             has_tree && !self.measured && tracing.measure_range(self.method, params, vertices);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
+        if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
+            // It writes what no other does.
+            first.alongside = true;
+        }
+        // Those before the last are timed with it.
+        let primary = (place + 1 == count).then_some(Stage::TracePrimary);
         let stages = [
-            (Stage::TracePrimary, Some(tracing.primary)),
-            (Stage::TraceShadow, tracing.shadow),
+            (primary, Some(tracing.primary)),
+            (Some(Stage::TraceShadow), tracing.shadow),
         ];
         for (stage, work) in stages {
             let Some(work) = work else { continue };
             let work = if has_tree { &work[..] } else { &[] };
             let own = |name| trace.get(name).or_else(|| tree.get(name));
-            engine.run(Some(stage), work, own)?;
+            engine.run(stage, work, own)?;
         }
-        engine.traces.pending = Some(trace);
+        engine.traces.pending.push(trace);
         // What was refused measured nothing.
         self.measured |= measures;
         Ok(())
     }
 
-    /// Where a submission's closest hits are or will be, while it is kept; `None` if it looked for none.
-    pub fn hits_buffer(&mut self, ticket: Ticket) -> Option<&D::Buffer> {
-        let trace = self.engine.traces.get(ticket);
+    /// Where the closest hits of a submission's trace of that place are or will be, while it is kept; `None` if it looked for none.
+    pub fn hits_buffer(&mut self, ticket: Ticket, place: usize) -> Option<&D::Buffer> {
+        let trace = self.engine.traces.get(ticket, place);
         let closest = trace.has_tree && trace.kind != QueryKind::Any;
         trace.get(BufferName::Hits).filter(|_| closest)
     }

@@ -199,7 +199,7 @@ impl Driver {
         if let (Some(tree), Some(frame)) = (&mut self.tree, asked_at) {
             tree.frame = frame;
         }
-        self.record_stages(stale, query)
+        self.record_stages(stale, &[query])
     }
 }
 

@@ -1,0 +1,38 @@
+//! Cameras that are traced in one submission.
+
+use crate::{bits, demo, of_keys};
+use abvh::{Device, Hits, Query};
+
+/// Beside rays of a list, of which every step has another number.
+pub(crate) fn together(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let animation = scene::open("demo:collide:3000", &scene::Options::default());
+    let animation = animation.unwrap().animation;
+    let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, &demo.keys, device));
+    let camera = |size| integration::stage::camera(&animation, size);
+    let sizes = [[40, 30], [1, 1], [64, 3], [40, 30], [17, 90]];
+    let kinds = [Query::Closest, Query::Any];
+    let all = |count: usize| (0..count).map(|i| (camera(sizes[i % 5]), kinds[i % 2]));
+    for (time, count) in [3, 9, 1, 0, 17, 2, 9, 9].into_iter().enumerate() {
+        let mut step = together.step(time as f64);
+        let mut queries = Vec::new();
+        for (i, (camera, kind)) in all(count).enumerate() {
+            if i == 1 {
+                step.trace(&demo.rays, Query::Closest).unwrap();
+            }
+            queries.push(step.trace(&camera, kind).unwrap());
+        }
+        let done = step.submit().unwrap();
+        for (query, (camera, kind)) in queries.into_iter().zip(all(count)) {
+            let mut step = alone.step(time as f64);
+            let one = step.trace(&camera, kind).unwrap();
+            let one_done = step.submit().unwrap();
+            let expected = alone.hits(one_done, one).unwrap();
+            let found = together.hits(done, query).unwrap();
+            let is_met =
+                |hits: Hits<'_>| (0..hits.len()).map(|i| hits.is_hit(i)).collect::<Vec<_>>();
+            assert!(is_met(found) == is_met(expected), "{time} {kind:?}");
+            assert!(bits(found) == bits(expected), "{time} {kind:?}");
+        }
+    }
+}
