@@ -134,7 +134,7 @@ fn listed(motion: &Motion) -> Vec<String> {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
-    let mut of_buffer = |tracer: &mut Tracer, rays: &[Ray]| {
+    let of_buffer = |tracer: &mut Tracer, rays: &[Ray]| {
         let rays = buffer(rays);
         let asked = RayBuffers {
             rays: &rays,

@@ -87,9 +87,12 @@ impl Pool {
     }
 }
 
-/// Buffers of a kind that are not in use. With as many, one is free for the next whatever is under way; most of the time
-/// one will do.
-const SPARE: usize = FRAMES_IN_FLIGHT;
+/// Buffers of a kind and size that are not in use. With as many as submissions may be under way, one is free for the next; most
+/// of the time one will do. For a large one it is waited.
+fn most_spare(bytes: u64) -> usize {
+    const LARGE: u64 = 64 << 20;
+    if bytes < LARGE { FRAMES_IN_FLIGHT } else { 1 }
+}
 
 /// Sends things of one kind, which differ little in size.
 #[derive(Default)]
@@ -152,7 +155,7 @@ impl Sender {
         done: Done<'_>,
         (what, bytes): (Sent, u64),
     ) -> Result<Staging> {
-        let spare = self.staging.take(done, SPARE)?;
+        let spare = self.staging.take(done, most_spare(bytes))?;
         let buffer = match spare.filter(|b| b.bytes >= bytes) {
             Some(buffer) => buffer,
             None => Buffer::new(gpu, what.what(), what.room(bytes), BufferUse::Staging)?,
@@ -201,7 +204,7 @@ impl Sender {
         let done = Done::of(road, submissions);
         let all = 0..bytes;
         let all = std::slice::from_ref(&all);
-        let spare = self.free.take(done, SPARE)?;
+        let spare = self.free.take(done, most_spare(bytes))?;
         let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
             Some(held_another) => (held_another, new.unwrap_or(all)),
             None => {

@@ -37,6 +37,11 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
+//! # A program's own device
+//!
+//! With `Own(device)`, vertices ([`Source`](crate::Source)) and rays may come from the program's wgpu buffers. Closest hits
+//! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue.
+//!
 //! # Threads
 //!
 //! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host.

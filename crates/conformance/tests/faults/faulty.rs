@@ -36,6 +36,8 @@ pub(crate) struct Faulty {
     made: Option<Topology>,
     /// The first that was brought.
     brought: Option<Topology>,
+    /// What several queries found, and how many hits in all.
+    together: (Vec<Hits>, u64),
 }
 
 impl Faulty {
@@ -58,6 +60,7 @@ impl Faulty {
             pose_before: None,
             made: None,
             brought: None,
+            together: (Vec::new(), 0),
         }
     }
 
@@ -226,7 +229,7 @@ impl Backend for Faulty {
         self.kind = Some(query.kind);
         self.rays = match query.rays {
             Rays::List(rays) => rays.to_vec(),
-            Rays::Camera(_) => Vec::new(),
+            Rays::Camera(_) | Rays::OnDevice(_) => Vec::new(),
         };
         let Rays::Camera(camera) = query.rays else {
             return self.inner.trace(query);
@@ -239,6 +242,31 @@ impl Backend for Faulty {
         }
         let rays = Rays::Camera(&camera);
         self.inner.trace(Query { rays, ..query })
+    }
+
+    fn traces_together(&self, _: &[Query<'_>]) -> bool {
+        true
+    }
+
+    /// One after the other.
+    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
+        self.together = (Vec::new(), 0);
+        for (place, &query) in queries.iter().enumerate() {
+            self.inner.trace(query)?;
+            let ticket = self.inner.submit()?;
+            self.together.1 += self.inner.wait(ticket)?.hits;
+            let mut hits = self.inner.hits(ticket)?.clone();
+            if place > 0 && self.is("the second of several queries misses") {
+                hits.closest.fill(Hit::MISS);
+                hits.blocked.fill(0);
+            }
+            self.together.0.push(hits);
+        }
+        Ok(())
+    }
+
+    fn hits_of(&mut self, _: Ticket, place: usize) -> Result<&mut Hits> {
+        Ok(&mut self.together.0[place])
     }
 
     fn request_positions(&mut self) -> Result<()> {
@@ -275,6 +303,7 @@ impl Backend for Faulty {
             return Ok(FrameReport::default());
         }
         let mut report = self.inner.wait(ticket)?;
+        report.hits += std::mem::take(&mut self.together.1);
         match self.fault {
             "inactive miscounted" if report.inactive > 1 => report.inactive -= 1,
             "hits miscounted" if report.hits > 3 => report.hits -= 1,

@@ -19,6 +19,7 @@ pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
 any_hits_equal_the_reference: any hit forgets the last ray
 a_camera_is_its_rays: pixels sampled at corners, second trace misses
+queries_together_find_what_each_does: the second of several queries misses
 closed_bodies_do_not_leak: edges leak, edges hit twice
 tree_age_does_not_change_hits: first leaf is never hit
 tree_shape_does_not_change_hits: first leaf is never hit, ties go to the first leaf
