@@ -245,7 +245,7 @@ fn trace_ours(
     let mut tracer = Tracer::ready(work.mesh, method, work.threads);
     let from = match rays {
         Rays::Camera(_) => "a camera",
-        Rays::List(_) => "a list",
+        Rays::List(_) | Rays::OnDevice(_) => "a list",
     };
     let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
     group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, kind })));

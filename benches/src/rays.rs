@@ -75,7 +75,6 @@ pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
 }
 
 /// Numbers in `[0, 1)`, always the same ones.
-#[must_use]
 pub fn random_numbers() -> impl FnMut() -> f32 {
     let mut state = 1_u64;
     move || {

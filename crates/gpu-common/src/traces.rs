@@ -40,7 +40,7 @@ pub struct Trace<D: GpuDevice> {
     shaded: bool,
     /// Each is there if a query ever needed it.
     buffers: Outputs<D>,
-    /// Stand in their place.
+    /// In their place, if there are any.
     lent: Option<LentRays<D::Buffer>>,
     /// On the host, once it was asked for.
     found: Hits,
