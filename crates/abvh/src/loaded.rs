@@ -161,7 +161,7 @@ impl Loaded {
         }
     }
 
-    /// Waits for a query.
+    /// Waits for a submission.
     pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
         while self.under_way.contains(&ticket) {
             self.finish(last)?;

@@ -141,7 +141,8 @@ impl Step<'_> {
 
     /// Traces rays, or those of a camera: one through the middle of each pixel, row by row from the top. Rays are read
     /// before the call returns; those with a direction of zero, a number that is not finite or an empty interval miss.
-    /// Cameras are traced together when the step is submitted: so many small ones take little longer than a large one.
+    /// Cameras are traced when the step is submitted, together where the device can: many small ones then take little longer
+    /// than a large one.
     ///
     /// # Errors
     /// [`Error::Device`].

@@ -275,7 +275,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
         let mut all = queries.iter().enumerate();
-        all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]))
+        let traced =
+            all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]));
+        if traced.is_err() {
+            self.engine.traces.refuse_pending();
+        }
+        traced
     }
 
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {

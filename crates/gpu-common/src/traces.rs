@@ -11,6 +11,9 @@ use shaders::BufferName;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// The place of a trace that is recorded, so that its buffers stay, but is nobody's.
+const REFUSED: usize = usize::MAX;
+
 /// Bytes that one task copies.
 const RUN: usize = 1 << 18;
 
@@ -135,7 +138,7 @@ impl<D: GpuDevice> Traces<D> {
         let words = shaders::occluded_words(intersector, count);
         Ok(Trace {
             ticket: Ticket(0),
-            place: self.pending.len(),
+            place: self.pending_count(),
             count: count as usize,
             kind,
             has_tree,
@@ -151,6 +154,19 @@ impl<D: GpuDevice> Traces<D> {
             found,
             fetched: false,
         })
+    }
+
+    /// How many are pending and not refused.
+    pub(crate) fn pending_count(&self) -> usize {
+        let is_asked = |trace: &&Trace<D>| trace.place != REFUSED;
+        self.pending.iter().filter(is_asked).count()
+    }
+
+    /// What was recorded together is refused, since one of it was.
+    pub(crate) fn refuse_pending(&mut self) {
+        self.pending
+            .iter_mut()
+            .for_each(|trace| trace.place = REFUSED);
     }
 
     /// The traces that are pending were submitted.

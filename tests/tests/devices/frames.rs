@@ -120,6 +120,13 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     assert!(is_named, "{refused:?}");
     let found = see(backend, Rays::List(&rays(8)), kind);
     assert_eq!(found.closest.len(), 8);
+    // Nor do those that were recorded with it count.
+    let few = rays(5);
+    let queries = [Rays::List(&few), rays_of].map(|rays| Query { rays, kind });
+    let refused = backend.trace_together(&queries);
+    assert!(matches!(refused, Err(BackendError::Limit { .. })));
+    let again = see(backend, Rays::List(&rays(8)), kind);
+    assert_eq!(again, found);
 }
 
 /// The query that comes instead finds what it does where the host has looked.

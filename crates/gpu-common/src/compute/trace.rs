@@ -19,7 +19,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             self.stale == Stale::Fresh,
             "a stale tree must not be traced"
         );
-        let pending = self.engine.traces.pending.len();
+        let pending = self.engine.traces.pending_count();
         assert!(pending == place, "one trace a submission, or all together");
         let has_tree = self.tree().shape.leaf_count > 0;
         if query.kind.light().is_some() {
