@@ -67,9 +67,10 @@ impl TreeStats {
 }
 
 /// A tree's cost by the surface area heuristic (traversal 1, intersection 1):
-/// all nodes' areas over the root's. `None` if the root has no area.
+/// all nodes' areas over the root's. `None` if the root has no area, or areas are too large for the device to add up.
 fn cost(areas: f64, root: f64) -> Option<f64> {
-    (root > 0.0).then(|| (areas + root) / root)
+    let cost = (areas + root) / root;
+    (root > 0.0 && cost.is_finite()).then_some(cost)
 }
 
 #[cfg(test)]
@@ -111,7 +112,8 @@ mod tests {
     #[test]
     fn a_cost_counts_the_root_and_a_submission_with_a_whole_refit_has_a_whole_one() {
         assert_eq!((cost(6.0, 2.0), cost(0.0, 2.0)), (Some(4.0), Some(1.0)));
-        assert_eq!(cost(0.0, 0.0), None);
+        let beyond = cost(f64::INFINITY, f64::INFINITY);
+        assert_eq!([cost(0.0, 0.0), beyond], [None; 2]);
         let mut extents = Extents::default();
         for (refitted, found) in [
             (Extent::Moving, Extent::Moving),
