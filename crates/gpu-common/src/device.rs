@@ -36,6 +36,9 @@ impl Sent {
         }
     }
 
+    /// Bytes from which on few are kept at a time, for their memory counts more than a wait.
+    pub const LARGE: u64 = 64 << 20;
+
     /// Bytes to make room for, so that the next one fits too: trees of one scene differ little, key frames not at all.
     pub fn room(self, bytes: u64) -> u64 {
         match self {
@@ -70,6 +73,7 @@ pub struct Finished {
 }
 
 /// Rays that the device's owner has there, and room for what they meet: see [`backend::Rays::OnDevice`].
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LentRays<B> {
     /// One a ray, as [`geom::Ray`] lies in memory.
     pub rays: B,

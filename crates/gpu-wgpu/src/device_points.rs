@@ -2,6 +2,7 @@
 
 use crate::buffers::{copy_part, storage};
 use crate::gpu::Gpu;
+use crate::wgpu_device::WgpuDevice;
 use backend::Result;
 use geom::Point;
 use std::ops::Range;
@@ -85,6 +86,34 @@ impl DevicePoints {
     /// What is to be submitted first.
     pub(crate) fn take_copies(&mut self) -> Option<CommandEncoder> {
         self.copies.take()
+    }
+}
+
+impl WgpuDevice {
+    /// Has the positions from `first` on, of so many that the scene has, come from a buffer of the program's on this device, in
+    /// all key frames to come; the next submission copies them first.
+    ///
+    /// # Errors
+    /// The buffer cannot be copied from. Of another device's, the submission tells.
+    pub fn bring_points(
+        &mut self,
+        [first, vertices]: [usize; 2],
+        from: BufferSlice<'_>,
+    ) -> Result<()> {
+        self.points.bring(&self.gpu, [first, vertices], from)
+    }
+
+    /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
+    ///
+    /// # Errors
+    /// The buffers that they came from cannot be copied.
+    pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
+        self.points.brought(&self.gpu, run)
+    }
+
+    /// Has a run of them come from the host again.
+    pub fn release_points(&mut self, run: &Range<usize>) {
+        self.points.release(run);
     }
 }
 

@@ -216,7 +216,7 @@ impl Drop for Gpu {
 /// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CallCounts {
-    /// Buffers made.
+    /// Buffers made, or lent by a program in place of others.
     pub buffers: u64,
     /// Bind groups made.
     pub bind_groups: u64,

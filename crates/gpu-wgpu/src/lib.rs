@@ -18,6 +18,7 @@
 mod adapters;
 mod buffers;
 mod device_points;
+mod device_rays;
 mod faults;
 mod gpu;
 mod instance;

@@ -3,6 +3,7 @@
 use crate::adapters::{driver, kind};
 use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
 use crate::device_points::DevicePoints;
+use crate::device_rays::DeviceRays;
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
@@ -77,11 +78,11 @@ pub struct WgpuDevice {
     /// Buffers that are not in use, of each [`Sent`].
     free: [Vec<Buffer>; 2],
     spares: Spares<Arrived>,
-    points: DevicePoints,
-    lent_rays: Option<LentRays<Buffer>>,
+    pub(crate) points: DevicePoints,
+    pub(crate) rays: DeviceRays,
     form: KernelForm,
     validation: Validation,
-    gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<Gpu>,
 }
 
 /// Makes kernels ready on any thread.
@@ -97,7 +98,7 @@ impl WgpuDevice {
             free: Default::default(),
             spares: Spares::default(),
             points: DevicePoints::default(),
-            lent_rays: None,
+            rays: DeviceRays::default(),
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),
@@ -111,37 +112,6 @@ impl WgpuDevice {
             Some(buffer) => Ok((buffer, true)),
             None => Ok((storage(&self.gpu, what.what(), what.room(bytes))?, false)),
         }
-    }
-
-    /// Has the positions from `first` on, of so many that the scene has, come from a buffer of the program's on this device, in
-    /// all key frames to come; the next submission copies them first.
-    ///
-    /// # Errors
-    /// The buffer cannot be copied from. Of another device's, the submission tells.
-    pub fn bring_points(
-        &mut self,
-        [first, vertices]: [usize; 2],
-        from: wgpu::BufferSlice<'_>,
-    ) -> Result<()> {
-        self.points.bring(&self.gpu, [first, vertices], from)
-    }
-
-    /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
-    ///
-    /// # Errors
-    /// The buffers that they came from cannot be copied.
-    pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
-        self.points.brought(&self.gpu, run)
-    }
-
-    /// Has the next query of [`backend::Rays::OnDevice`] trace these, which kernels can bind.
-    pub fn lend_rays(&mut self, rays: LentRays<Buffer>) {
-        self.lent_rays = Some(rays);
-    }
-
-    /// Has a run of them come from the host again.
-    pub fn release_points(&mut self, run: &Range<usize>) {
-        self.points.release(run);
     }
 
     /// What wgpu refused so far on this device and, if it was opened
@@ -227,7 +197,7 @@ impl GpuDevice for WgpuDevice {
     fn discard(&mut self, _: Buffer) {}
 
     fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.lent_rays.take()
+        self.rays.take()
     }
 
     fn buffers_made(&self) -> u64 {
@@ -385,7 +355,7 @@ impl GpuDevice for WgpuDevice {
         slots.for_each(Slot::forget);
         self.free = Default::default();
         self.spares = Spares::default();
-        self.points = DevicePoints::default();
+        (self.points, self.rays) = (DevicePoints::default(), DeviceRays::default());
         Ok(())
     }
 

@@ -161,6 +161,36 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     }
 }
 
+/// A program may have others in every step.
+pub(crate) fn buffers_of_rays_are_let_go_of() {
+    const BYTES: usize = 8 << 20;
+    let list = all_kinds();
+    let mut own = Own::new(scene(), BYTES / size_of::<Ray>(), HOW[0]);
+    let mut all = bytemuck::cast_slice(&list).to_vec();
+    all.resize(BYTES, 0);
+    let mut step = || {
+        let rays = own.buffer(&all, BufferUsages::STORAGE);
+        let asked = RayBuffers {
+            rays: &rays,
+            count: list.len(),
+            answers: None,
+        };
+        let mut step = own.tracer.step(0.5);
+        let asked = step.trace_buffers(asked, Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        own.found(done, asked, list.len());
+        let report = own.device.device.generate_allocator_report();
+        report.map(|report| report.total_allocated_bytes)
+    };
+    let held: Vec<_> = (0..40).filter_map(|_| step()).collect();
+    let most = held.iter().skip(20).max();
+    let grown = most.map(|most| most.saturating_sub(held[19]));
+    assert!(
+        grown.is_some_and(|grown| grown <= 2 * BYTES as u64),
+        "{held:?}"
+    );
+}
+
 /// Nor is what stood in the buffer taken for hits.
 pub(crate) fn rays_in_a_buffer_miss_where_nothing_can_be_hit() {
     let mut nothing = Scene::new();
