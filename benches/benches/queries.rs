@@ -1,16 +1,15 @@
 //! Queries of the library in a scene that stands still: sixteen cameras in a step beside one of as many pixels, and rays
 //! that lie on the device beside a camera's.
 //!
-//! `cargo bench -p benches --bench queries [-- vulkan|wgpu]`. Steps follow one another without waiting for hits
+//! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps follow one another without waiting for hits
 //! (`ABVH_STEPS` of them), so a step takes what its device takes.
 
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits, useful_features, wgpu};
 use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
-use benches::{Mesh as Motion, camera, median, print_table, setting};
+use benches::{Mesh as Motion, STEP_SCENES, camera, device, median, print_table, setting};
 use std::time::Instant;
 use wgpu::util::DeviceExt;
 
-const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 /// One of sixteen cameras, and a camera of as many pixels as all of them.
 const SMALL: [u32; 2] = [640, 480];
 const LARGE: [u32; 2] = [2560, 1920];
@@ -20,12 +19,8 @@ const ROUNDS: usize = 5;
 
 fn main() {
     let named = std::env::args().skip(1).find(|a| !a.starts_with('-'));
-    let device = match named.as_deref() {
-        Some("wgpu") => Device::Wgpu(None),
-        Some("cpu") => Device::Cpu,
-        _ => Device::Vulkan(None),
-    };
-    let motions = SCENES.map(|scene| Motion::open(scene).expect("demos open"));
+    let device = device(&named.unwrap_or_default());
+    let motions = STEP_SCENES.map(|scene| Motion::open(scene).expect("demos open"));
     let rows = motions.iter().map(|motion| many(motion, &device)).collect();
     let header = ["scene", "device", "one query ms", "16 queries", "times"];
     print_table("Rays of sixteen cameras of 640x480", &header, rows);

@@ -4,11 +4,10 @@
 //! many steps follows (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
 
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
-use benches::{Mesh as Motion, camera, criterion, print_table, setting};
+use benches::{Mesh as Motion, STEP_SCENES, camera, criterion, device, print_table, setting};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
 
-const SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
 const STEPS: usize = 64;
 const KEYS: usize = 2;
@@ -31,7 +30,7 @@ fn main() {
     };
     let devices: Vec<Device> = devices.iter().map(|name| device(name)).collect();
     let mut worst = Vec::new();
-    for scene in SCENES {
+    for scene in STEP_SCENES {
         let motion = Motion::open(scene).expect("demos open");
         for device in &devices {
             compare(&mut criterion, &motion, device);
@@ -51,15 +50,6 @@ fn main() {
     ];
     print_table("Steps while a mesh is replaced", &header, rows);
     criterion.final_summary();
-}
-
-fn device(name: &str) -> Device {
-    match name {
-        "cpu" => Device::Cpu,
-        "vulkan" => Device::Vulkan(None),
-        "wgpu" => Device::Wgpu(None),
-        _ => Device::Auto,
-    }
 }
 
 /// A motion to and fro, and a tracer that follows it.

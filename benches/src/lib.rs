@@ -21,6 +21,7 @@ pub use rivals::{EmbreeScene, Made, Packet16};
 pub use rivals::{Node, Rival, rivals, sah_cost};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
+use abvh::Device;
 use comfy_table::Table;
 use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -51,6 +52,20 @@ pub fn thread_counts() -> Vec<usize> {
 pub fn setting(name: &str, usual: usize) -> usize {
     let named = std::env::var(name).ok();
     named.and_then(|n| n.parse().ok()).unwrap_or(usual)
+}
+
+/// What steps of the library are measured with.
+pub const STEP_SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
+
+/// A device of the library by its name; any but three are `auto`.
+#[must_use]
+pub fn device(name: &str) -> Device {
+    match name {
+        "cpu" => Device::Cpu,
+        "vulkan" => Device::Vulkan(None),
+        "wgpu" => Device::Wgpu(None),
+        _ => Device::Auto,
+    }
 }
 
 /// A pool to install round a measured closure.
