@@ -200,8 +200,11 @@ pub trait Backend: Send + Any {
 
     /// Records: several traces of one submission, in the place of its one. Small ones end sooner than by themselves, since
     /// none waits for the slowest rays of another. Asked where [`Backend::traces_together`] says so.
-    fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
-        queries.iter().try_for_each(|&query| self.trace(query))
+    fn trace_together(&mut self, _queries: &[Query<'_>]) -> Result<()> {
+        Err(BackendError::Unsupported {
+            backend: self.device().backend,
+            what: "several traces of one submission".into(),
+        })
     }
 
     /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:

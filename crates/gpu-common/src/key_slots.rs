@@ -10,8 +10,6 @@ use std::ops::Range;
 /// on their way out.
 const KEPT: usize = 4;
 const LARGE_KEPT: usize = 3;
-/// Bytes of a large key frame.
-const LARGE: usize = 64 << 20;
 
 /// Vertices between two runs that differ, at least: fewer are sent with them.
 const GAP: usize = 1 << 12;
@@ -67,8 +65,8 @@ impl<D: GpuDevice> KeySlots<D> {
         gpu.upload(&contents)?;
         Ok(Self {
             slots,
-            kept: match animation.vertex_count() * size_of::<Point>() {
-                LARGE.. => LARGE_KEPT,
+            kept: match (animation.vertex_count() * size_of::<Point>()) as u64 {
+                Sent::LARGE.. => LARGE_KEPT,
                 _ => KEPT,
             },
             clock: 0,

@@ -178,12 +178,9 @@ impl<D: GpuDevice> Traces<D> {
 
     /// How many submissions' traces are kept, of the oldest perhaps a part.
     fn submissions(&self) -> usize {
-        let tickets = self.kept.iter().map(|trace| trace.ticket);
-        let earlier = std::iter::once(None).chain(tickets.clone().map(Some));
-        let changes = tickets.zip(earlier);
-        changes
-            .filter(|&(ticket, earlier)| earlier != Some(ticket))
-            .count()
+        let pairs = self.kept.iter().zip(self.kept.iter().skip(1));
+        let changes = pairs.filter(|(one, next)| one.ticket != next.ticket);
+        changes.count() + usize::from(!self.kept.is_empty())
     }
 
     /// What a submission's trace of that place found.

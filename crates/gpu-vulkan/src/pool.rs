@@ -90,8 +90,11 @@ impl Pool {
 /// Buffers of a kind and size that are not in use. With as many as submissions may be under way, one is free for the next; most
 /// of the time one will do. For a large one it is waited.
 fn most_spare(bytes: u64) -> usize {
-    const LARGE: u64 = 64 << 20;
-    if bytes < LARGE { FRAMES_IN_FLIGHT } else { 1 }
+    if bytes < Sent::LARGE {
+        FRAMES_IN_FLIGHT
+    } else {
+        1
+    }
 }
 
 /// Sends things of one kind, which differ little in size.
