@@ -1,5 +1,5 @@
 //! A program with a wgpu device of its own: its shader moves the vertices, the library traces there, and another shader reads
-//! the hits where they lie.
+//! the hits where they lie. All of it is in one list of commands, which the program submits.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
@@ -43,9 +43,13 @@ fn open(limits: wgpu::Limits) -> Result<OwnDevice, Box<dyn Error>> {
     })
 }
 
-/// Has one of the shaders run on buffers, in the queue behind what was submitted before. Nobody waits for it.
-fn run(own: &OwnDevice, entry: &str, buffers: &[&wgpu::Buffer], groups: u32) {
-    let OwnDevice { device, queue, .. } = own;
+/// Has one of the shaders run on buffers, after the commands before.
+fn run(
+    encoder: &mut wgpu::CommandEncoder,
+    device: &wgpu::Device,
+    entry: &str,
+    (buffers, groups): (&[&wgpu::Buffer], u32),
+) {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(SHADER.into()),
@@ -68,13 +72,10 @@ fn run(own: &OwnDevice, entry: &str, buffers: &[&wgpu::Buffer], groups: u32) {
         layout: &pipeline.get_bind_group_layout(0),
         entries: &entries.collect::<Vec<_>>(),
     });
-    let mut encoder = device.create_command_encoder(&Default::default());
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(&pipeline);
     pass.set_bind_group(0, &group, &[]);
     pass.dispatch_workgroups(groups, 1, 1);
-    drop(pass);
-    queue.submit([encoder.finish()]);
 }
 
 fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
@@ -87,15 +88,8 @@ fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
     own.device.create_buffer_init(&about)
 }
 
-/// How many rays hit something near: nobody waits before the count is read.
-fn count(own: &OwnDevice, hits: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
-    let near = buffer(own, &[0.0]);
-    run(
-        own,
-        "count",
-        &[hits, &near],
-        (SIZE[0] * SIZE[1]).div_ceil(64),
-    );
+/// The number that a shader counted: nobody waits before.
+fn read(own: &OwnDevice, near: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
     let (said, heard) = std::sync::mpsc::channel();
     let OwnDevice { device, queue, .. } = own;
     wgpu::util::DownloadBuffer::read_buffer(device, queue, &near.slice(..), move |bytes| {
@@ -113,16 +107,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     let own = open(required_limits(&scene, (SIZE[0] * SIZE[1]) as usize)?)?;
     let device = Device::from(own.clone());
     let mut tracer = Tracer::builder().device(device).build(scene)?;
+    tracer.warm_up(0.0)?;
     let eye = [0.0, 5.0, 0.1];
     let camera = Camera::look_at(eye, [0.0; 3], [0.0, 0.0, 1.0], 60.0, SIZE).ok_or("no picture")?;
     let vertices = buffer(&own, sheet.as_flattened());
     for height in 1..5 {
-        run(&own, "lift", &[&vertices], 1);
+        let mut encoder = own.device.create_command_encoder(&Default::default());
+        run(&mut encoder, &own.device, "lift", (&[&vertices], 1));
         let mut step = tracer.step(0.0);
         step.vertices(mesh, Source::Wgpu(vertices.slice(..)))?;
         let query = step.trace(&camera, Query::Closest)?;
-        let done = step.submit()?;
-        let near = count(&own, tracer.hits_buffer(done, query)?)?;
+        let done = step.encode(&mut encoder)?;
+        let (hits, near) = (tracer.hits_buffer(done, query)?, buffer(&own, &[0.0]));
+        let groups = (SIZE[0] * SIZE[1]).div_ceil(64);
+        run(&mut encoder, &own.device, "count", (&[hits, &near], groups));
+        own.queue.submit([encoder.finish()]);
+        let near = read(&own, &near)?;
         let distances = tracer.hits(done, query)?.distances();
         assert_eq!(near as usize, distances.filter(|&t| t < 4.0).count());
         println!("{height}: {near} rays meet it nearer than 4");

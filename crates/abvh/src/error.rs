@@ -35,8 +35,8 @@ pub enum Error {
         /// Vertices, or matrices.
         what: &'static str,
     },
-    /// Meshes were moved after a query of the same step.
-    #[error("meshes are moved before the step's first query")]
+    /// Meshes were moved after a query of the same step, or the step was to be encoded after one of the host's rays.
+    #[error("the step has begun to trace")]
     TooLate,
     /// The replacement of this mesh was prepared for another tracer.
     #[error("the replacement of mesh {} is of another tracer", .0.index())]

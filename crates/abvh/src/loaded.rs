@@ -74,6 +74,10 @@ impl Loaded {
         })
     }
 
+    pub(crate) fn has_tree(&self) -> bool {
+        self.driver.generation().0 > 0
+    }
+
     /// Has the first tree built for `time`, and all made ready that such queries take.
     pub(crate) fn warm_up(&mut self, time: f64, asked: &[Asked]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
@@ -165,6 +169,15 @@ impl Loaded {
     pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
         while self.under_way.contains(&ticket) {
             self.finish(last)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for all submissions.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn finish_all(&mut self) -> Result<()> {
+        while !self.under_way.is_empty() {
+            self.finish(&mut None)?;
         }
         Ok(())
     }

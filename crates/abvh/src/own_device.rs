@@ -2,18 +2,21 @@
 //!
 //! Vertices may come from its buffers, [`Source::Wgpu`](crate::Source::Wgpu), and so may rays: [`Step::trace_buffers`].
 //!
+//! [`Step::encode`] puts a step among commands of the program's, which it submits itself.
+//!
 //! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
 //! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
 
 use crate::loaded::{Loaded, find};
 use crate::motion::Joined;
-use crate::step::check;
+use crate::step::{Deferred, check};
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
-use backend::{Backend, Rays};
+use backend::Backend;
 use geom::{Hit, Point};
 use gpu_wgpu::{LentRays, WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
+use pipeline::Update;
 use std::any::Any;
 /// The version of wgpu that the library speaks.
 pub use wgpu;
@@ -97,6 +100,50 @@ impl Loaded {
         Ok(())
     }
 
+    /// Tells of the rays on the device that queries are going to trace, in their order.
+    pub(crate) fn lend_rays(&mut self, all: &[(QueryId, Deferred, Query)]) {
+        let lent = all.iter().filter_map(|(_, rays, _)| match rays {
+            Deferred::Wgpu(lent, _) => Some(lent.clone()),
+            Deferred::Camera(_) => None,
+        });
+        let lent: Vec<_> = lent.collect();
+        if let Some(backend) = self.wgpu().filter(|_| !lent.is_empty()) {
+            backend.gpu_mut().lend_rays(lent);
+        }
+    }
+
+    /// Whether a step of such queries is one submission.
+    fn check_encode(&mut self, queries: &[(QueryId, Deferred, Query)]) -> Result<()> {
+        let asked = queries.iter().map(|(_, rays, query)| rays.asked(*query));
+        let asked: Vec<_> = asked.collect();
+        let is_one = asked.len() < 2 || self.driver.backend().traces_together(&asked);
+        self.wgpu().ok_or_else(no_wgpu)?;
+        let why = match (self.has_tree(), self.update, is_one) {
+            (false, ..) => "the first tree is built before a step is encoded",
+            (_, Update::Rebuild, _) => "trees that steps wait for are not encoded",
+            (.., false) => "such queries are encoded in a step each",
+            _ => return Ok(()),
+        };
+        Err(Error::Device(why.into()))
+    }
+
+    /// Exchanges the program's commands for none, until they are returned.
+    fn lend_encoder(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<()> {
+        let gpu = self.wgpu().ok_or_else(no_wgpu)?.gpu_mut();
+        let none = gpu.encoder().map_err(Error::of_backend)?;
+        let lent = gpu.lend_encoder(std::mem::replace(encoder, none));
+        lent.map_err(Error::of_backend)
+    }
+
+    fn return_encoder(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let lent = self
+            .wgpu()
+            .and_then(|backend| backend.gpu_mut().take_encoder());
+        if let Some(lent) = lent {
+            *encoder = lent;
+        }
+    }
+
     /// Has vertices come from the host again that did not.
     pub(crate) fn release_points(&mut self) {
         let returned = std::mem::take(&mut self.joined.returned);
@@ -108,6 +155,13 @@ impl Loaded {
 
     /// Takes over what `before`, which differs by one mesh, has on the device alone.
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
+        if before
+            .wgpu()
+            .is_some_and(|backend| backend.gpu().has_encoded())
+        {
+            // What it takes over must have been submitted.
+            before.finish_all()?;
+        }
         for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
             let Some(backend) = before.wgpu() else {
@@ -161,19 +215,45 @@ impl RayBuffers<'_> {
 }
 
 impl Step<'_> {
-    /// As [`Step::trace`], of rays that lie on the program's wgpu device: they are read in the order of its queue, and no
-    /// host sees them.
+    /// As [`Step::trace`], of rays that lie on the program's wgpu device: they are read in the order of its queue after the
+    /// step is submitted, and no host sees them.
     ///
     /// # Errors
     /// [`Error::Device`], also on another device and where a buffer is too small or lacks a usage.
     pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
         buffers.check(query)?;
-        let backend = self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
-        backend.gpu_mut().lend_rays(LentRays {
+        self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
+        let lent = LentRays {
             rays: buffers.rays.clone(),
             answers: buffers.answers.cloned(),
-        });
-        self.ask(Rays::OnDevice(buffers.count), query)
+        };
+        Ok(self.defer(Deferred::Wgpu(lent, buffers.count), query))
+    }
+
+    /// As [`Step::submit`], but the step goes into commands of the program's, after those that are there: it is done in their
+    /// order once the program submits them. Vertices ([`Source::Wgpu`](crate::Source::Wgpu)) and rays may be written by
+    /// commands before it, and what it finds be read by commands after it ([`Tracer::hits_buffer`]).
+    ///
+    /// Steps are submitted in their order, before [`Tracer::hits`] of them and before the second step after them: both fail
+    /// until then.
+    ///
+    /// # Errors
+    /// [`Error::TooLate`] if rays of the host's memory were traced in the step, which does not wait for the program.
+    /// [`Error::Device`] on another device; before the first tree is there, see [`Tracer::warm_up`]; with
+    /// [`Update::Rebuild`](crate::Update::Rebuild); with [`Intersector::Exact`](crate::Intersector::Exact) and several queries.
+    pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
+        if self.deferred.len() < self.queries as usize {
+            return Err(Error::TooLate);
+        }
+        self.tracer.current.check_encode(&self.deferred)?;
+        if !self.deferred.is_empty() {
+            self.tracer.current.lend_encoder(encoder)?;
+            let begun = self.begin_deferred();
+            self.tracer.current.return_encoder(encoder);
+            begun?;
+        }
+        self.tracer.end_step(self.id);
+        Ok(self.id)
     }
 }
 

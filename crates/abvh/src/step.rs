@@ -60,7 +60,27 @@ pub struct Step<'t> {
     /// Queries so far.
     pub(crate) queries: u32,
     /// Those of them that are traced when the step ends, all together.
-    pub(crate) cameras: Vec<(QueryId, Camera, Query)>,
+    pub(crate) deferred: Vec<(QueryId, Deferred, Query)>,
+}
+
+/// Rays that need not be read at once.
+#[derive(Debug)]
+pub(crate) enum Deferred {
+    Camera(Camera),
+    #[cfg(feature = "wgpu")]
+    Wgpu(gpu_wgpu::LentRays<wgpu::Buffer>, usize),
+}
+
+impl Deferred {
+    pub(crate) fn asked(&self, query: Query) -> backend::Query<'_> {
+        let rays = match self {
+            Self::Camera(camera) => Rays::Camera(camera),
+            #[cfg(feature = "wgpu")]
+            &Self::Wgpu(_, count) => Rays::OnDevice(count),
+        };
+        let kind = query.kind();
+        backend::Query { rays, kind }
+    }
 }
 
 impl Step<'_> {
@@ -147,41 +167,51 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
-        self.ask(rays.into(), query)
+        let rays = rays.into();
+        if let Rays::Camera(camera) = rays {
+            return Ok(self.defer(Deferred::Camera(*camera), query));
+        }
+        let id = self.next_id();
+        let kind = query.kind();
+        let asked = backend::Query { rays, kind };
+        self.tracer.begin(self.time, (&[id], &[asked]))?;
+        Ok(id)
     }
 
-    pub(crate) fn ask(&mut self, rays: Rays<'_>, query: Query) -> Result<QueryId> {
-        let id = QueryId {
-            step: self.id,
-            query: self.queries,
-        };
+    pub(crate) fn defer(&mut self, rays: Deferred, query: Query) -> QueryId {
+        let id = self.next_id();
+        self.deferred.push((id, rays, query));
+        id
+    }
+
+    fn next_id(&mut self) -> QueryId {
         self.queries += 1;
-        let kind = query.kind();
-        match rays {
-            Rays::Camera(camera) => self.cameras.push((id, *camera, query)),
-            rays => {
-                let asked = backend::Query { rays, kind };
-                self.tracer.begin(self.time, (&[id], &[asked]))?;
-            }
+        QueryId {
+            step: self.id,
+            query: self.queries - 1,
         }
-        Ok(id)
     }
 
     /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`] waits for them.
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn submit(self) -> Result<StepId> {
-        let cameras = self.cameras.iter().map(|(id, camera, query)| {
-            let (rays, kind) = (Rays::Camera(camera), query.kind());
-            (*id, backend::Query { rays, kind })
-        });
-        let (ids, queries): (Vec<_>, Vec<_>) = cameras.unzip();
-        if !queries.is_empty() {
-            self.tracer.begin(self.time, (&ids, &queries))?;
-        }
+    pub fn submit(mut self) -> Result<StepId> {
+        self.begin_deferred()?;
         self.tracer.end_step(self.id);
         Ok(self.id)
+    }
+
+    pub(crate) fn begin_deferred(&mut self) -> Result<()> {
+        let deferred = self.deferred.iter();
+        let queries = deferred.map(|(id, rays, query)| (*id, rays.asked(*query)));
+        let (ids, queries): (Vec<_>, Vec<_>) = queries.unzip();
+        #[cfg(feature = "wgpu")]
+        self.tracer.current.lend_rays(&self.deferred);
+        match queries.is_empty() {
+            true => Ok(()),
+            false => self.tracer.begin(self.time, (&ids, &queries)),
+        }
     }
 }
 

@@ -185,6 +185,17 @@ impl Tracer {
         &self.device
     }
 
+    /// Builds the first tree, for `time`, and makes kernels ready: then the first step waits for neither. Later it does nothing.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn warm_up(&mut self, time: f64) -> Result<()> {
+        match self.current.has_tree() {
+            true => Ok(()),
+            false => self.current.warm_up(time, &[]),
+        }
+    }
+
     /// Begins a step, in which meshes with key frames stand at `time`: see [`Mesh::keyframes`](crate::Mesh::keyframes). A
     /// time that is no number counts as 0.
     pub fn step(&mut self, time: f64) -> Step<'_> {
@@ -195,7 +206,7 @@ impl Tracer {
             tracer: self,
             time,
             queries: 0,
-            cameras: Vec::new(),
+            deferred: Vec::new(),
         }
     }
 

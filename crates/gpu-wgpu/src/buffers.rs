@@ -100,19 +100,26 @@ pub(crate) fn copy(
     })
 }
 
+type MapResult = std::result::Result<(), wgpu::BufferAsyncError>;
+
 /// A mapping asked for; it arrives while the device is polled.
 pub(crate) struct Mapping(Arc<OnceLock<bool>>);
 
 impl Mapping {
     pub(crate) fn ask(gpu: &Gpu, buffer: &Buffer) -> Result<Self> {
         let done = Arc::new(OnceLock::new());
-        let heard = Arc::clone(&done);
+        let heard = hears(&done);
         gpu.guard("mapping a buffer", 0, || {
-            buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-                let _ = heard.set(result.is_ok());
-            });
+            buffer.map_async(wgpu::MapMode::Read, .., heard);
         })?;
         Ok(Self(done))
+    }
+
+    /// Likewise, as soon as these commands are submitted.
+    pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer) -> Self {
+        let done = Arc::new(OnceLock::new());
+        encoder.map_buffer_on_submit(buffer, wgpu::MapMode::Read, .., hears(&done));
+        Self(done)
     }
 
     /// Whether the host can read. A mapping that wgpu refused means that the device is gone.
@@ -129,6 +136,13 @@ impl Mapping {
             true => Ok(()),
             false => Err(gpu.faults.lose("a buffer never arrived".into())),
         }
+    }
+}
+
+fn hears(done: &Arc<OnceLock<bool>>) -> impl FnOnce(MapResult) + Send + 'static {
+    let done = Arc::clone(done);
+    move |result| {
+        let _ = done.set(result.is_ok());
     }
 }
 

@@ -17,8 +17,15 @@ pub(crate) struct DevicePoints {
     all: Option<Buffer>,
     /// Which of those they are, in order.
     runs: Vec<Range<usize>>,
-    /// Copies to go before the next submission.
-    copies: Option<CommandEncoder>,
+    /// Copies that the next submission begins with.
+    copies: Vec<PointsCopy>,
+}
+
+/// From a place in a buffer to a place in another.
+struct PointsCopy {
+    from: (Buffer, u64),
+    to: (Buffer, u64),
+    bytes: u64,
 }
 
 impl DevicePoints {
@@ -33,10 +40,12 @@ impl DevicePoints {
         if self.all.is_none() {
             self.all = Some(storage(gpu, "positions", vertices as u64 * POINT)?);
         }
-        let all = self.all.as_ref().expect("made just now");
-        let (from_at, to) = ((from.buffer(), from.offset()), (all, first as u64 * POINT));
-        let copies = commands(&mut self.copies, gpu)?;
-        copy_part(gpu, copies, from_at, to, from.size())?;
+        let all = self.all.clone().expect("made just now");
+        self.copies.push(PointsCopy {
+            from: (from.buffer().clone(), from.offset()),
+            to: (all, first as u64 * POINT),
+            bytes: from.size(),
+        });
         let run = first..first + count;
         self.release(&run);
         let at = self.runs.partition_point(|r| r.start < run.start);
@@ -53,8 +62,10 @@ impl DevicePoints {
         if !self.runs.contains(run) {
             return Ok(None);
         }
-        if let Some(copies) = self.take_copies() {
-            gpu.submit([copies])?;
+        if !self.copies.is_empty() {
+            let mut encoder = gpu.encoder("positions of the program's")?;
+            self.encode(gpu, &mut encoder)?;
+            gpu.submit([encoder])?;
         }
         let all = self.all.clone();
         Ok(all.map(|all| (all, run.start as u64 * POINT..run.end as u64 * POINT)))
@@ -71,21 +82,26 @@ impl DevicePoints {
     }
 
     /// Has a key frame take them.
-    pub(crate) fn copy_to(&mut self, gpu: &Gpu, key: &Buffer) -> Result<()> {
+    pub(crate) fn copy_to(&mut self, key: &Buffer) {
         let Some(all) = &self.all else {
-            return Ok(());
+            return;
         };
-        let copies = commands(&mut self.copies, gpu)?;
-        for run in &self.runs {
+        self.copies.extend(self.runs.iter().map(|run| {
             let at = run.start as u64 * POINT;
-            copy_part(gpu, copies, (all, at), (key, at), run.len() as u64 * POINT)?;
-        }
-        Ok(())
+            PointsCopy {
+                from: (all.clone(), at),
+                to: (key.clone(), at),
+                bytes: run.len() as u64 * POINT,
+            }
+        }));
     }
 
-    /// What is to be submitted first.
-    pub(crate) fn take_copies(&mut self) -> Option<CommandEncoder> {
-        self.copies.take()
+    /// Writes the copies that are due.
+    pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
+        self.copies.drain(..).try_for_each(|copy| {
+            let (from, to) = ((&copy.from.0, copy.from.1), (&copy.to.0, copy.to.1));
+            copy_part(gpu, encoder, from, to, copy.bytes)
+        })
     }
 }
 
@@ -115,16 +131,6 @@ impl WgpuDevice {
     pub fn release_points(&mut self, run: &Range<usize>) {
         self.points.release(run);
     }
-}
-
-fn commands<'a>(
-    copies: &'a mut Option<CommandEncoder>,
-    gpu: &Gpu,
-) -> Result<&'a mut CommandEncoder> {
-    if copies.is_none() {
-        *copies = Some(gpu.encoder("positions of the program's")?);
-    }
-    Ok(copies.as_mut().expect("it was made"))
 }
 
 /// Runs in order but for what others, in order too, have of them.

@@ -23,11 +23,13 @@ mod faults;
 mod gpu;
 mod instance;
 mod launches;
+mod lent_encoder;
 mod limits;
 mod marks;
 mod modules;
 mod pipeline_cache;
 mod pipelines;
+mod positions;
 mod slot;
 mod wgpu_device;
 

@@ -1,11 +1,13 @@
 //! What one submission needs for itself: commands, parameters, counts, timestamps.
+//!
+//! Commands are kept as a list until the submission, which knows the encoder that they go into.
 
 use crate::buffers::{Mapping, readback, storage, unmap, unreadable};
 use crate::gpu::Gpu;
 use crate::launches::{Launch, Launches};
 use crate::marks::{self, Marks};
 use crate::wgpu_device::WgpuDevice;
-use backend::Result;
+use backend::{BackendError, Result};
 use gpu_common::{Dispatch, Find, Finished, Stage};
 use shaders::Counts;
 use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
@@ -19,12 +21,23 @@ pub struct Slot {
     /// Counts and timestamps on their way to the host.
     back: Buffer,
     launches: Launches,
-    encoder: Option<CommandEncoder>,
+    commands: Vec<Command>,
     /// What belongs to no stage yet.
     waiting: Vec<Launch>,
-    /// What the next pass is to hold.
-    parts: Vec<(Stage, Vec<Launch>)>,
-    sent: Option<(SubmissionIndex, Mapping)>,
+    sent: Option<(Submitted, Mapping)>,
+}
+
+enum Command {
+    /// The first so many bytes of counts are 0 again.
+    Clear(u64),
+    Stage(Stage, Vec<Launch>),
+}
+
+/// Who submitted it.
+enum Submitted {
+    Here(SubmissionIndex),
+    /// The program, if it did.
+    ByProgram,
 }
 
 impl Slot {
@@ -34,9 +47,8 @@ impl Slot {
             marks: Marks::new(gpu)?,
             back: readback(gpu, "a report", COUNTS + marks::BYTES)?,
             launches: Launches::new(gpu),
-            encoder: None,
+            commands: Vec::new(),
             waiting: Vec::new(),
-            parts: Vec::new(),
             sent: None,
         })
     }
@@ -51,29 +63,23 @@ impl Slot {
     pub(crate) fn forget(&mut self) {
         self.launches.forget();
         self.waiting.clear();
-        self.parts.clear();
-        self.encoder = None;
+        self.commands.clear();
     }
 
-    pub(crate) fn begin(&mut self, gpu: &Gpu) -> Result<()> {
+    pub(crate) fn begin(&mut self, gpu: &Gpu) {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
         self.launches.begin(gpu);
         self.waiting.clear();
-        self.parts.clear();
+        self.commands.clear();
         if let Some(marks) = &mut self.marks {
             marks.stages.clear();
         }
-        self.encoder = Some(gpu.encoder("a frame")?);
-        self.clear_counts(gpu, COUNTS)
+        self.clear_counts(COUNTS);
     }
 
     /// Records that the first so many bytes of counts are 0, after the stages before.
-    pub(crate) fn clear_counts(&mut self, gpu: &Gpu, bytes: u64) -> Result<()> {
-        self.flush(gpu)?;
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
-        gpu.guard("recording", 0, || {
-            encoder.clear_buffer(&self.counts, 0, Some(bytes));
-        })
+    pub(crate) fn clear_counts(&mut self, bytes: u64) {
+        self.commands.push(Command::Clear(bytes));
     }
 
     pub(crate) fn dispatch(
@@ -88,34 +94,70 @@ impl Slot {
         Ok(())
     }
 
-    pub(crate) fn end_stage(&mut self, gpu: &Gpu, stage: Stage) -> Result<()> {
-        // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
-        if stage == Stage::TracePrimary {
-            self.flush(gpu)?;
-        }
-        self.parts.push((stage, std::mem::take(&mut self.waiting)));
-        Ok(())
+    pub(crate) fn end_stage(&mut self, stage: Stage) {
+        let launches = std::mem::take(&mut self.waiting);
+        self.commands.push(Command::Stage(stage, launches));
     }
 
-    /// Records passes of all stages that have ended: one, if they can be timed in it.
-    fn flush(&mut self, gpu: &Gpu) -> Result<()> {
-        let mut parts = std::mem::take(&mut self.parts);
+    /// Writes all that was recorded, and has the report copied.
+    pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
+        let mut parts = Vec::new();
+        let mut commands = std::mem::take(&mut self.commands);
+        for command in commands.drain(..) {
+            match command {
+                Command::Clear(bytes) => {
+                    self.passes(gpu, encoder, &mut parts)?;
+                    gpu.guard("recording", 0, || {
+                        encoder.clear_buffer(&self.counts, 0, Some(bytes));
+                    })?;
+                }
+                Command::Stage(stage, launches) => {
+                    // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
+                    if stage == Stage::TracePrimary {
+                        self.passes(gpu, encoder, &mut parts)?;
+                    }
+                    parts.push((stage, launches));
+                }
+            }
+        }
+        // Its memory is kept.
+        self.commands = commands;
+        self.passes(gpu, encoder, &mut parts)?;
+        self.untimed(gpu, encoder)?;
+        self.launches.write(gpu)?;
+        gpu.guard("the report of a frame", 0, || {
+            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+            if let Some(marks) = &self.marks {
+                marks.resolve(encoder, &self.back, COUNTS);
+            }
+        })
+    }
+
+    /// Writes passes of these stages: one, if they can be timed in it.
+    fn passes(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        parts: &mut Vec<(Stage, Vec<Launch>)>,
+    ) -> Result<()> {
         let is_one = self.marks.as_ref().is_none_or(|marks| marks.within);
         let most = if is_one { parts.len() } else { 1 };
         let mut passes = parts.chunks(most.max(1));
-        let recorded = passes.try_for_each(|parts| self.pass(gpu, parts));
-        // Its memory is kept.
+        let written = passes.try_for_each(|parts| self.pass(gpu, encoder, parts));
         parts.clear();
-        self.parts = parts;
-        recorded
+        written
     }
 
-    fn pass(&mut self, gpu: &Gpu, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
+    fn pass(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        parts: &[(Stage, Vec<Launch>)],
+    ) -> Result<()> {
         let label = "stages of a frame";
         let stages = parts.iter().map(|(stage, _)| *stage);
         let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
         let timed = self.marks.as_ref().zip(first);
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
         gpu.count(|t| t.passes += 1);
         gpu.guard(label, 0, || {
             let desc = ComputePassDescriptor {
@@ -132,43 +174,47 @@ impl Slot {
         })
     }
 
-    /// The recording's commands, after all that was recorded.
-    pub(crate) fn encoder(&mut self, gpu: &Gpu) -> Result<&mut CommandEncoder> {
-        self.flush(gpu)?;
-        let encoder = self.encoder.as_mut().expect("a recording was begun");
+    fn untimed(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
         let untimed = std::mem::take(&mut self.waiting);
-        if !untimed.is_empty() {
-            gpu.guard("kernels of no stage", 0, || {
-                let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-                untimed.iter().for_each(|launch| launch.go(&mut pass));
-            })?;
+        if untimed.is_empty() {
+            return Ok(());
         }
-        Ok(encoder)
+        gpu.guard("kernels of no stage", 0, || {
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+            untimed.iter().for_each(|launch| launch.go(&mut pass));
+        })
     }
 
-    /// Ends the recording and submits it, after what has to come before.
-    pub(crate) fn submit(&mut self, gpu: &Gpu, before: Option<CommandEncoder>) -> Result<()> {
-        self.encoder(gpu)?;
-        self.launches.write(gpu)?;
-        let mut encoder = self.encoder.take().expect("a recording was begun");
-        gpu.guard("the report of a frame", 0, || {
-            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
-            if let Some(marks) = &self.marks {
-                marks.resolve(&mut encoder, &self.back, COUNTS);
-            }
-        })?;
-        let submission = gpu.submit(before.into_iter().chain([encoder]))?;
+    /// What was encoded is submitted.
+    pub(crate) fn submit(&mut self, gpu: &Gpu, encoder: CommandEncoder) -> Result<()> {
+        let submission = gpu.submit([encoder])?;
         let mapping = Mapping::ask(gpu, &self.back)?;
-        self.sent = Some((submission, mapping));
+        self.sent = Some((Submitted::Here(submission), mapping));
         Ok(())
+    }
+
+    /// What was encoded is for the program to submit.
+    pub(crate) fn leave(&mut self, encoder: &CommandEncoder) {
+        let mapping = Mapping::on_submit(encoder, &self.back);
+        self.sent = Some((Submitted::ByProgram, mapping));
     }
 
     /// Waits for the submission and says what it left behind.
     pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Finished> {
         // An earlier wait that failed took it.
         let lost = || gpu.faults.lose("a submission never ended".into());
-        let (submission, mapping) = self.sent.take().ok_or_else(lost)?;
-        gpu.wait_for(submission)?;
+        let (submitted, mapping) = self.sent.take().ok_or_else(lost)?;
+        match submitted {
+            Submitted::Here(submission) => gpu.wait_for(submission)?,
+            Submitted::ByProgram if mapping.poll(gpu)? => (),
+            Submitted::ByProgram => {
+                gpu.wait_idle()?;
+                if !mapping.poll(gpu)? {
+                    self.sent = Some((submitted, mapping));
+                    return Err(not_submitted());
+                }
+            }
+        }
         mapping.expect(gpu)?;
         let view = self.back.get_mapped_range(..).map_err(unreadable)?;
         let (counts, ticks) = view.split_at(COUNTS as usize);
@@ -184,5 +230,12 @@ impl Slot {
             ticks: marks.is_some().then_some(ticks),
             marks: marks.unwrap_or_default(),
         })
+    }
+}
+
+fn not_submitted() -> BackendError {
+    BackendError::Rejected {
+        what: "what a step found".into(),
+        why: "the encoder that the step is in was not submitted".into(),
     }
 }

@@ -1,13 +1,15 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Mapping, Window, copy, readback, storage, unmap, unreadable, upload, write};
+use crate::buffers::{Window, storage, upload, write};
 use crate::device_points::DevicePoints;
 use crate::device_rays::DeviceRays;
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
+use crate::lent_encoder::LentEncoder;
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::pipelines::Pipeline;
+use crate::positions::{Arrived, PositionsCopy};
 use crate::slot::Slot;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
@@ -19,9 +21,9 @@ use gpu_common::{
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets};
 use std::convert::Infallible;
-use std::ops::{Deref, Range};
+use std::ops::Range;
 use std::sync::Arc;
-use wgpu::{Buffer, BufferView};
+use wgpu::Buffer;
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -43,43 +45,15 @@ pub fn from_device(
     ComputeBackend::over(WgpuDevice::over(gpu, &Options::default()))
 }
 
-/// Positions on their way to the builder.
-pub struct PositionsCopy {
-    buffer: Buffer,
-    mapping: Mapping,
-}
-
-/// Positions that have arrived, and the buffer that is mapped for them until it is used again.
-struct Arrived {
-    view: BufferView,
-    buffer: Buffer,
-    vertices: usize,
-}
-
-impl Deref for Arrived {
-    type Target = [Point];
-
-    fn deref(&self) -> &[Point] {
-        bytemuck::cast_slice(&self.view[..self.vertices * size_of::<Point>()])
-    }
-}
-
-impl Arrived {
-    /// The buffer, unless it is gone with its device. No view may look at a buffer that is unmapped.
-    fn unmapped(self, device: &wgpu::Device) -> Option<Buffer> {
-        drop(self.view);
-        unmap(device, &self.buffer).then_some(self.buffer)
-    }
-}
-
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
     window: Window,
     /// Buffers that are not in use, of each [`Sent`].
     free: [Vec<Buffer>; 2],
-    spares: Spares<Arrived>,
+    pub(crate) spares: Spares<Arrived>,
     pub(crate) points: DevicePoints,
     pub(crate) rays: DeviceRays,
+    pub(crate) encoder: LentEncoder,
     form: KernelForm,
     validation: Validation,
     pub(crate) gpu: Arc<Gpu>,
@@ -99,6 +73,7 @@ impl WgpuDevice {
             spares: Spares::default(),
             points: DevicePoints::default(),
             rays: DeviceRays::default(),
+            encoder: LentEncoder::default(),
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),
@@ -257,7 +232,7 @@ impl GpuDevice for WgpuDevice {
             let at = (run.start * size_of::<Point>()) as u64;
             write(&self.gpu, &buffer, at, &key[run])?;
         }
-        self.points.copy_to(&self.gpu, &buffer)?;
+        self.points.copy_to(&buffer);
         Ok((buffer, 0))
     }
 
@@ -265,7 +240,9 @@ impl GpuDevice for WgpuDevice {
     fn expect(&mut self, _: u64) {}
 
     fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
-        self.free[what as usize].push(buffer);
+        if !self.encoder.holds(what, &buffer) {
+            self.free[what as usize].push(buffer);
+        }
     }
 
     fn pipeline_maker(&self) -> PipelineMaker {
@@ -282,7 +259,8 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn begin(&self, slot: &mut Slot) -> Result<()> {
-        slot.begin(&self.gpu)
+        slot.begin(&self.gpu);
+        Ok(())
     }
 
     fn dispatch(
@@ -295,37 +273,31 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn end_stage(&self, slot: &mut Slot, stage: Stage) -> Result<()> {
-        slot.end_stage(&self.gpu, stage)
+        slot.end_stage(stage);
+        Ok(())
     }
 
     fn clear_counts(&self, slot: &mut Slot, bytes: u64) -> Result<()> {
-        slot.clear_counts(&self.gpu, bytes)
+        slot.clear_counts(bytes);
+        Ok(())
     }
 
     fn submit(
         &mut self,
         slot: &mut Slot,
-        _: Ticket,
+        ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
-        let gpu = &self.gpu;
-        let before = self.points.take_copies();
-        let Some((from, bytes)) = positions else {
-            return slot.submit(gpu, before).map(|()| None);
-        };
-        let spare = self.spares.pop().and_then(|s| s.unmapped(&gpu.device));
-        let buffer = match spare.filter(|b| b.size() >= bytes) {
-            Some(buffer) => buffer,
-            None => readback(gpu, "vertices for the builder", bytes)?,
-        };
-        copy(gpu, slot.encoder(gpu)?, [from, &buffer], bytes)?;
-        slot.submit(gpu, before)?;
-        let mapping = Mapping::ask(gpu, &buffer)?;
-        Ok(Some(PositionsCopy { buffer, mapping }))
+        self.submit_or_leave(slot, ticket, positions)
     }
 
-    fn finish(&mut self, slot: &mut Slot, _: Ticket) -> Result<Finished> {
-        slot.finish(&self.gpu)
+    fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
+        self.encoder.wait(&self.gpu, ticket)?;
+        let finished = slot.finish(&self.gpu)?;
+        for (what, buffer) in self.encoder.finished(ticket) {
+            self.free[what as usize].push(buffer);
+        }
+        Ok(finished)
     }
 
     fn poll(&mut self) -> Result<()> {
@@ -340,12 +312,7 @@ impl GpuDevice for WgpuDevice {
     fn overwrites(&mut self, _: &PositionsCopy) {}
 
     fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
-        let buffer = copy.buffer;
-        Ok(self.spares.lend(Arrived {
-            view: buffer.get_mapped_range(..).map_err(unreadable)?,
-            buffer,
-            vertices,
-        }))
+        Ok(self.spares.lend(Arrived::new(copy, vertices)?))
     }
 
     fn abandon(&mut self) {}
@@ -356,6 +323,7 @@ impl GpuDevice for WgpuDevice {
         self.free = Default::default();
         self.spares = Spares::default();
         (self.points, self.rays) = (DevicePoints::default(), DeviceRays::default());
+        self.encoder = LentEncoder::default();
         Ok(())
     }
 

@@ -13,6 +13,7 @@ mod rasterization;
 mod rebuild;
 mod scenes;
 mod wgpu_calls;
+mod wgpu_encode;
 mod wgpu_lent;
 mod wgpu_points;
 mod wgpu_rays;
@@ -158,6 +159,10 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_rays::buffers_of_rays_are_let_go_of,
     wgpu_rays::rays_in_a_buffer_miss_where_nothing_can_be_hit,
     wgpu_rays::a_buffer_of_rays_that_does_not_fit_is_an_error,
+    wgpu_encode::a_step_keeps_the_order_of_the_programs_commands,
+    wgpu_encode::a_step_that_is_not_submitted_has_no_results_yet,
+    wgpu_encode::what_cannot_be_encoded_is_refused,
+    wgpu_encode::a_tree_stays_until_the_commands_are_done_that_read_it,
 ];
 
 fn main() -> ExitCode {

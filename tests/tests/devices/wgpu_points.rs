@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 use wgpu::{Buffer, BufferUsages};
 
 /// A sheet of triangles, at some height and somewhat bent.
-fn sheet(height: f32) -> Vec<Point> {
+pub(crate) fn sheet(height: f32) -> Vec<Point> {
     let at = |i: u32| (i % 20) as f32 - 9.5;
     let bend = |i: u32| height + 0.1 * (i as f32 * height).sin();
     let point = |i: u32| [at(i), bend(i), at(i / 20)];
@@ -21,24 +21,30 @@ fn triangles() -> Vec<[u32; 3]> {
     corners.flat_map(both).collect()
 }
 
+/// Two sheets.
+pub(crate) fn scene() -> (Scene, [MeshId; 2]) {
+    let mut scene = Scene::new();
+    let sheets = [0.0, 1.0].map(|height| {
+        let mesh = Mesh::streamed(&sheet(height), &triangles());
+        scene.add(mesh.unwrap())
+    });
+    (scene, sheets)
+}
+
 /// A scene of two sheets, traced on a device of its own.
-struct Own {
-    device: OwnDevice,
-    tracer: Tracer,
-    sheets: [MeshId; 2],
+pub(crate) struct Own {
+    pub(crate) device: OwnDevice,
+    pub(crate) tracer: Tracer,
+    pub(crate) sheets: [MeshId; 2],
 }
 
 impl Own {
-    fn new(update: Update) -> Self {
+    pub(crate) fn new(update: Update) -> Self {
         Self::on(&adapter(), update)
     }
 
     fn on(adapter: &wgpu::Adapter, update: Update) -> Self {
-        let mut scene = Scene::new();
-        let sheets = [0.0, 1.0].map(|height| {
-            let mesh = Mesh::streamed(&sheet(height), &triangles());
-            scene.add(mesh.unwrap())
-        });
+        let (scene, sheets) = scene();
         let limits = required_limits(&scene, camera().pixels()).unwrap();
         let (device, queue, info) = device_on(adapter, required_features(), limits);
         let device = OwnDevice {
@@ -56,20 +62,22 @@ impl Own {
     }
 
     /// A buffer that holds points after one that is no vertex.
-    fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
-        let all = [[9.0; 3]];
-        let all = all.iter().chain(points).flatten();
-        let contents: Vec<u8> = all.flat_map(|x| x.to_le_bytes()).collect();
+    pub(crate) fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
+        let all = [&[[9.0; 3]], points].concat();
+        self.bytes(bytemuck::cast_slice(&all), usage)
+    }
+
+    pub(crate) fn bytes(&self, contents: &[u8], usage: BufferUsages) -> Buffer {
         let about = wgpu::util::BufferInitDescriptor {
             label: None,
-            contents: &contents,
+            contents,
             usage,
         };
         self.device.device.create_buffer_init(&about)
     }
 
     /// What a camera sees after each sheet was moved, from a buffer or from the host, or not at all.
-    fn step(&mut self, moved: [Option<(f32, bool)>; 2]) -> Vec<Option<(u32, [u32; 3])>> {
+    pub(crate) fn step(&mut self, moved: [Option<(f32, bool)>; 2]) -> Vec<Option<(u32, [u32; 3])>> {
         let to = moved.map(|moved| moved.map(|(height, _)| sheet(height)));
         let buffers = to.each_ref().map(|points| {
             let points = points.as_deref().unwrap_or_default();
@@ -92,7 +100,7 @@ impl Own {
     }
 }
 
-fn bits(hits: Hits<'_>) -> Vec<Option<(u32, [u32; 3])>> {
+pub(crate) fn bits(hits: Hits<'_>) -> Vec<Option<(u32, [u32; 3])>> {
     let hit = |ray| {
         let hit = hits.closest(ray)?;
         let numbers = [hit.t, hit.u, hit.v].map(f32::to_bits);

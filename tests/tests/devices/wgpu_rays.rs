@@ -21,9 +21,18 @@ struct Own {
 }
 
 impl Own {
-    fn new(scene: Scene, rays: usize, (intersector, layout): (Intersector, Layout)) -> Self {
+    fn new(scene: Scene, rays: usize, how: (Intersector, Layout)) -> Self {
+        Self::on(&adapter(), scene, rays, how)
+    }
+
+    fn on(
+        adapter: &wgpu::Adapter,
+        scene: Scene,
+        rays: usize,
+        (intersector, layout): (Intersector, Layout),
+    ) -> Self {
         let limits = required_limits(&scene, rays).unwrap();
-        let (device, queue, info) = device_on(&adapter(), required_features(), limits);
+        let (device, queue, info) = device_on(adapter, required_features(), limits);
         let device = OwnDevice {
             device,
             queue,
@@ -45,13 +54,7 @@ impl Own {
     }
 
     fn bytes(&self, buffer: &Buffer) -> Vec<u8> {
-        let (said, heard) = mpsc::channel();
-        let OwnDevice { device, queue, .. } = &self.device;
-        DownloadBuffer::read_buffer(device, queue, &buffer.slice(..), move |bytes| {
-            said.send(bytes.unwrap().to_vec()).unwrap();
-        });
-        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-        heard.recv().unwrap()
+        bytes_of(&self.device, buffer)
     }
 
     /// What rays meet that the host gives: by the library's word, and as `answers` are to be.
@@ -83,6 +86,16 @@ impl Own {
         };
         (0..count).map(hit).collect()
     }
+}
+
+pub(crate) fn bytes_of(device: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
+    let (said, heard) = mpsc::channel();
+    let OwnDevice { device, queue, .. } = device;
+    DownloadBuffer::read_buffer(device, queue, &buffer.slice(..), move |bytes| {
+        said.send(bytes.unwrap().to_vec()).unwrap();
+    });
+    device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    heard.recv().unwrap()
 }
 
 fn scene() -> Scene {
@@ -225,11 +238,11 @@ pub(crate) fn rays_in_a_buffer_miss_where_nothing_can_be_hit() {
 }
 
 pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
-    let list = all_kinds();
-    let mut own = Own::new(scene(), list.len(), HOW[0]);
+    let (list, adapter) = (all_kinds(), adapter());
+    let mut own = Own::on(&adapter, scene(), list.len(), HOW[0]);
     let rays = own.buffer(bytemuck::cast_slice(&list), BufferUsages::STORAGE);
     let copied = own.buffer(bytemuck::cast_slice(&list), BufferUsages::COPY_SRC);
-    let other = Own::new(scene(), list.len(), HOW[0]);
+    let other = Own::on(&adapter, scene(), list.len(), HOW[0]);
     let foreign = other.buffer(bytemuck::cast_slice(&list), BufferUsages::STORAGE);
     let count = list.len();
     let answers = Some(&copied);
@@ -268,7 +281,10 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
         rays: &foreign,
         ..asked
     };
-    let _ = own.tracer.step(0.0).trace_buffers(asked, Query::Closest);
+    let mut step = own.tracer.step(0.0);
+    step.trace_buffers(asked, Query::Closest).unwrap();
+    let said = step.submit();
+    assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
     // What follows is none the worse.
     let expected = Own::new(scene(), count, HOW[0]).given(&list, Query::Closest);
     assert!(own.given(&list, Query::Closest) == expected);

@@ -40,7 +40,8 @@
 //! # A program's own device
 //!
 //! With `Own(device)`, vertices ([`Source`](crate::Source)) and rays may come from the program's wgpu buffers. Closest hits
-//! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue.
+//! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue, or with
+//! `Step::encode` in that of its commands.
 //!
 //! # Threads
 //!

@@ -1,0 +1,215 @@
+//! Steps that go into an encoder of the program's.
+
+use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
+use crate::wgpu_lent::{adapter, device_on};
+use crate::wgpu_points::{Own, bits, sheet};
+use crate::wgpu_rays::bytes_of;
+use abvh::own_device::RayBuffers;
+use abvh::own_device::{required_features, useful_features};
+use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
+use backend::{Backend, Generation, Rays};
+use gpu_wgpu::from_device;
+use std::iter::zip;
+use wgpu::{Buffer, BufferUsages, CommandEncoder};
+
+/// What a ray met: the triangle, and where.
+type Met = Option<(u32, [u32; 3])>;
+
+/// A scene of two sheets, the first of which the program's commands move.
+struct Encoded {
+    own: Own,
+    vertices: Buffer,
+    rays: Buffer,
+    answers: Buffer,
+}
+
+/// A step in commands that were not submitted yet, and where they copy what it found.
+struct Step {
+    commands: CommandEncoder,
+    id: StepId,
+    queries: [QueryId; 2],
+    copied: Buffer,
+}
+
+impl Encoded {
+    fn new(update: Update) -> Self {
+        let mut own = Own::new(update);
+        own.tracer.warm_up(0.0).unwrap();
+        let rays: Vec<Ray> = camera().rays().collect();
+        let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let answers = vec![0; 16 * rays.len()];
+        Self {
+            vertices: own.buffer(&sheet(7.0), copied),
+            rays: own.bytes(bytemuck::cast_slice(&rays), BufferUsages::STORAGE),
+            answers: own.bytes(&answers, BufferUsages::STORAGE | copied),
+            own,
+        }
+    }
+
+    fn commands(&self) -> CommandEncoder {
+        let desc = Default::default();
+        self.own.device.device.create_command_encoder(&desc)
+    }
+
+    /// A camera and its rays, of sheets at such heights: one of them is there only when the commands are carried out.
+    fn encode(&mut self, [on_device, on_host]: [f32; 2]) -> Step {
+        let mut commands = self.commands();
+        let from = self.own.buffer(&sheet(on_device), BufferUsages::COPY_SRC);
+        commands.copy_buffer_to_buffer(&from, 0, &self.vertices, 0, None);
+        let sheets = self.own.sheets;
+        let mut step = self.own.tracer.step(0.0);
+        let vertices = Source::Wgpu(self.vertices.slice(12..));
+        step.vertices(sheets[0], vertices).unwrap();
+        let vertices = sheet(on_host);
+        step.vertices(sheets[1], Source::Host(&vertices)).unwrap();
+        let buffers = RayBuffers {
+            rays: &self.rays,
+            count: camera().pixels(),
+            answers: Some(&self.answers),
+        };
+        let queries = [
+            step.trace(&camera(), Query::Closest).unwrap(),
+            step.trace_buffers(buffers, Query::Closest).unwrap(),
+        ];
+        let id = step.encode(&mut commands).unwrap();
+        let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let copied = vec![0; self.answers.size() as usize];
+        let copied = self.own.bytes(&copied, usage);
+        commands.copy_buffer_to_buffer(&self.answers, 0, &copied, 0, None);
+        Step {
+            commands,
+            id,
+            queries,
+            copied,
+        }
+    }
+
+    fn submit(&self, commands: CommandEncoder) {
+        self.own.device.queue.submit([commands.finish()]);
+    }
+
+    /// Checks all that a step found against what is found of vertices of the host.
+    fn check(&mut self, (id, queries, copied): (StepId, [QueryId; 2], &Buffer), expected: &[Met]) {
+        // The second query wrote them, and so does the step after it.
+        assert!(bits(self.own.tracer.hits(id, queries[0]).unwrap()) == expected);
+        let bytes = bytes_of(&self.own.device, copied);
+        let words: &[[u32; 4]] = bytemuck::cast_slice(&bytes);
+        for (&[t, u, v, triangle], met) in zip(words, expected) {
+            let found = (triangle != u32::MAX).then_some([t, u, v]);
+            assert_eq!(found, met.map(|(_, numbers)| numbers));
+        }
+    }
+}
+
+/// Even if two are under way at a time.
+pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
+    for update in [Update::Async, Update::Refit] {
+        let mut found = Encoded::new(update);
+        let mut expected = Own::new(update);
+        for i in 0..8 {
+            let moved = [2 * i, 2 * i + 1].map(|i| [0.1 * i as f32, 1.0 + 0.2 * i as f32]);
+            let steps = moved.map(|to| found.encode(to));
+            let ids = steps.map(|step| {
+                found.submit(step.commands);
+                (step.id, step.queries, step.copied)
+            });
+            for ((id, queries, copied), to) in zip(ids, moved) {
+                let expected = expected.step(to.map(|height| Some((height, false))));
+                found.check((id, queries, &copied), &expected);
+            }
+        }
+    }
+}
+
+pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
+    let mut own = Encoded::new(Update::Async);
+    let steps = [0.25, 0.5].map(|height| own.encode([height, 1.0]));
+    for step in &steps {
+        let said = own.own.tracer.hits(step.id, step.queries[0]).err();
+        assert!(matches!(said, Some(Error::Device(_))), "{said:?}");
+    }
+    // Nor can more begin: a third has no room.
+    let mut commands = own.commands();
+    let mut step = own.own.tracer.step(0.0);
+    step.trace(&camera(), Query::Closest).unwrap();
+    let said = step.encode(&mut commands);
+    assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
+    let mut expected = Own::new(Update::Async);
+    for (step, height) in zip(steps, [0.25, 0.5]) {
+        own.submit(step.commands);
+        let expected = expected.step([Some((height, false)), Some((1.0, false))]);
+        own.check((step.id, step.queries, &step.copied), &expected);
+    }
+}
+
+/// And what the program's commands were before they stay.
+pub(crate) fn what_cannot_be_encoded_is_refused() {
+    let camera = camera();
+    let refused = |tracer: &mut Tracer, own: &Encoded, queries: usize| {
+        let mut commands = own.commands();
+        let from = own.own.buffer(&sheet(3.0), BufferUsages::COPY_SRC);
+        let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let to = own.own.buffer(&sheet(4.0), usage);
+        commands.copy_buffer_to_buffer(&from, 0, &to, 0, None);
+        let mut step = tracer.step(0.0);
+        for _ in 0..queries {
+            step.trace(&camera, Query::Closest).unwrap();
+        }
+        let said = step.encode(&mut commands);
+        own.submit(commands);
+        let copied = bytes_of(&own.own.device, &to);
+        let points: &[f32] = bytemuck::cast_slice(&copied);
+        assert_eq!(points[3..], *sheet(3.0).as_flattened());
+        said.err()
+    };
+    let mut own = Encoded::new(Update::Async);
+    let device = |own: &Encoded| Device::from(own.own.device.clone());
+    let on = |device| Tracer::builder().device(device).threads(2);
+    let build = |builder: abvh::Builder| builder.build(crate::wgpu_points::scene().0).unwrap();
+    let is_device = |said| matches!(said, Some(Error::Device(_)));
+    // No tree is there.
+    let mut first = build(on(device(&own)));
+    assert!(is_device(refused(&mut first, &own, 1)));
+    let mut rebuilt = build(on(device(&own)).update(Update::Rebuild));
+    rebuilt.warm_up(0.0).unwrap();
+    assert!(is_device(refused(&mut rebuilt, &own, 1)));
+    let mut exact = build(on(device(&own)).intersector(Intersector::Exact));
+    exact.warm_up(0.0).unwrap();
+    assert!(is_device(refused(&mut exact, &own, 2)));
+    assert_eq!(refused(&mut exact, &own, 1), None);
+    let mut host = build(on(Device::Cpu));
+    host.warm_up(0.0).unwrap();
+    assert!(is_device(refused(&mut host, &own, 1)));
+    // Rays of the host's memory are traced at once.
+    let mut commands = own.commands();
+    let mut step = own.own.tracer.step(0.0);
+    step.trace(&[Ray::new([0.0; 3], [1.0; 3])], Query::Any)
+        .unwrap();
+    assert_eq!(step.encode(&mut commands), Err(Error::TooLate));
+}
+
+/// What the queue writes meanwhile would come before the commands.
+pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
+    let (animation, camera) = (swarm(300), camera());
+    let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
+    let features = required_features() | useful_features();
+    let (device, queue, info) = device_on(&adapter(), features, limits);
+    let mut backend = from_device(device.clone(), queue.clone(), info).unwrap();
+    open(&mut backend, &animation);
+    stand(&mut backend, &animation, 0.3);
+    let expected = see(&mut backend, Rays::Camera(&camera), SHADOWED);
+    stand(&mut backend, &animation, 0.3);
+    let commands = device.create_command_encoder(&Default::default());
+    backend.gpu_mut().lend_encoder(commands).unwrap();
+    let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
+    let commands = backend.gpu_mut().take_encoder().unwrap();
+    let second = Generation(2);
+    backend.adopt(&tree_at(&animation, 0.0), second).unwrap();
+    let all = 0..animation.triangle_count() as u32;
+    let leaves: Vec<u32> = all.rev().filter(|&t| animation.is_live(t)).collect();
+    let uneven = |depth, leaves| if depth < 8 { 1 } else { leaves / 2 };
+    let third = conformance::record(animation.triangle_count(), &leaves, uneven);
+    backend.bring(&third, Generation(3)).unwrap();
+    queue.submit([commands.finish()]);
+    assert!(hits(&mut backend, ticket) == expected);
+}
