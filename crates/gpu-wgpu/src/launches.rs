@@ -68,11 +68,12 @@ impl Launches {
         self.rows.clear();
     }
 
-    /// Binds dispatches to their buffers; `find` gives all but parameters and the slot's counts.
+    /// Binds dispatches to their buffers; `find` gives all but parameters and the slot's counts, which are those of the
+    /// dispatch's [place](shaders::work::Work::place).
     pub(crate) fn make(
         &mut self,
         gpu: &Gpu,
-        counts: &Buffer,
+        counts: &[Buffer],
         all: &[Dispatch<'_, WgpuDevice>],
         find: Find<'_, '_, Buffer>,
     ) -> Result<Vec<Launch>> {
@@ -84,15 +85,18 @@ impl Launches {
             let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
             let pipeline = dispatch.pipeline;
             // Neighbours that differ in the offset alone share a group.
-            let shared =
-                i > 0 && row > 0 && all[i - 1].pipeline.kernel.name == pipeline.kernel.name;
+            let is_same = |before: &Dispatch<'_, WgpuDevice>| {
+                before.pipeline.kernel.name == pipeline.kernel.name
+                    && before.work.place == dispatch.work.place
+            };
+            let shared = i > 0 && row > 0 && is_same(&all[i - 1]);
             let group = match made.last().filter(|_| shared) {
                 Some(last) => last.group.clone(),
                 None => {
                     let params = &self.pages[page];
                     self.groups.get(gpu, pipeline, |name| match name {
                         BufferName::Params => params,
-                        BufferName::Counts => counts,
+                        BufferName::Counts => &counts[dispatch.work.place % counts.len()],
                         other => find(other),
                     })?
                 }

@@ -14,9 +14,15 @@ use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
+/// Traces of a submission that count apart: wgpu has dispatches wait for each other that write one buffer.
+const PLACES: usize = 16;
+
 /// Used by one submission at a time.
 pub struct Slot {
-    counts: Buffer,
+    /// One for each place that a trace had so far.
+    counts: Vec<Buffer>,
+    /// Places that this submission has.
+    places: usize,
     marks: Option<Marks>,
     /// Counts and timestamps on their way to the host.
     back: Buffer,
@@ -43,9 +49,10 @@ enum Submitted {
 impl Slot {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {
-            counts: storage(gpu, "counts", COUNTS)?,
+            counts: vec![storage(gpu, "counts", COUNTS)?],
+            places: 1,
             marks: Marks::new(gpu)?,
-            back: readback(gpu, "a report", COUNTS + marks::BYTES)?,
+            back: readback(gpu, "a report", marks::BYTES + COUNTS * PLACES as u64)?,
             launches: Launches::new(gpu),
             commands: Vec::new(),
             waiting: Vec::new(),
@@ -56,7 +63,7 @@ impl Slot {
     /// Bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         let marks = self.marks.as_ref().map_or(0, Marks::bytes);
-        self.counts.size() + self.launches.bytes() + marks
+        COUNTS * self.counts.len() as u64 + self.launches.bytes() + marks
     }
 
     /// Lets go of the buffers of a scene.
@@ -71,6 +78,7 @@ impl Slot {
         self.launches.begin(gpu);
         self.waiting.clear();
         self.commands.clear();
+        self.places = 1;
         if let Some(marks) = &mut self.marks {
             marks.stages.clear();
         }
@@ -88,7 +96,13 @@ impl Slot {
         all: &[Dispatch<'_, WgpuDevice>],
         find: Find<'_, '_, Buffer>,
     ) -> Result<()> {
-        let launches = self.launches.make(gpu, &self.counts, all, find)?;
+        let places = all.iter().map(|d| d.work.place + 1).max();
+        self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
+        while self.counts.len() < self.places {
+            self.counts.push(storage(gpu, "counts", COUNTS)?);
+        }
+        let counts = &self.counts[..self.places];
+        let launches = self.launches.make(gpu, counts, all, find)?;
         gpu.count(|t| t.dispatches += all.len() as u64);
         self.waiting.extend(launches);
         Ok(())
@@ -101,6 +115,10 @@ impl Slot {
 
     /// Writes all that was recorded, and has the report copied.
     pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
+        gpu.guard("recording", 0, || {
+            let others = self.counts[..self.places].iter().skip(1);
+            others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
+        })?;
         let mut parts = Vec::new();
         let mut commands = std::mem::take(&mut self.commands);
         for command in commands.drain(..) {
@@ -108,7 +126,7 @@ impl Slot {
                 Command::Clear(bytes) => {
                     self.passes(gpu, encoder, &mut parts)?;
                     gpu.guard("recording", 0, || {
-                        encoder.clear_buffer(&self.counts, 0, Some(bytes));
+                        encoder.clear_buffer(&self.counts[0], 0, Some(bytes));
                     })?;
                 }
                 Command::Stage(stage, launches) => {
@@ -126,9 +144,12 @@ impl Slot {
         self.untimed(gpu, encoder)?;
         self.launches.write(gpu)?;
         gpu.guard("the report of a frame", 0, || {
-            encoder.copy_buffer_to_buffer(&self.counts, 0, &self.back, 0, COUNTS);
+            for (counts, at) in self.counts[..self.places].iter().zip(0..) {
+                let at = marks::BYTES + COUNTS * at;
+                encoder.copy_buffer_to_buffer(counts, 0, &self.back, at, COUNTS);
+            }
             if let Some(marks) = &self.marks {
-                marks.resolve(encoder, &self.back, COUNTS);
+                marks.resolve(encoder, &self.back, 0);
             }
         })
     }
@@ -217,9 +238,11 @@ impl Slot {
         }
         mapping.expect(gpu)?;
         let view = self.back.get_mapped_range(..).map_err(unreadable)?;
-        let (counts, ticks) = view.split_at(COUNTS as usize);
-        let counts: Counts = bytemuck::pod_read_unaligned(counts);
+        let (ticks, counts) = view.split_at(marks::BYTES as usize);
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
+        let each: Vec<Counts> = bytemuck::pod_collect_to_vec(counts);
+        let (mut counts, others) = (each[0], &each[1..self.places]);
+        others.iter().for_each(|other| counts.add_trace(other));
         drop(view);
         if !unmap(&gpu.device, &self.back) {
             return Err(gpu.faults.lose("it took a report with it".into()));

@@ -174,6 +174,13 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Adds what a further trace of the same submission counted.
+    pub fn add_trace(&mut self, other: &Self) {
+        self.hits += other.hits;
+        self.blocked += other.blocked;
+        self.open += other.open;
+    }
+
     /// Rays, shadows included, that whole numbers settled.
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)

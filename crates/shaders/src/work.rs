@@ -29,6 +29,8 @@ pub struct Work {
     /// Whether it reads nothing that the one before it writes, so that both may run at once. Of a stage's first:
     /// whether it may run beside `interpolate`, where that comes just before.
     pub alongside: bool,
+    /// Of a trace: its place among those of the submission, which may run at once.
+    pub place: usize,
 }
 
 /// How many workgroups a dispatch has.
@@ -83,6 +85,7 @@ impl Work {
             params,
             groups,
             alongside: false,
+            place: 0,
         }
     }
 

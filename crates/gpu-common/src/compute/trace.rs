@@ -47,6 +47,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
             // It writes what no other does.
             first.alongside = true;
         }
+        for work in &mut tracing.primary {
+            work.place = place;
+        }
         // Those before the last are timed with it.
         let primary = (place + 1 == count).then_some(Stage::TracePrimary);
         let stages = [

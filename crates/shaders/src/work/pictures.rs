@@ -82,16 +82,13 @@ pub(super) fn by_rasterization(
 pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
     let kernel = common("shade");
     let [width, height, _] = kernel.workgroup;
-    Work {
-        kernel,
-        params: Params {
-            // In the scene's units.
-            light: lamp,
-            ..params.through(camera)
-        },
-        groups: Groups::Pixels([camera.width, camera.height], [width, height]),
-        alongside: false,
-    }
+    let params = Params {
+        // In the scene's units.
+        light: lamp,
+        ..params.through(camera)
+    };
+    let groups = Groups::Pixels([camera.width, camera.height], [width, height]);
+    Work::new(kernel, params, groups)
 }
 
 /// Over a picture, so many pixels a workgroup.
