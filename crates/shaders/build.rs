@@ -40,6 +40,9 @@ fn main() -> Result<()> {
     let about = "Kernels beside [`RAYS`], for those who have a driver make trees.";
     let beside = table(about, "RAY_KERNELS", &beside)?;
     let pipeline = rays::compile(&out, &sources, &entries).context(rays::PIPELINE)?;
+    let module = variants::module(&sources, &entries).context("the module")?;
+    parse(&module, CAPABILITIES)?;
+    std::fs::write(out.join("module.wgsl"), module)?;
     let all = [kernels, beside, pipeline].concat();
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
 }

@@ -41,6 +41,8 @@ mod motion;
 #[cfg(feature = "wgpu")]
 pub mod own_device;
 mod replacement;
+#[cfg(feature = "wgpu")]
+pub mod shader_module;
 mod step;
 mod tracer;
 

@@ -2,7 +2,8 @@
 //!
 //! Vertices may come from its buffers, [`Source::Wgpu`](crate::Source::Wgpu), and so may rays: [`Step::trace_buffers`].
 //!
-//! [`Step::encode`] puts a step among commands of the program's, which it submits itself.
+//! [`Step::encode`] puts a step among commands of the program's, which it submits itself. Its shaders trace rays by
+//! [`shader_module`](crate::shader_module).
 //!
 //! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
@@ -61,7 +62,7 @@ pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
 }
 
 impl Loaded {
-    fn wgpu(&mut self) -> Option<&mut WgpuBackend> {
+    pub(crate) fn wgpu(&mut self) -> Option<&mut WgpuBackend> {
         let backend: &mut dyn Any = self.driver.backend();
         backend.downcast_mut()
     }
@@ -104,7 +105,7 @@ impl Loaded {
     pub(crate) fn lend_rays(&mut self, all: &[(QueryId, Deferred, Query)]) {
         let lent = all.iter().filter_map(|(_, rays, _)| match rays {
             Deferred::Wgpu(lent, _) => Some(lent.clone()),
-            Deferred::Camera(_) => None,
+            Deferred::Camera(_) | Deferred::Nothing => None,
         });
         let lent: Vec<_> = lent.collect();
         if let Some(backend) = self.wgpu().filter(|_| !lent.is_empty()) {
@@ -234,6 +235,8 @@ impl Step<'_> {
     /// order once the program submits them. Vertices ([`Source::Wgpu`](crate::Source::Wgpu)) and rays may be written by
     /// commands before it, and what it finds be read by commands after it ([`Tracer::hits_buffer`]).
     ///
+    /// A step without queries brings the scene up to date for shaders of the program's ([`shader_module`](crate::shader_module)).
+    ///
     /// Steps are submitted in their order, before [`Tracer::hits`] of them and before the second step after them: both fail
     /// until then.
     ///
@@ -245,19 +248,20 @@ impl Step<'_> {
         if self.deferred.len() < self.queries as usize {
             return Err(Error::TooLate);
         }
-        self.tracer.current.check_encode(&self.deferred)?;
-        if !self.deferred.is_empty() {
-            self.tracer.current.lend_encoder(encoder)?;
-            let begun = self.begin_deferred();
-            self.tracer.current.return_encoder(encoder);
-            begun?;
+        if self.deferred.is_empty() {
+            self.defer(Deferred::Nothing, Query::Any);
         }
+        self.tracer.current.check_encode(&self.deferred)?;
+        self.tracer.current.lend_encoder(encoder)?;
+        let begun = self.begin_deferred();
+        self.tracer.current.return_encoder(encoder);
+        begun?;
         self.tracer.end_step(self.id);
         Ok(self.id)
     }
 }
 
-fn no_wgpu() -> Error {
+pub(crate) fn no_wgpu() -> Error {
     Error::Device("it has no buffers of wgpu's".into())
 }
 

@@ -68,6 +68,8 @@ pub struct Step<'t> {
 pub(crate) enum Deferred {
     Camera(Camera),
     #[cfg(feature = "wgpu")]
+    Nothing,
+    #[cfg(feature = "wgpu")]
     Wgpu(gpu_wgpu::LentRays<wgpu::Buffer>, usize),
 }
 
@@ -75,6 +77,8 @@ impl Deferred {
     pub(crate) fn asked(&self, query: Query) -> backend::Query<'_> {
         let rays = match self {
             Self::Camera(camera) => Rays::Camera(camera),
+            #[cfg(feature = "wgpu")]
+            Self::Nothing => Rays::List(&[]),
             #[cfg(feature = "wgpu")]
             &Self::Wgpu(_, count) => Rays::OnDevice(count),
         };

@@ -30,6 +30,7 @@ mod modules;
 mod pipeline_cache;
 mod pipelines;
 mod positions;
+mod shader_module;
 mod slot;
 mod wgpu_device;
 
@@ -37,4 +38,5 @@ pub use adapters::adapters;
 pub use gpu::CallCounts;
 pub use gpu_common::LentRays;
 pub use limits::{required_features, required_limits, useful_features};
+pub use shader_module::{SHADER_MODULE, TracedScene, traced_scene};
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

@@ -19,7 +19,7 @@ use gpu_common::{
     KernelForm, LentRays, Options, Sent, Stage, Validation,
 };
 use rayon::iter::IndexedParallelIterator;
-use shaders::{Kernel, Packets};
+use shaders::{Kernel, Packets, Params};
 use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::Arc;
@@ -54,6 +54,8 @@ pub struct WgpuDevice {
     pub(crate) points: DevicePoints,
     pub(crate) rays: DeviceRays,
     pub(crate) encoder: LentEncoder,
+    /// What the program's shaders read last.
+    pub(crate) module: Option<(Params, Buffer)>,
     form: KernelForm,
     validation: Validation,
     pub(crate) gpu: Arc<Gpu>,
@@ -74,6 +76,7 @@ impl WgpuDevice {
             points: DevicePoints::default(),
             rays: DeviceRays::default(),
             encoder: LentEncoder::default(),
+            module: None,
             form: options.kernels,
             validation: options.validation,
             gpu: Arc::new(gpu),

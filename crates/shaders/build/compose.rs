@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs::read_to_string;
 use std::path::Path;
 use wesl::syntax::{ModulePath, PathOrigin};
-use wesl::{CompileOptions, Feature, Features, NoMangler, VirtualResolver};
+use wesl::{CompileOptions, EscapeMangler, Feature, Features, Mangler, NoMangler, VirtualResolver};
 
 /// All files, by their paths from the folder `wgsl` on without extension.
 pub(crate) struct Sources(BTreeMap<String, String>);
@@ -37,6 +37,28 @@ impl Sources {
         on: &[&str],
         off: &[&str],
     ) -> Result<String> {
+        // Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
+        self.compose_as(file, (entries, &NoMangler), on, off)
+    }
+
+    /// Likewise, of what shaders of others call: names of other files are escaped.
+    pub(crate) fn compose_module(
+        &self,
+        file: &str,
+        names: &[&str],
+        on: &[&str],
+        off: &[&str],
+    ) -> Result<String> {
+        self.compose_as(file, (names, &EscapeMangler), on, off)
+    }
+
+    fn compose_as(
+        &self,
+        file: &str,
+        (entries, mangler): (&[&str], &impl Mangler),
+        on: &[&str],
+        off: &[&str],
+    ) -> Result<String> {
         let mut resolver = VirtualResolver::new();
         for (name, text) in self.iter() {
             resolver.add_module(module(name), text.into());
@@ -58,8 +80,7 @@ impl Sources {
                 flags: off.iter().chain(on).map(flag).collect(),
             },
         };
-        // Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
-        let made = wesl::compile(&module(file), &resolver, &NoMangler, &options);
+        let made = wesl::compile(&module(file), &resolver, mangler, &options);
         let made = made.map_err(|e| anyhow!("{e}"))?;
         Ok(number_bindings(&made.syntax.to_string()))
     }

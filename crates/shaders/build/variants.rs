@@ -31,6 +31,9 @@ const FUSED: &str = "FUSED";
 /// Holds for entry points that are named so.
 const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
 
+/// Holds for the text that shaders of others call: nothing is counted.
+const MODULE: &str = "MODULE";
+
 /// A value of an axis.
 #[derive(Clone, Copy)]
 struct Value {
@@ -62,6 +65,19 @@ pub(crate) struct Variant {
 pub(crate) struct Text {
     pub(crate) plain: String,
     pub(crate) opaque: String,
+}
+
+/// Single rays for shaders of others, by the usual method.
+pub(crate) fn module(sources: &Sources, all: &[EntryPoint]) -> Result<String> {
+    let names = [
+        "abvh_closest",
+        "abvh_any",
+        "AbvhHit",
+        "ABVH_MISS",
+        "ABVH_EXTREME",
+    ];
+    let on = ["WATERTIGHT", "LAYOUT_FAST", OPAQUE, MODULE];
+    sources.compose_module("traversal/module", &names, &on, &conditions(all))
 }
 
 /// Every compute kernel, sorted by name.
@@ -195,7 +211,7 @@ pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<&str> {
     let values = values.map(|(_, condition)| *condition);
     let entries = all.iter().map(|e| e.name.as_str());
     values
-        .chain([OPAQUE, FUSED, SUBGROUPS.0])
+        .chain([OPAQUE, FUSED, MODULE, SUBGROUPS.0])
         .chain(entries)
         .collect()
 }

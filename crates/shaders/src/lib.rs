@@ -146,6 +146,9 @@ macro_rules! words {
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
+/// WGSL that shaders of others call: `traversal/module.wgsl` with all that it uses. Its buffers are bound in group 0.
+pub const MODULE: &str = include_str!(concat!(env!("OUT_DIR"), "/module.wgsl"));
+
 impl Kernel {
     /// Whether it is of use to `method`.
     pub fn serves(&self, method: Method) -> bool {

@@ -73,6 +73,18 @@ impl Params {
         }
     }
 
+    /// What [`crate::MODULE`] reads of it.
+    #[must_use]
+    pub fn for_module(&self) -> Self {
+        Self {
+            scale_exponent: self.scale_exponent,
+            node_count: self.node_count,
+            extreme: self.extreme,
+            tiny: self.tiny,
+            ..Self::default()
+        }
+    }
+
     /// The same at a moment whose coordinates reach so far; `None` where a device has to find out.
     pub fn at_range(self, range: Option<Range>) -> Self {
         match range {

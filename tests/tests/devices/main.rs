@@ -15,6 +15,7 @@ mod scenes;
 mod wgpu_calls;
 mod wgpu_encode;
 mod wgpu_lent;
+mod wgpu_module;
 mod wgpu_points;
 mod wgpu_rays;
 
@@ -163,6 +164,8 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_encode::a_step_that_is_not_submitted_has_no_results_yet,
     wgpu_encode::what_cannot_be_encoded_is_refused,
     wgpu_encode::a_tree_stays_until_the_commands_are_done_that_read_it,
+    wgpu_module::shaders_find_what_queries_do,
+    wgpu_module::a_scene_that_shaders_cannot_trace_is_an_error,
 ];
 
 fn main() -> ExitCode {

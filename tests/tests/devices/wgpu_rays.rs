@@ -107,7 +107,7 @@ fn scene() -> Scene {
 }
 
 /// Some of which can hit nothing, and some that start far away.
-fn all_kinds() -> Vec<Ray> {
+pub(crate) fn all_kinds() -> Vec<Ray> {
     let mut all = rays(1000);
     let spoil: [fn(&mut Ray); 12] = [
         |ray| ray.direction = [0.0, -0.0, 0.0],

@@ -41,7 +41,7 @@
 //!
 //! With `Own(device)`, vertices ([`Source`](crate::Source)) and rays may come from the program's wgpu buffers. Closest hits
 //! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue, or with
-//! `Step::encode` in that of its commands.
+//! `Step::encode` in that of its commands. Its own shaders trace rays by the text that `shader_module` gives.
 //!
 //! # Threads
 //!

@@ -2,10 +2,10 @@
 
 use super::{ComputeBackend, Stale};
 use crate::{GpuDevice, Stage, are_given};
-use backend::{Query, QueryKind, Rays, Result, Ticket};
+use backend::{Intersector, Layout, Method, Query, QueryKind, Rays, Result, Ticket};
 use geom::Ray;
-use shaders::BufferName;
 use shaders::work;
+use shaders::{BufferName, Params};
 
 impl<D: GpuDevice> ComputeBackend<D> {
     /// Records the stages of a trace, of so many that are submitted together. An empty tree has no node to trace: its stages are
@@ -66,6 +66,22 @@ impl<D: GpuDevice> ComputeBackend<D> {
         // What was refused measured nothing.
         self.measured |= measures;
         Ok(())
+    }
+
+    /// What [`shaders::MODULE`] reads of the scene: parameters, nodes, records and range. `None` by another method, or while
+    /// boxes are not those of the positions.
+    pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
+        let usual = Method {
+            intersector: Intersector::Watertight,
+            layout: Layout::Fast,
+        };
+        let is_ready = self.method == usual && self.stale == Stale::Fresh;
+        let (params, tree) = (self.params().for_module(), self.tree());
+        let scene = self.engine.scene();
+        let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));
+        let names = [BufferName::Nodes, BufferName::Records, BufferName::Range];
+        let [nodes, records, range] = names.map(buffer);
+        is_ready.then_some((params, [nodes?, records?, range?]))
     }
 
     /// Where the closest hits of a submission's trace of that place are or will be, while it is kept; `None` if it looked for none.

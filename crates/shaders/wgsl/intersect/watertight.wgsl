@@ -89,7 +89,7 @@ fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> Watertight
 // What is written for a ray, t in the ray's own units.
 fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32> {
     if found.leaf == NO_LEAF { return MISS; }
-    atomicAdd(&counts[2], 1u);
+    @if(!MODULE) atomicAdd(&counts[2], 1u);
     let corners = turned_corners(ray, found.leaf);
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);

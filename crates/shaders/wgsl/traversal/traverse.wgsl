@@ -9,7 +9,7 @@ import package::lib::buffers::nodes;
 // that are not negative compare as their bits do, and what is negative lies behind the ray in either order. Devices tell the
 // greatest of three whole numbers in one go (an H200: rays 4 % faster).
 
-@if(!(trace_rays || any_rays))
+@if(!(trace_rays || any_rays || MODULE))
 fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {
     let planes = loose_planes(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     let n = bitcast<vec3<i32>>(planes.near);

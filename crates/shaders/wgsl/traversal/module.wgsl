@@ -1,0 +1,50 @@
+// Single rays for shaders of others: what crates/abvh gives them as text, in which all other names are escaped.
+
+import package::geometry::queries::is_void_ray;
+import package::geometry::range::{EXTREME, TINY};
+import package::geometry::ray::{MISS, prepare, root_from};
+import package::geometry::units::{is_extreme, scaled_point, starts_beyond};
+import package::intersect::intersector::{ask_any, hit_of};
+import package::lib::buffers::range;
+import package::lib::params::params;
+import package::traversal::traverse::find_closest;
+
+// Where a ray meets the scene: the distance in lengths of its direction, the weights of the triangle's second and third
+// vertex, and the triangle's number among those of all meshes. Of a miss the distance is infinite.
+struct AbvhHit { t: f32, u: f32, v: f32, triangle: u32 }
+
+// In place of a triangle: nothing is hit.
+const ABVH_MISS: u32 = 0xffffffffu;
+// Likewise: the ray is extreme, and answered by the library's queries alone.
+const ABVH_EXTREME: u32 = 0xfffffffeu;
+
+// Whether exact arithmetic has to answer, which is not here.
+fn abvh_is_extreme(origin: vec3<f32>) -> bool {
+    if params.extreme == 2u { return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u); }
+    return is_extreme(origin);
+}
+
+// The closest hit for t between t_min and t_max, both excluded.
+fn abvh_closest(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> AbvhHit {
+    let first = vec4<u32>(bitcast<vec3<u32>>(origin), bitcast<u32>(t_min));
+    let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
+    let start = scaled_point(first.xyz);
+    var hit = MISS;
+    if params.node_count > 0u && !is_void_ray(first, second) {
+        if abvh_is_extreme(start) { return AbvhHit(0.0, 0.0, 0.0, ABVH_EXTREME); }
+        let ray = prepare(start, second.xyz, first.w, second.w, root_from(start));
+        hit = hit_of(0u, ray, find_closest(ray));
+    }
+    return AbvhHit(bitcast<f32>(hit.x), bitcast<f32>(hit.y), bitcast<f32>(hit.z), hit.w);
+}
+
+// Whether there is any hit: 1 if so, 0 if not, or ABVH_EXTREME.
+fn abvh_any(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> u32 {
+    let first = vec4<u32>(bitcast<vec3<u32>>(origin), bitcast<u32>(t_min));
+    let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
+    let start = scaled_point(first.xyz);
+    if params.node_count == 0u || is_void_ray(first, second) { return 0u; }
+    if abvh_is_extreme(start) { return ABVH_EXTREME; }
+    let ray = prepare(start, second.xyz, first.w, second.w, root_from(start));
+    return u32(ask_any(ray, 0xffffffffu));
+}

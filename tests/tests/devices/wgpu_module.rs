@@ -1,0 +1,178 @@
+//! Rays that shaders of the program's own trace.
+
+use crate::wgpu_points::{Own, scene, sheet};
+use crate::wgpu_rays::{all_kinds, bytes_of};
+use abvh::own_device::RayBuffers;
+use abvh::shader_module::{SceneBuffers, wgsl};
+use abvh::{Device, Error, Intersector, Layout, Query, Ray, Source, Tracer, Update};
+use wgpu::{BindGroupEntry, Buffer, BufferUsages, CommandEncoder};
+
+/// In a group of its own, under names that the module might have.
+const SHADER: &str = "
+struct Ray { origin: vec3f, t_min: f32, direction: vec3f, t_max: f32 }
+@group(0) @binding(0) var<storage, read> rays: array<Ray>;
+@group(0) @binding(1) var<storage, read_write> hits: array<vec4u>;
+@group(0) @binding(2) var<storage, read_write> occluded: array<u32>;
+@compute @workgroup_size(64)
+fn trace_rays(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= arrayLength(&rays) { return; }
+    let ray = rays[id.x];
+    let hit = abvh_closest(ray.origin, ray.t_min, ray.direction, ray.t_max);
+    hits[id.x] = vec4u(bitcast<u32>(hit.t), bitcast<u32>(hit.u), bitcast<u32>(hit.v), hit.triangle);
+    occluded[id.x] = abvh_any(ray.origin, ray.t_min, ray.direction, ray.t_max);
+}";
+const MISS: u32 = u32::MAX;
+const EXTREME: u32 = u32::MAX - 1;
+
+/// Closest hits, and whether there are any.
+type Answers = (Vec<[u32; 4]>, Vec<u32>);
+
+struct Shader {
+    pipeline: wgpu::ComputePipeline,
+    rays: Buffer,
+    hits: Buffer,
+    occluded: Buffer,
+}
+
+impl Shader {
+    fn new(own: &Own, rays: &[Ray]) -> Self {
+        let device = &own.device.device;
+        let source = format!("{}{SHADER}", wgsl(1));
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let room = |bytes| own.bytes(&vec![7; bytes * rays.len()], usage);
+        Self {
+            pipeline,
+            rays: own.bytes(bytemuck::cast_slice(rays), usage),
+            hits: room(16),
+            occluded: room(4),
+        }
+    }
+
+    fn record(&self, own: &Own, scene: &SceneBuffers, commands: &mut CommandEncoder) {
+        let own_buffers = [&self.rays, &self.hits, &self.occluded].into_iter();
+        let entries = own_buffers
+            .zip(0..)
+            .map(|(buffer, binding)| BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            });
+        let mut pass = commands.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        for (group, entries) in [(0, &entries.collect::<Vec<_>>()[..]), (1, &scene.entries())] {
+            let bound = wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &self.pipeline.get_bind_group_layout(group),
+                entries,
+            };
+            let bound = own.device.device.create_bind_group(&bound);
+            pass.set_bind_group(group, &bound, &[]);
+        }
+        let rays = self.rays.size() as u32 / size_of::<Ray>() as u32;
+        pass.dispatch_workgroups(rays.div_ceil(64), 1, 1);
+    }
+
+    fn answers(&self, own: &Own) -> Answers {
+        let [hits, occluded] = [&self.hits, &self.occluded].map(|b| bytes_of(&own.device, b));
+        (
+            bytemuck::cast_slice(&hits).to_vec(),
+            bytemuck::cast_slice(&occluded).to_vec(),
+        )
+    }
+
+    /// What the library's queries find, of sheets where they stand.
+    fn queried(&self, own: &mut Own) -> Answers {
+        for query in [Query::Closest, Query::Any] {
+            let answers = match query {
+                Query::Closest => &self.hits,
+                _ => &self.occluded,
+            };
+            let asked = RayBuffers {
+                rays: &self.rays,
+                count: self.rays.size() as usize / size_of::<Ray>(),
+                answers: Some(answers),
+            };
+            let mut step = own.tracer.step(0.0);
+            step.trace_buffers(asked, query).unwrap();
+            step.submit().unwrap();
+        }
+        self.answers(own)
+    }
+}
+
+/// Sheets are moved by commands of the program's, then its shader asks; queries ask the same. Only extreme rays differ.
+pub(crate) fn shaders_find_what_queries_do() {
+    let mut list = all_kinds();
+    // Hits may lie behind where a ray starts.
+    for ray in list.iter_mut().skip(1).step_by(3) {
+        ray.t_min = -2.0;
+    }
+    let starts_far = |ray: &Ray| ray.origin.iter().any(|x| x.abs() > 1e15 && x.is_finite());
+    let mut own = Own::new(Update::Async);
+    own.tracer.warm_up(0.0).unwrap();
+    let shader = Shader::new(&own, &list);
+    // One vertex is outlying in the last.
+    for (height, is_outlying) in [(0.2, false), (0.4, false), (0.3, false), (0.5, true)] {
+        let mut commands = own
+            .device
+            .device
+            .create_command_encoder(&Default::default());
+        let mut points = sheet(height);
+        if is_outlying {
+            points[7][1] = 1e30;
+        }
+        let vertices = own.buffer(&points, BufferUsages::COPY_SRC);
+        let (first, second) = (own.sheets[0], own.sheets[1]);
+        let mut step = own.tracer.step(0.0);
+        step.vertices(first, Source::Wgpu(vertices.slice(12..)))
+            .unwrap();
+        step.vertices(second, Source::Host(&sheet(1.5 * height)))
+            .unwrap();
+        step.encode(&mut commands).unwrap();
+        let scene = own.tracer.scene_buffers().unwrap();
+        shader.record(&own, &scene, &mut commands);
+        own.device.queue.submit([commands.finish()]);
+        let (hits, occluded) = shader.answers(&own);
+        let (expected, expected_any) = shader.queried(&mut own);
+        let met = expected.iter().filter(|hit| hit[3] != MISS).count();
+        assert!(met > 100, "{met} rays hit");
+        for (i, ray) in list.iter().enumerate() {
+            if ray.is_valid() && (is_outlying || starts_far(ray)) {
+                assert_eq!((hits[i][3], occluded[i]), (EXTREME, EXTREME), "{ray:?}");
+            } else {
+                assert_eq!(hits[i], expected[i], "{ray:?} at {height}");
+                assert_eq!(occluded[i], expected_any[i], "{ray:?} at {height}");
+            }
+        }
+    }
+}
+
+pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
+    let own = Own::new(Update::Async);
+    let refused = |builder: abvh::Builder, warm: bool| {
+        let builder = builder.device(Device::from(own.device.clone())).threads(2);
+        let mut tracer = builder.build(scene().0).unwrap();
+        if warm {
+            tracer.warm_up(0.0).unwrap();
+        }
+        matches!(tracer.scene_buffers(), Err(Error::Device(_)))
+    };
+    assert!(refused(Tracer::builder(), false));
+    assert!(!refused(Tracer::builder(), true));
+    let woop = Tracer::builder().intersector(Intersector::Woop);
+    assert!(refused(woop, true));
+    assert!(refused(Tracer::builder().layout(Layout::Bvh2), true));
+    let host = Tracer::builder().device(Device::Cpu).build(scene().0);
+    assert!(host.unwrap().scene_buffers().is_err());
+}
