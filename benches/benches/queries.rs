@@ -1,5 +1,6 @@
 //! Queries of the library in a scene that stands still: sixteen cameras in a step beside one of as many pixels, and rays
-//! that lie on the device beside a camera's.
+//! that lie on the device beside a camera's. The sixteen are tiles of that one, which have its rays, or see as much as it,
+//! so that their rays lie four times as far apart.
 //!
 //! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps follow one another without waiting for hits
 //! (`ABVH_STEPS` of them), so a step takes what its device takes.
@@ -22,7 +23,15 @@ fn main() {
     let device = device(&named.unwrap_or_default());
     let motions = STEP_SCENES.map(|scene| Motion::open(scene).expect("demos open"));
     let rows = motions.iter().map(|motion| many(motion, &device)).collect();
-    let header = ["scene", "device", "one query ms", "16 queries", "times"];
+    let header = [
+        "scene",
+        "device",
+        "one query ms",
+        "its 16 tiles",
+        "times",
+        "16 of its view",
+        "times",
+    ];
     print_table("Rays of sixteen cameras of 640x480", &header, rows);
     let rows = motions.iter().map(listed).collect();
     let header = [
@@ -74,16 +83,34 @@ fn many(motion: &Motion, device: &Device) -> Vec<String> {
         .build(standing(motion));
     let mut tracer = tracer.expect("the device is there");
     let [small, large] = [SMALL, LARGE].map(|size| camera(motion, size));
+    let tiles = (0..16).map(|i| tile(&large, [i % 4, i / 4]));
+    let tiles: Vec<_> = tiles.collect();
     let one = time(&mut tracer, &mut |step| trace(step, &large));
-    let each = time(&mut tracer, &mut |step| {
-        (0..16).for_each(|_| trace(step, &small));
+    let [of_tiles, of_views] = [&tiles[..], &[small; 16]].map(|cameras| {
+        time(&mut tracer, &mut |step| {
+            cameras.iter().for_each(|camera| trace(step, camera));
+        })
     });
     let device = tracer.device().to_owned();
-    let numbers = [one, each, each / one].map(|x| format!("{x:.3}"));
+    let numbers = [one, of_tiles, of_tiles / one, of_views, of_views / one];
+    let numbers = numbers.map(|x| format!("{x:.3}"));
     [motion.label.clone(), device]
         .into_iter()
         .chain(numbers)
         .collect()
+}
+
+/// A part of a picture, in columns and rows of tiles.
+fn tile(whole: &Camera, [column, row]: [u32; 2]) -> Camera {
+    let [x, y] = [column * SMALL[0], row * SMALL[1]].map(|pixels| pixels as f32);
+    let corner = |i: usize| whole.corner[i] + x * whole.across[i] + y * whole.down[i];
+    let [width, height] = SMALL;
+    Camera {
+        corner: std::array::from_fn(corner),
+        width,
+        height,
+        ..*whole
+    }
 }
 
 fn open(scene: &Scene, rays: usize) -> OwnDevice {
