@@ -138,8 +138,9 @@ impl Verifier {
         let (origin, light) = (point_at(corners, hit), wide(light));
         let reach = self.size.max(largest(light));
         let margin = ULPS * ulp(reach);
-        // On a way no longer than rounding nothing is sure.
-        if (light - origin).length() <= margin {
+        // On a way no longer than rounding nothing is sure, nor where a tiny triangle's weights are no numbers.
+        let length = (light - origin).length();
+        if length.is_nan() || length <= margin {
             return None;
         }
         if blocked && distance_to_triangle(light, corners) <= margin {

@@ -82,6 +82,8 @@ fn intervals_are_kept_and_shadows_follow_the_way_to_the_light() {
     assert_eq!(judge.refutes_shadow(&below, far, 4.0, false), None);
     assert!(judge.refutes_shadow(&below, far, 4.0, true).is_some());
     assert!(judge.refutes_shadow(&Hit::MISS, far, 4.0, true).is_some());
+    let somewhere = hit(2, 3.0, f32::NAN, f32::NAN);
+    assert_eq!(judge.refutes_shadow(&somewhere, light, 4.0, false), None);
 }
 
 #[test]
