@@ -79,9 +79,9 @@ fn centre_of(animation: &Animation) -> Point {
     }
 }
 
-/// Whether all vertices are finite and stay so when they are blended.
+/// Whether all vertices are finite and stay so when they are blended. Of key frames to come nobody knows.
 fn is_tame(animation: &Animation) -> bool {
-    animation.magnitude() < HUGE
+    !animation.is_arriving() && animation.magnitude() < HUGE
 }
 
 #[cfg(test)]
@@ -98,5 +98,7 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, f32::MIN] {
             assert!(!of(bad), "{bad}");
         }
+        let live = Animation::live(vec![[0.0; 3]], &[false], Vec::new());
+        assert!(!is_tame(&live.unwrap()));
     }
 }
