@@ -7,7 +7,7 @@ use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
 use crate::stage::ask;
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Intersector, Query, QueryKind, Rays};
+use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Point, Ray};
 
 /// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
@@ -15,18 +15,27 @@ fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for &time in &c.case.times {
         c.stand(time)?;
-        let (seen, report) = ask(c.subject, rays, kind)?;
-        let expected = c
-            .reference
-            .answer(c.case, (c.method, time), Some((rays, kind)))?;
-        answers(c.case, time, rays, &seen, &expected.hits)?;
-        same_counts(&report, &expected.report).with_context(|| format!("at time {time:?}"))?;
-        // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
-        let may_settle =
-            c.method.intersector == Intersector::Exact || has_extremes(c.case, time, rays);
-        let settled = report.settled;
-        ensure!(may_settle || settled == 0, "{settled} rays are settled");
+        let seen = ask(c.subject, rays, kind)?;
+        judge(c, time, (rays, kind), &seen)?;
     }
+    Ok(())
+}
+
+/// What the subject found at a time.
+pub(super) fn judge(
+    c: &mut Check<'_>,
+    time: f64,
+    query: (Rays<'_>, QueryKind),
+    (seen, report): &(Hits, FrameReport),
+) -> Result<()> {
+    let expected = c.reference.answer(c.case, (c.method, time), Some(query))?;
+    answers(c.case, time, query.0, seen, &expected.hits)?;
+    same_counts(report, &expected.report).with_context(|| format!("at time {time:?}"))?;
+    // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
+    let may_settle =
+        c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.0);
+    let settled = report.settled;
+    ensure!(may_settle || settled == 0, "{settled} rays are settled");
     Ok(())
 }
 

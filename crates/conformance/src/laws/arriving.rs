@@ -1,15 +1,141 @@
 //! Key frames may arrive while they are played, and nobody needs to have looked at them.
 
-use super::Check;
+use super::{Check, answers, within};
+use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
-use crate::stage::{ask, open, stand};
+use crate::generate::rays::{Aims, turn};
+use crate::stage::{ask, boxes_anew, fetch, open, stand, start, tree_over};
 use anyhow::{Context, Result, ensure};
-use backend::{Backend, FrameReport, Hits, Method, QueryKind, Rays};
-use geom::{Animation, Point, Ray};
+use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Ticket};
+use fastrand::Rng;
+use geom::{Animation, Point, PointBuffer, Ray};
 use std::sync::Arc;
 
+/// Key frames that are pushed.
+const PUSHED: usize = 12;
+/// Rays that are aimed at them, two of each kind.
+const AIMED: u64 = 34;
+/// Where a vertex leaps.
+const LEAPS: [Point; 6] = [
+    [1e30, 0.0, -2.0],
+    [f32::MAX, -f32::MAX, f32::MAX],
+    [f32::NAN; 3],
+    [0.0, f32::NEG_INFINITY, 1.0],
+    [0.0, -0.0, 1e-42],
+    [-5.0, 3.0, 40.0],
+];
+
+/// Key frames that arrive give the hits and counts of an animation that holds them all.
+pub(super) fn held(c: &mut Check<'_>) -> Result<()> {
+    pushed(c, answers::judge)
+}
+
+/// Likewise, within rounding of the exact answer.
+pub(super) fn held_within(c: &mut Check<'_>) -> Result<()> {
+    pushed(c, within::judge)
+}
+
+/// Judges what a query found at a time.
+type Judge = fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
+
+fn pushed(c: &mut Check<'_>, judge: Judge) -> Result<()> {
+    let rng = &mut Rng::with_seed(c.case.chance);
+    let (case, live) = leaping(c.case, rng)?;
+    // It has another scene loaded.
+    c.reference.backend();
+    let mut c = Check {
+        case: &case,
+        subject: &mut *c.subject,
+        reference: &mut *c.reference,
+        method: c.method,
+    };
+    for (ticket, time, kind) in push_all(&mut c, &live, rng)? {
+        let found = fetch(c.subject, ticket)?;
+        judge(&mut c, time, (Rays::List(&case.rays), kind), &found)?;
+    }
+    Ok(())
+}
+
+/// The case's key frames over and over, in some of which a vertex leaps while others never move; and an animation in
+/// which all but the first are still to arrive.
+fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
+    let (own, first) = (case.animation.all_keys()?, case.animation.first());
+    let triangles = || case.animation.triangles().to_vec();
+    let still = rng.usize(..first.len()) * rng.usize(..2);
+    let marks: Vec<bool> = (0..first.len()).map(|v| v < still).collect();
+    let live = Animation::live(first.to_vec(), &marks, triangles())?;
+    let mut keys = vec![first.to_vec()];
+    for key in 1..=PUSHED {
+        let mut frame = own[key % own.len()].to_vec();
+        frame[..still].copy_from_slice(&first[..still]);
+        if rng.bool() {
+            frame[rng.usize(still..first.len())] = LEAPS[rng.usize(..LEAPS.len())];
+        }
+        // An animation that knows all its key frames may choose other units, in which hits are rounded otherwise.
+        let both = Animation::new(vec![first.to_vec(), frame.clone()], triangles())?;
+        if both.scale_exponent() == live.scale_exponent() {
+            keys.push(frame);
+        }
+    }
+    let times = (0..keys.len()).map(|key| key as f64).collect::<Vec<_>>();
+    let animation = Arc::new(Animation::new(keys, triangles())?);
+    let aims: Vec<_> = times.iter().map(|&t| Aims::of(&animation, t)).collect();
+    let ray = |i| turn(&aims[i as usize % aims.len()], i, rng);
+    let case = Case {
+        rays: (0..AIMED).map(ray).collect(),
+        animation,
+        times,
+        ..case.clone()
+    };
+    Ok((case, Arc::new(live)))
+}
+
+/// Pushes the case's key frames in memory of every sort, adopts trees of any of them, and starts a query at each.
+fn push_all(
+    c: &mut Check<'_>,
+    live: &Arc<Animation>,
+    rng: &mut Rng,
+) -> Result<Vec<(Ticket, f64, QueryKind)>> {
+    let frames = c.case.animation.all_keys()?;
+    let (rays, light) = (c.rays(), c.case.light);
+    open(c.subject, live, 0.0, c.method)?;
+    c.subject.keep(frames.len());
+    stand(c.subject, live, 0.0)?;
+    c.subject.submit()?;
+    let mut started = Vec::new();
+    for (frame, generation) in frames[1..].iter().zip(2..) {
+        let mut memory = memory(c.subject, live, rng)?;
+        memory.copy_from_slice(frame);
+        let time = live.push(memory)?;
+        let (anew, own) = (rng.bool(), c.subject.makes_own_trees());
+        if anew && !own {
+            let tree = tree_over(live, &frames[rng.usize(..frames.len())]);
+            c.subject.adopt(&tree, Generation(generation))?;
+        }
+        c.subject.interpolate(live.pose(time))?;
+        if anew && own {
+            c.subject.rebuild(Generation(generation))?;
+        }
+        boxes_anew(c.subject)?;
+        let kinds = [QueryKind::Any, QueryKind::ClosestAndShadow { light }];
+        let kind = kinds[rng.usize(..2)];
+        started.push((start(c.subject, rays, kind)?, time, kind));
+    }
+    Ok(started)
+}
+
+/// Memory for a key frame: of the host, lent by the subject, or of one that was dropped.
+fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
+    let spare = live.spare_frame().filter(|_| rng.bool());
+    Ok(match spare {
+        Some(spare) => spare,
+        None if rng.bool() => vec![[0.0; 3]; live.vertex_count()].into(),
+        None => subject.point_buffer(live.vertex_count())?,
+    })
+}
+
 /// What is special about a key frame, and the key frame.
-type Case = (&'static str, Vec<Point>);
+type Odd = (&'static str, Vec<Point>);
 
 /// A device finds out by itself how far coordinates reach: rays find what they do where the host has looked before.
 pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
@@ -46,11 +172,11 @@ type Answers = (&'static str, Vec<(Hits, FrameReport)>);
 fn play(
     subject: &mut dyn Backend,
     (live, method, looks): (&Arc<Animation>, Method, bool),
-    frames: &[Case],
+    frames: &[Odd],
     own: &[Ray],
 ) -> Result<Vec<Answers>> {
     open(subject, live, 0.0, method)?;
-    let play = |(name, frame): &Case| {
+    let play = |(name, frame): &Odd| {
         let time = live.push(frame.clone())?;
         if looks {
             live.range(live.pose(time));
@@ -81,8 +207,8 @@ const OUTLYING: f32 = 65_536.0;
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 
 /// Key frames on both sides of each bound.
-fn frames(first: &[Point], chance: u64) -> Vec<Case> {
-    let mut rng = fastrand::Rng::with_seed(chance);
+fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
+    let mut rng = Rng::with_seed(chance);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));
     let unit = first.iter().map(|p| match size(p) {
         s if s > 0.0 && s.is_finite() => p.map(|x| x / s),
@@ -95,7 +221,7 @@ fn frames(first: &[Point], chance: u64) -> Vec<Case> {
         frame
     };
     let near = |x: f32| with(&[0, 1, 2].map(|i| (i, [x, if i == 0 { 0.0 } else { x }, -x])));
-    let of_all_sizes = |rng: &mut fastrand::Rng, most: i32| -> Vec<Point> {
+    let of_all_sizes = |rng: &mut Rng, most: i32| -> Vec<Point> {
         let mut by = || (rng.i32(-most..most) as f32).exp2();
         let scaled = unit.iter().map(|p| {
             let by = by();

@@ -133,6 +133,10 @@ pub const LAWS: &[Law] = &[
         "key_frames_that_arrive_need_no_look_of_the_host",
         arriving::measured,
     ),
+    law_of_robust(
+        "key_frames_that_arrive_are_played_as_those_held",
+        arriving::held,
+    ),
     law_of_robust("closest_hits_equal_the_reference", answers::closest),
     law_of_robust("any_hits_equal_the_reference", answers::any),
     law_of_robust("pictures_and_shadows_equal_the_reference", answers::picture),
@@ -171,6 +175,10 @@ pub const OWN_TREE_LAWS: &[Law] = &[
     law("closest_hits_lie_within_rounding", within::closest),
     law("any_hits_lie_within_rounding", within::any),
     law("pictures_and_shadows_lie_within_rounding", within::picture),
+    law(
+        "key_frames_that_arrive_are_played_as_those_held",
+        arriving::held_within,
+    ),
 ];
 
 /// The laws that `backend` is to keep.

@@ -6,31 +6,30 @@ use crate::compare::{named_ray, same_counts, triangle_text};
 use crate::rounding::Verifier;
 use crate::stage::{ask, boxes_anew};
 use anyhow::{Result, bail, ensure};
-use backend::{Hits, QueryKind, Rays};
+use backend::{FrameReport, Hits, QueryKind, Rays};
 use geom::{Hit, Ray};
 
 /// Closest hits of given rays and of a camera's.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    judge(c, c.rays(), QueryKind::Closest)?;
-    judge(c, Rays::Camera(&c.case.camera), QueryKind::Closest)
+    each(c, c.rays(), QueryKind::Closest)?;
+    each(c, Rays::Camera(&c.case.camera), QueryKind::Closest)
 }
 
 /// Whether anything is hit.
 pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
-    judge(c, c.rays(), QueryKind::Any)
+    each(c, c.rays(), QueryKind::Any)
 }
 
 /// Hits and shadows of given rays and of a camera's.
 pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
     let light = c.case.light;
     let kind = QueryKind::ClosestAndShadow { light };
-    judge(c, Rays::Camera(&c.case.camera), kind)?;
-    judge(c, c.rays(), kind)
+    each(c, Rays::Camera(&c.case.camera), kind)?;
+    each(c, c.rays(), kind)
 }
 
-/// Trees made anew and trees brought along take turns. Inactive and degenerate triangles are counted as by the
-/// reference, and hits as they were found.
-fn judge(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
+/// Trees made anew and trees brought along take turns.
+fn each(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
     for (i, &time) in c.case.times.iter().enumerate() {
         if i % 2 == 0 {
@@ -39,18 +38,29 @@ fn judge(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
             c.interpolate(time)?;
             boxes_anew(c.subject)?;
         }
-        let (found, report) = ask(c.subject, rays, kind)?;
-        answers(c.case, time, (rays, kind), &found)?;
-        let mut right = c.reference.answer(c.case, (c.method, time), None)?.report;
-        let hits = found.closest.iter().filter(|h| h.is_hit()).count() as u64;
-        let blocked = found.blocked.iter().filter(|&&b| b == 1).count() as u64;
-        (right.hits, right.blocked) = match kind {
-            QueryKind::Any => (blocked, 0),
-            _ => (hits, blocked),
-        };
-        same_counts(&report, &right)?;
+        let found = ask(c.subject, rays, kind)?;
+        judge(c, time, (rays, kind), &found)?;
     }
     Ok(())
+}
+
+/// What the subject found at a time. Inactive and degenerate triangles are counted as by the reference, and hits as they
+/// were found.
+pub(super) fn judge(
+    c: &mut Check<'_>,
+    time: f64,
+    (rays, kind): (Rays<'_>, QueryKind),
+    (found, report): &(Hits, FrameReport),
+) -> Result<()> {
+    answers(c.case, time, (rays, kind), found)?;
+    let mut right = c.reference.answer(c.case, (c.method, time), None)?.report;
+    let hits = found.closest.iter().filter(|h| h.is_hit()).count() as u64;
+    let blocked = found.blocked.iter().filter(|&&b| b == 1).count() as u64;
+    (right.hits, right.blocked) = match kind {
+        QueryKind::Any => (blocked, 0),
+        _ => (hits, blocked),
+    };
+    same_counts(report, &right)
 }
 
 fn answers(

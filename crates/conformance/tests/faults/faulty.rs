@@ -178,13 +178,13 @@ impl Backend for Faulty {
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is("panics"), "this backend panics");
         (self.pose_before, self.pose) = (self.pose, Some(pose));
-        let streams = self
-            .animation
-            .as_ref()
-            .is_some_and(|a| a.window().is_some());
+        let late = self.animation.as_ref().is_some_and(|a| match self.fault {
+            "key frames of a stream come late" => a.window().is_some() && !a.is_arriving(),
+            "key frames that arrive come late" => a.is_arriving(),
+            _ => false,
+        });
         let known = |a: &Arc<Animation>| a.known_range(pose).is_some();
         self.is_known = self.animation.as_ref().is_none_or(known);
-        let late = streams && self.is("key frames of a stream come late");
         let key = pose.key.saturating_sub(u32::from(late));
         self.inner.interpolate(Pose { key, ..pose })
     }

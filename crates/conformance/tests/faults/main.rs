@@ -14,6 +14,7 @@ reports_name_what_was_done: times of stages left out, clock runs backwards
 positions_come_back_as_they_were: copies are of the newest frame, copies come twice
 positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
 key_frames_that_arrive_need_no_look_of_the_host: what arrives is not measured
+key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late, first leaf is never hit
 closest_hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
@@ -43,6 +44,7 @@ a_camera_is_its_rays: pixels sampled at corners
 closest_hits_lie_within_rounding: weights swapped, first leaf is never hit, inactive miscounted, hits miscounted
 pictures_and_shadows_lie_within_rounding: weights swapped, shadows inverted
 any_hits_lie_within_rounding: any hit forgets the last ray
+key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late, hits miscounted
 ";
 
 /// Cases that each law sees, as the full tier has it.
