@@ -25,3 +25,10 @@ pub fn is_required(name: &str) -> bool {
 pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
+
+/// The number that an environment variable says, or else this.
+#[must_use]
+pub fn number(variable: &str, default: u64) -> u64 {
+    let value = std::env::var(variable).ok();
+    value.and_then(|v| v.parse().ok()).unwrap_or(default)
+}

@@ -14,7 +14,7 @@ use gpu_common::{KernelForm, Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
-use integration::is_required;
+use integration::{is_required, number};
 use libtest_mimic::{Arguments, Trial};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -162,9 +162,4 @@ fn cases(name: &str) -> u32 {
         _ => 15,
     };
     u32::try_from(number("ABVH_CASES", default)).unwrap_or(u32::MAX)
-}
-
-fn number(variable: &str, default: u64) -> u64 {
-    let value = std::env::var(variable).ok();
-    value.and_then(|v| v.parse().ok()).unwrap_or(default)
 }

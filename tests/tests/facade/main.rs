@@ -3,11 +3,12 @@
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
 mod cameras;
+mod oracle;
 mod replace;
 
 use abvh::{
-    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Tracer,
-    Update,
+    Device, Error, Hits, Intersector, Matrix, Mesh, Point, Query, Ray, Replacement, Scene, Source,
+    Tracer, Update,
 };
 use integration::is_required;
 use integration::stage::pixels;
@@ -15,7 +16,7 @@ use libtest_mimic::{Arguments, Trial};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 13] = [
+const LAWS: [(&str, Law); 14] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("rigid_parts_find_what_their_vertices_do", rigid),
     ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
@@ -23,6 +24,7 @@ const LAWS: [(&str, Law); 13] = [
     ("vertices_go_anywhere", anywhere),
     ("results_stay_until_the_second_step_after", results),
     ("cameras_of_a_step_find_what_each_does", cameras::together),
+    ("every_exact_answer_is_right", oracle::exact),
     ("misuse_is_an_error", misuse),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
@@ -173,6 +175,11 @@ fn streamed(device: &Device) {
     }
 }
 
+/// A vertex of a rigid part, as [`Matrix`] says.
+fn moved(matrix: &Matrix, v: Point) -> Point {
+    matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3])
+}
+
 fn rigid(device: &Device) {
     let demo = demo("demo:collide:3000");
     let rest = &demo.keys[0];
@@ -198,10 +205,8 @@ fn rigid(device: &Device) {
             [0.0, 0.0, 1.0, 0.0],
         ];
         let matrices = [turned, lifted];
-        let moved = rest.iter().zip(&parts).map(|(v, &part)| {
-            let row = |r: [f32; 4]| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3];
-            matrices[part as usize].map(row)
-        });
+        let each = rest.iter().zip(&parts);
+        let moved = each.map(|(&v, &part)| moved(&matrices[part as usize], v));
         let moved: Vec<Point> = moved.collect();
         let mut a = moving.step(0.0);
         a.poses(robot, &matrices).unwrap();

@@ -1,0 +1,140 @@
+//! `exact` against the oracle, which shares no code with any device: every ray, without exception.
+
+use crate::moved;
+use abvh::{
+    Device, Hit, Hits, Intersector, Matrix, Mesh, MeshId, Point, Query, Ray, Scene, Source, Tracer,
+};
+use conformance::oracle::Oracle;
+use conformance::stage::vertices;
+use conformance::{Target, aimed};
+use geom::Animation;
+use integration::{is_full, number, share};
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+use std::sync::Arc;
+
+/// What is streamed, and where it is put: a wrung cloth, and bodies that collide near the origin and far from it.
+const SCENES: [(&str, Point); 3] = [
+    ("demo:twist:2000", [0.0; 3]),
+    ("demo:collide:2000", [0.0; 3]),
+    ("demo:collide:2000", [3e4, -2e4, 1e4]),
+];
+/// Rays of a step at each sort of target, and rays in all, in the full tier.
+const RAYS: usize = 1024;
+const ALL: usize = 10_000_000;
+/// From how many times the scene's size away, by turns.
+const DISTANCES: [f64; 4] = [0.6, 2.0, 100.0, 1e4];
+
+/// A streamed mesh, beside one that never moves and a rigid one. `ABVH_CASES` says how many steps each scene takes.
+pub(crate) fn exact(device: &Device) {
+    let steps = match is_full() {
+        true => ALL.div_ceil(SCENES.len() * Target::ALL.len() * RAYS),
+        false => 8,
+    };
+    let steps = number("ABVH_CASES", steps as u64);
+    for (name, place) in SCENES {
+        let mut stage = Stage::new(name, place, device);
+        (0..steps).for_each(|number| stage.step(number as usize));
+    }
+}
+
+/// All three meshes, which are the same demo.
+struct Stage {
+    demo: Arc<Animation>,
+    place: Point,
+    /// Of all meshes.
+    triangles: Vec<[u32; 3]>,
+    live: Tracer,
+    robot: MeshId,
+    cloth: MeshId,
+}
+
+impl Stage {
+    fn new(name: &str, place: Point, device: &Device) -> Self {
+        let demo = scene::open(name, &scene::Options::default()).unwrap();
+        let demo = demo.animation;
+        let (rest, triangles) = (put(demo.first(), place), demo.triangles());
+        let parts = vec![0; rest.len()];
+        let mut scene = Scene::new();
+        scene.add(Mesh::fixed(&rest, triangles).unwrap());
+        let robot = scene.add(Mesh::rigid(demo.first(), triangles, &parts).unwrap());
+        let cloth = scene.add(Mesh::streamed(&rest, triangles).unwrap());
+        let builder = Tracer::builder().device(device.clone()).threads(2);
+        let builder = builder.intersector(Intersector::Exact);
+        let first = |mesh| (mesh * rest.len()) as u32;
+        let of_mesh = |first| triangles.iter().map(move |t| t.map(|v| first + v));
+        Self {
+            triangles: (0..3).map(first).flat_map(of_mesh).collect(),
+            live: builder.build(scene).unwrap(),
+            demo: Arc::clone(&demo),
+            place,
+            robot,
+            cloth,
+        }
+    }
+
+    /// Moves both meshes far at once, and asks rays from all sides.
+    fn step(&mut self, number: usize) {
+        let phase = (0.618 * number as f64).fract();
+        let cloth = put(&vertices(&self.demo, phase * self.demo.end()), self.place);
+        let matrix = turned(TAU * phase as f32, self.place);
+        let rest = self.demo.first();
+        let robot = rest.iter().map(|&p| moved(&matrix, p)).collect();
+        let all = [put(rest, self.place), robot, cloth].concat();
+        let rays = self.rays(&all, number);
+        let mut step = self.live.step(0.0);
+        step.poses(self.robot, &[matrix]).unwrap();
+        let cloth = Source::Host(&all[2 * rest.len()..]);
+        step.vertices(self.cloth, cloth).unwrap();
+        let [closest, any] = [Query::Closest, Query::Any].map(|q| step.trace(&rays, q).unwrap());
+        let done = step.submit().unwrap();
+        let hits = self.live.hits(done, closest).unwrap();
+        let one = self.demo.triangle_count() as u32;
+        let triangle = |hit: Hit| hit.mesh.index() as u32 * one + hit.triangle;
+        let found: Vec<_> = (0..rays.len())
+            .map(|i| hits.closest(i).map(triangle))
+            .collect();
+        assert!(found.iter().flatten().count() > rays.len() / 2);
+        let any = self.live.hits(done, any).unwrap();
+        let corners = self.triangles.iter().map(|t| t.map(|v| all[v as usize]));
+        let oracle = Oracle::new(corners.collect());
+        let wrong = first_wrong(&oracle, &rays, (&found, any));
+        assert_eq!(wrong, None, "step {number}");
+    }
+
+    /// Rays at other triangles in each step.
+    fn rays(&self, all: &[Point], number: usize) -> Vec<Ray> {
+        let mut triangles = self.triangles.clone();
+        triangles.rotate_left(97 * number % self.triangles.len());
+        let now = Animation::new(vec![all.to_vec()], triangles).unwrap();
+        let distance = DISTANCES[number % DISTANCES.len()];
+        let at = |target| aimed(&now, 0.0, target, distance, share(RAYS));
+        Target::ALL.into_iter().flat_map(at).collect()
+    }
+}
+
+/// The first ray whose closest triangle or whose any hit is not the exact one.
+fn first_wrong(
+    oracle: &Oracle,
+    rays: &[Ray],
+    (closest, any): (&[Option<u32>], Hits<'_>),
+) -> Option<String> {
+    (0..rays.len()).into_par_iter().find_map_first(|i| {
+        let (ray, found, any) = (&rays[i], closest[i], any.is_hit(i));
+        let expected = oracle.closest(ray);
+        let is_right = found == expected.map(|e| e.triangle) && any == expected.is_some();
+        let text = || format!("{ray:?} hits {found:?} (any: {any}), expected {expected:?}");
+        (!is_right).then(text)
+    })
+}
+
+fn put(points: &[Point], place: Point) -> Vec<Point> {
+    let moved = |p: &Point| std::array::from_fn(|i| p[i] + place[i]);
+    points.iter().map(moved).collect()
+}
+
+/// Turned about the vertical through the origin, and put at a place.
+fn turned(angle: f32, [x, y, z]: Point) -> Matrix {
+    let (sin, cos) = angle.sin_cos();
+    [[cos, 0.0, sin, x], [0.0, 1.0, 0.0, y], [-sin, 0.0, cos, z]]
+}
