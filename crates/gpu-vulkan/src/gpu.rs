@@ -1,6 +1,7 @@
 //! The logical device and its queues.
 
 use crate::errors::failed;
+use crate::external;
 use crate::instance::Host;
 use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
@@ -33,6 +34,8 @@ pub struct Gpu {
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
+    /// Extensions by which it exports memory and semaphores.
+    pub(crate) exporting: Vec<&'static CStr>,
     /// Compiled kernels of earlier runs.
     pub cache: PipelineCache,
     /// Whether it was opened for trees that its driver makes.
@@ -85,7 +88,8 @@ impl Gpu {
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical);
-        let vk = create(&host, physical, &queues, (traces_rays, extras))?;
+        let exporting = external::extensions(&host, physical);
+        let vk = create(&host, physical, &queues, (traces_rays, extras, &exporting))?;
         let queue = |place: QueueIndex| Queue {
             // SAFETY: the family was asked for at creation with as many queues.
             queue: unsafe { vk.get_device_queue(place.family, place.index) },
@@ -112,6 +116,7 @@ impl Gpu {
             limits,
             timestamp_bits: queues.timestamp_bits,
             extras,
+            exporting,
             traces_rays,
             host,
         }))
@@ -151,7 +156,7 @@ fn create(
     host: &Host,
     device: vk::PhysicalDevice,
     queues: &Queues,
-    (traces_rays, extras): (bool, Extras),
+    (traces_rays, extras, exporting): (bool, Extras, &[&CStr]),
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
@@ -182,7 +187,7 @@ fn create(
         vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut robustness =
         vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default().pipeline_robustness(true);
-    let mut extensions = Vec::new();
+    let mut extensions: Vec<_> = exporting.iter().map(|name| name.as_ptr()).collect();
     if traces_rays {
         extensions.extend(RAY_EXTENSIONS.map(CStr::as_ptr));
     }

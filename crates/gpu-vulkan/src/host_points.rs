@@ -3,8 +3,10 @@
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
 use crate::timeline::Timeline;
+use crate::vulkan_device::VulkanDevice;
 use backend::Result;
 use geom::{KeyFrame, Point, SharedMemory};
+use gpu_common::{GpuDevice, Sent};
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
@@ -48,7 +50,7 @@ impl DerefMut for HostPoints {
 impl SharedMemory for HostPoints {}
 
 /// Where runs of positions lie.
-pub(crate) fn bytes_of(runs: &[Range<usize>]) -> Vec<Range<u64>> {
+fn bytes_of(runs: &[Range<usize>]) -> Vec<Range<u64>> {
     let place = |v: usize| (v * size_of::<Point>()) as u64;
     let all = runs.iter();
     all.map(|run| place(run.start)..place(run.end)).collect()
@@ -69,5 +71,25 @@ impl KeysRead {
         }
         self.0.push_back((value, KeyFrame::clone(key)));
         Ok(())
+    }
+}
+
+impl VulkanDevice {
+    /// Begins to send a key frame, but for positions that are lent.
+    pub(crate) fn send_host_key(
+        &mut self,
+        key: &KeyFrame,
+        moving: &[Range<usize>],
+    ) -> Result<(Buffer, u64)> {
+        let Some(memory) = key.shared::<HostPoints>() else {
+            return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
+        };
+        let what = (Sent::KeyFrame, &memory.buffer, size_of_val(&key[..]) as u64);
+        let new = bytes_of(&self.lent.others(moving));
+        let road = (&mut self.upload, &self.done);
+        let sender = &mut self.senders[Sent::KeyFrame as usize];
+        let sent = sender.send_from(&self.gpu, road, what, Some(&new))?;
+        self.keys_read.note(&self.upload.done, (sent.1, key))?;
+        Ok(sent)
     }
 }

@@ -15,9 +15,11 @@
 mod adapters;
 pub mod commands;
 pub mod errors;
+pub mod external;
 pub mod gpu;
 mod host_points;
 pub mod instance;
+mod lent;
 mod limits;
 mod loader;
 mod marks;
@@ -34,6 +36,7 @@ mod validation;
 mod vulkan_device;
 
 pub use adapters::{adapters, all};
+pub use gpu_common::LentRays;
 pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use slot::Slot;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};

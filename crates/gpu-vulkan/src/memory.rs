@@ -1,6 +1,7 @@
 //! Buffers: made, mapped and given back.
 
 use crate::errors::failed_for;
+use crate::external::{ExternalMemory, rejected};
 use crate::gpu::Gpu;
 use crate::instance::Host;
 use ash::ext::memory_budget;
@@ -18,7 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(crate) struct Memory {
     /// Taken out before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
-    physical: vk::PhysicalDevice,
+    pub(crate) physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory.
     held: AtomicU64,
     /// Buffers made so far, wherever they lie.
@@ -165,6 +166,8 @@ pub struct Buffer {
     /// How large it is.
     pub bytes: u64,
     allocation: Option<Allocation>,
+    /// Whose it is, if it is not this one's own.
+    lent: Option<Arc<ExternalMemory>>,
     gpu: Arc<Gpu>,
 }
 
@@ -179,6 +182,22 @@ fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
         | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
         | vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR;
     if traces_rays { kernels | rays } else { kernels }
+}
+
+/// A buffer without memory, which all families share.
+pub(crate) fn create_buffer(
+    gpu: &Gpu,
+    (what, bytes): (&str, u64),
+    info: vk::BufferCreateInfo<'_>,
+) -> Result<vk::Buffer> {
+    let mut info = info.size(bytes);
+    if gpu.families.len() > 1 {
+        info = info
+            .sharing_mode(vk::SharingMode::CONCURRENT)
+            .queue_family_indices(&gpu.families);
+    }
+    // SAFETY: the device is alive; all families belong to it.
+    unsafe { gpu.vk.create_buffer(&info, None) }.map_err(failed_for(what, bytes))
 }
 
 /// Where a buffer lives.
@@ -202,23 +221,15 @@ impl Buffer {
     pub fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
-        let mut info = vk::BufferCreateInfo::default()
-            .size(bytes)
-            .usage(usage(gpu.traces_rays));
-        if gpu.families.len() > 1 {
-            info = info
-                .sharing_mode(vk::SharingMode::CONCURRENT)
-                .queue_family_indices(&gpu.families);
-        }
-        // SAFETY: the device is alive; all families belong to it.
-        let buffer =
-            unsafe { gpu.vk.create_buffer(&info, None) }.map_err(failed_for(what, bytes))?;
+        let info = vk::BufferCreateInfo::default().usage(usage(gpu.traces_rays));
+        let buffer = create_buffer(gpu, (what, bytes), info)?;
         // SAFETY: the buffer was just made from this device.
         let requirements = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let mut made = Self {
             vk: buffer,
             bytes,
             allocation: None,
+            lent: None,
             gpu: Arc::clone(gpu),
         };
         let location = match place {
@@ -234,6 +245,32 @@ impl Buffer {
         unsafe { gpu.vk.bind_buffer_memory(buffer, memory, offset) }
             .map_err(failed_for(what, bytes))?;
         Ok(made)
+    }
+
+    /// External memory of this device, that holds so many bytes at least.
+    ///
+    /// # Errors
+    /// [`BackendError::Rejected`].
+    pub fn lent(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
+        let what = "an external buffer";
+        if !Arc::ptr_eq(&memory.gpu, gpu) {
+            return Err(rejected(what, "it is another device's"));
+        }
+        if memory.bytes < bytes {
+            let why = format!("it has {} bytes, not {bytes}", memory.bytes);
+            return Err(rejected(what, why));
+        }
+        Ok(Self {
+            vk: memory.vk,
+            bytes: memory.bytes,
+            allocation: None,
+            lent: Some(Arc::clone(memory)),
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    pub(crate) fn is_lent(&self) -> bool {
+        self.lent.is_some()
     }
 
     /// Bytes that it takes of the device's own memory.
@@ -289,6 +326,9 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        if self.is_lent() {
+            return;
+        }
         // SAFETY: whoever drops a buffer has waited for the submissions that use it.
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
         if let Some(allocation) = self.allocation.take() {

@@ -13,7 +13,7 @@ pub type Moment = (vk::Semaphore, u64);
 /// A semaphore whose value only rises.
 pub struct Timeline {
     vk: vk::Semaphore,
-    gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<Gpu>,
 }
 
 /// Looks at a counter before asking the system to wait: a look takes some 50 ns, being woken some 30 us.
@@ -25,10 +25,20 @@ impl Timeline {
     /// # Errors
     /// See [`backend::BackendError`]; likewise below.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        Self::with(gpu, None)
+    }
+
+    pub(crate) fn with(
+        gpu: &Arc<Gpu>,
+        mut export: Option<vk::ExportSemaphoreCreateInfo<'_>>,
+    ) -> Result<Self> {
         let mut kind =
             vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: the device is alive; timeline semaphores were asked for.
+        let mut info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        if let Some(export) = &mut export {
+            info = info.push_next(export);
+        }
+        // SAFETY: the device is alive; timeline semaphores were asked for, and so was whatever exports them.
         let vk = unsafe { gpu.vk.create_semaphore(&info, None) }.map_err(failed("a semaphore"))?;
         let gpu = Arc::clone(gpu);
         Ok(Self { vk, gpu })
@@ -83,10 +93,10 @@ impl Drop for Timeline {
     }
 }
 
-/// Commands that begin after some moments, and the moment at which they are done.
+/// Commands, if any, that begin after some moments, and the moment at which they are done.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
-    pub(crate) commands: vk::CommandBuffer,
+    pub(crate) commands: Option<vk::CommandBuffer>,
     pub(crate) after: &'a [Moment],
     pub(crate) done: Moment,
 }
@@ -109,7 +119,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: Queue, batches: &[Batch<'_>]) -> Result<(
         vk::SubmitInfo::default()
             .wait_semaphores(waits)
             .wait_dst_stage_mask(&stages[..waits.len()])
-            .command_buffers(from_ref(&batch.commands))
+            .command_buffers(batch.commands.as_slice())
             .signal_semaphores(from_ref(&batch.done.0))
             .push_next(values)
     });

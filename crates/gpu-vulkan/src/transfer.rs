@@ -80,24 +80,44 @@ impl Transfer {
         regions: &[vk::BufferCopy],
         after: Option<Moment>,
     ) -> Result<u64> {
+        if regions.is_empty() && after.is_none() {
+            return Ok(self.last);
+        }
+        self.start_recorded(after.as_slice(), |gpu, commands| {
+            copy(gpu, commands, [from, to], regions);
+        })
+    }
+
+    /// Likewise, each copy after those before it, and all after some moments.
+    pub(crate) fn start_in_order(
+        &mut self,
+        copies: &[([&Buffer; 2], Vec<vk::BufferCopy>)],
+        after: &[Moment],
+    ) -> Result<u64> {
+        self.start_recorded(after, |gpu, commands| {
+            for (buffers, regions) in copies {
+                commands.barrier(COPIES, COPIES);
+                copy(gpu, commands, *buffers, regions);
+            }
+        })
+    }
+
+    fn start_recorded(
+        &mut self,
+        after: &[Moment],
+        record: impl FnOnce(&Gpu, &Commands),
+    ) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
         commands.begin()?;
-        if !regions.is_empty() {
-            // SAFETY: the command buffer is being recorded; both buffers hold the bytes.
-            unsafe {
-                self.gpu
-                    .vk
-                    .cmd_copy_buffer(commands.vk(), from.vk, to.vk, regions);
-            }
-        }
+        record(&self.gpu, commands);
         commands.barrier(COPIES, HOST);
         commands.end()?;
         let value = self.last + 1;
         let batch = Batch {
-            commands: commands.vk(),
-            after: after.as_slice(),
+            commands: Some(commands.vk()),
+            after,
             done: self.done.at(value),
         };
         submit(&self.gpu, self.queue, &[batch])?;
@@ -123,6 +143,16 @@ impl Transfer {
     pub(crate) fn carry(&mut self, copy: Copy<'_>) -> Result<()> {
         let value = self.start(copy, None)?;
         self.done.wait(value)
+    }
+}
+
+fn copy(gpu: &Gpu, commands: &Commands, [from, to]: [&Buffer; 2], regions: &[vk::BufferCopy]) {
+    if !regions.is_empty() {
+        // SAFETY: the command buffer is being recorded; both buffers hold the bytes.
+        unsafe {
+            gpu.vk
+                .cmd_copy_buffer(commands.vk(), from.vk, to.vk, regions);
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The validation layer: whether it is here, and what it says.
 
+use crate::vulkan_device::VulkanDevice;
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
 use gpu_common::Validation;
@@ -90,6 +91,19 @@ impl DebugMessenger {
             self.utils
                 .destroy_debug_utils_messenger(self.messenger, None)
         };
+    }
+}
+
+impl VulkanDevice {
+    /// Whether the validation layer watches.
+    pub fn is_validated(&self) -> bool {
+        self.gpu.host.messenger.is_some()
+    }
+
+    /// What the validation layer has said so far.
+    pub fn validation_messages(&self) -> Vec<String> {
+        let messenger = self.gpu.host.messenger.as_ref();
+        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
     }
 }
 

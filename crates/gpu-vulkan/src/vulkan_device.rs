@@ -2,8 +2,9 @@
 
 use crate::adapters::all;
 use crate::gpu::Gpu;
-use crate::host_points::{HostPoints, KeysRead, PositionsCopy, bytes_of};
+use crate::host_points::{HostPoints, KeysRead, PositionsCopy};
 use crate::instance::Host;
+use crate::lent::Lent;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::pool::{Done, LastUse, Pool, Sender, Staging};
@@ -14,8 +15,8 @@ use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket}
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode, Options,
-    Sent, Stage,
+    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
+    LentRays, Options, Sent, Stage,
 };
 use rayon::prelude::*;
 use shaders::{Kernel, Packets};
@@ -37,17 +38,18 @@ pub struct VulkanDevice {
     pub upload: Transfer,
     /// Copies to the host.
     pub readback: Transfer,
-    window: Window,
+    pub(crate) window: Window,
     /// One a [`Sent`].
-    senders: [Sender; 2],
-    keys_read: KeysRead,
+    pub(crate) senders: [Sender; 2],
+    pub(crate) keys_read: KeysRead,
     /// Buffers that were too small.
-    outgrown: Pool,
+    pub(crate) outgrown: Pool,
     spares: Spares<HostPoints>,
     /// The upload that the next submission has to wait for.
-    arriving: Option<u64>,
+    pub(crate) arriving: Option<u64>,
     /// The copy (of `readback`) that reads what the recording overwrites.
     overwritten: Option<u64>,
+    pub(crate) lent: Lent,
     /// The device and its memory.
     pub gpu: Arc<Gpu>,
 }
@@ -72,23 +74,13 @@ impl VulkanDevice {
             spares: Spares::default(),
             arriving: None,
             overwritten: None,
+            lent: Lent::default(),
             gpu: Arc::clone(gpu),
         })
     }
 
-    /// Whether the validation layer watches.
-    pub fn is_validated(&self) -> bool {
-        self.gpu.host.messenger.is_some()
-    }
-
-    /// What the validation layer has said so far.
-    pub fn validation_messages(&self) -> Vec<String> {
-        let messenger = self.gpu.host.messenger.as_ref();
-        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
-    }
-
     /// That of a buffer given up now, which no recording has.
-    fn last_use(&self) -> LastUse {
+    pub(crate) fn last_use(&self) -> LastUse {
         LastUse {
             filled_at: self.upload.last,
             ticket: self.submitted,
@@ -99,10 +91,11 @@ impl VulkanDevice {
     fn submit_parts(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
         let arrived = self.arriving.map(|value| self.upload.done.at(value));
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
-        let after: Vec<Moment> = arrived.into_iter().chain(unread).collect();
+        let after = arrived.into_iter().chain(unread);
+        let after: Vec<Moment> = after.chain(self.lent.waits()).collect();
         let parts = slot.commands.all();
         let batch = |(i, &commands)| Batch {
-            commands,
+            commands: Some(commands),
             after: if i == 0 { &after } else { &[] },
             done: match i + 1 == parts.len() {
                 true => self.done.at(ticket.0),
@@ -112,6 +105,7 @@ impl VulkanDevice {
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, self.gpu.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
+        self.lent.are_awaited();
         self.submitted = ticket.0;
         self.outgrown.prune(Done::of(&self.upload, &self.done))
     }
@@ -195,6 +189,10 @@ impl GpuDevice for VulkanDevice {
         self.outgrown.put(buffer, last);
     }
 
+    fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
+        self.lent.take_rays()
+    }
+
     fn buffers_made(&self) -> u64 {
         self.gpu.memory.made()
     }
@@ -208,6 +206,9 @@ impl GpuDevice for VulkanDevice {
         to: &mut Buffer,
         rows: impl IndexedParallelIterator<Item = T>,
     ) -> Result<()> {
+        if to.is_lent() {
+            return self.write_lent(to, rows);
+        }
         let places = to.view_mut::<T>().par_iter_mut();
         places.zip(rows).for_each(|(place, row)| *place = row);
         Ok(())
@@ -251,15 +252,9 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
-        let Some(memory) = key.shared::<HostPoints>() else {
-            return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
-        };
-        let what = (Sent::KeyFrame, &memory.buffer, size_of_val(&key[..]) as u64);
-        let road = (&mut self.upload, &self.done);
-        let sender = &mut self.senders[Sent::KeyFrame as usize];
-        let sent = sender.send_from(&self.gpu, road, what, Some(&bytes_of(moving)))?;
-        self.keys_read.note(&self.upload.done, (sent.1, key))?;
-        Ok(sent)
+        let (buffer, sent) = self.send_host_key(key, moving)?;
+        let copied = self.copy_points(Some(&buffer))?;
+        Ok((buffer, copied.unwrap_or(sent)))
     }
 
     fn has_been_sent(&self, arrival: u64) -> Result<bool> {
@@ -371,7 +366,7 @@ impl GpuDevice for VulkanDevice {
         self.gpu.wait_idle()?;
         (self.senders, self.outgrown) = Default::default();
         self.keys_read = KeysRead::default();
-        self.spares = Spares::default();
+        (self.spares, self.lent) = (Spares::default(), Lent::default());
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
     }

@@ -1,0 +1,17 @@
+//! Runs of elements.
+
+use std::ops::Range;
+
+/// Runs in order but for what others, in order too, have of them.
+#[must_use]
+pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
+    let rest = runs.iter().flat_map(|run| {
+        let within = others
+            .iter()
+            .filter(|o| o.start < run.end && run.start < o.end);
+        let starts = std::iter::once(run.start).chain(within.clone().map(|o| o.end));
+        let ends = within.map(|o| o.start).chain([run.end]);
+        starts.zip(ends).map(|(start, end)| start..end)
+    });
+    rest.filter(|run| !run.is_empty()).collect()
+}

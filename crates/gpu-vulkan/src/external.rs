@@ -1,0 +1,212 @@
+//! Memory and timeline semaphores that another interface to the same GPU shares, exported by opaque file descriptors.
+//!
+//! Queue families do not pass on the ownership of such buffers to `VK_QUEUE_FAMILY_EXTERNAL`: CUDA could not give it back, and
+//! a buffer has no layout to lose.
+
+use crate::errors::{failed, failed_for};
+use crate::gpu::Gpu;
+use crate::instance::Host;
+use crate::memory::create_buffer;
+use crate::timeline::Timeline;
+use ash::{khr, vk};
+use backend::{BackendError, Result};
+use std::ffi::CStr;
+#[cfg(unix)]
+use std::os::fd::{FromRawFd, OwnedFd};
+use std::sync::Arc;
+
+const MEMORY: &CStr = khr::external_memory_fd::NAME;
+const SEMAPHORE: &CStr = khr::external_semaphore_fd::NAME;
+const MEMORY_FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
+const SEMAPHORE_FD: vk::ExternalSemaphoreHandleTypeFlags =
+    vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
+
+/// What exported buffers may be used for.
+const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
+
+/// Extensions by which a device exports, those of them that it offers.
+pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
+    let offered = host.extensions(device);
+    let is_offered = |name: &&CStr| offered.iter().any(|o| o.as_c_str() == *name);
+    [MEMORY, SEMAPHORE].into_iter().filter(is_offered).collect()
+}
+
+/// What is refused because of how it was asked for.
+pub(crate) fn rejected(what: &str, why: impl Into<String>) -> BackendError {
+    BackendError::Rejected {
+        what: what.into(),
+        why: why.into(),
+    }
+}
+
+/// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.
+pub struct ExternalMemory {
+    pub(crate) vk: vk::Buffer,
+    memory: vk::DeviceMemory,
+    /// Bytes of the buffer.
+    pub bytes: u64,
+    /// Bytes of the allocation.
+    pub allocation_bytes: u64,
+    /// Vulkan's index of the memory type.
+    pub memory_type: u32,
+    pub(crate) gpu: Arc<Gpu>,
+}
+
+impl ExternalMemory {
+    /// Device-local memory, of at least so many bytes.
+    ///
+    /// # Errors
+    /// [`BackendError::Rejected`] where the device cannot export, with the extension's name; [`BackendError::Limit`] or
+    /// [`BackendError::OutOfMemory`], with the need.
+    pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
+        let what = "an external buffer";
+        gpu.check_exports(what, MEMORY, can_export_memory)?;
+        let bytes = bytes.max(16).checked_next_multiple_of(16);
+        let bytes = bytes.unwrap_or(u64::MAX);
+        gpu.limits.admit(what, bytes)?;
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY_FD);
+        let info = vk::BufferCreateInfo::default().usage(USAGE);
+        let vk = create_buffer(gpu, (what, bytes), info.push_next(&mut external))?;
+        // SAFETY: the buffer was just made from this device.
+        let needs = unsafe { gpu.vk.get_buffer_memory_requirements(vk) };
+        let mut made = Self {
+            vk,
+            memory: vk::DeviceMemory::null(),
+            bytes,
+            allocation_bytes: needs.size,
+            memory_type: gpu.device_local_type(needs.memory_type_bits),
+            gpu: Arc::clone(gpu),
+        };
+        let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(MEMORY_FD);
+        let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(vk);
+        let info = vk::MemoryAllocateInfo::default()
+            .allocation_size(needs.size)
+            .memory_type_index(made.memory_type)
+            .push_next(&mut export)
+            .push_next(&mut dedicated);
+        // SAFETY: the type is one of those that the buffer may have; the extension is enabled.
+        made.memory =
+            unsafe { gpu.vk.allocate_memory(&info, None) }.map_err(failed_for(what, needs.size))?;
+        // SAFETY: the memory was made for this buffer and is bound once.
+        unsafe { gpu.vk.bind_buffer_memory(vk, made.memory, 0) }.map_err(failed(what))?;
+        Ok(made)
+    }
+
+    /// A further descriptor of the allocation.
+    ///
+    /// # Errors
+    /// Where the process may have no more; see [`BackendError`].
+    #[cfg(unix)]
+    pub fn fd(&self) -> Result<OwnedFd> {
+        let info = vk::MemoryGetFdInfoKHR::default()
+            .memory(self.memory)
+            .handle_type(MEMORY_FD);
+        let calls = khr::external_memory_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
+        // SAFETY: the memory was allocated to be exported like this; the extension is enabled.
+        let fd = unsafe { calls.get_memory_fd(&info) }.map_err(failed("a file descriptor"))?;
+        // SAFETY: each call makes a descriptor, which is its caller's.
+        Ok(unsafe { OwnedFd::from_raw_fd(fd) })
+    }
+
+    /// The UUID of the device.
+    pub fn device_uuid(&self) -> [u8; 16] {
+        let mut ids = vk::PhysicalDeviceIDProperties::default();
+        let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
+        let (host, physical) = (&self.gpu.host, self.gpu.memory.physical);
+        host.read_properties(physical, &mut chain);
+        ids.device_uuid
+    }
+}
+
+impl Drop for ExternalMemory {
+    fn drop(&mut self) {
+        // SAFETY: whatever is submitted or recorded holds an `Arc` of this until it is done.
+        unsafe {
+            self.gpu.vk.destroy_buffer(self.vk, None);
+            self.gpu.vk.free_memory(self.memory, None);
+        }
+    }
+}
+
+impl Timeline {
+    /// One at 0 that can be exported.
+    ///
+    /// # Errors
+    /// [`BackendError::Rejected`] where the device cannot, with the extension's name; see [`BackendError`].
+    pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
+        gpu.check_exports("an external semaphore", SEMAPHORE, can_export_timelines)?;
+        let export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
+        Self::with(gpu, Some(export))
+    }
+
+    /// A further descriptor of one that can be exported.
+    ///
+    /// # Errors
+    /// Where the process may have no more; see [`BackendError`].
+    #[cfg(unix)]
+    pub fn fd(&self) -> Result<OwnedFd> {
+        let info = vk::SemaphoreGetFdInfoKHR::default()
+            .semaphore(self.at(0).0)
+            .handle_type(SEMAPHORE_FD);
+        let calls = khr::external_semaphore_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
+        // SAFETY: the semaphore was made to be exported like this; the extension is enabled.
+        let fd = unsafe { calls.get_semaphore_fd(&info) }.map_err(failed("a file descriptor"))?;
+        // SAFETY: each call makes a descriptor, which is its caller's.
+        Ok(unsafe { OwnedFd::from_raw_fd(fd) })
+    }
+}
+
+impl Gpu {
+    fn check_exports(&self, what: &str, name: &CStr, is_able: fn(&Self) -> bool) -> Result<()> {
+        match self.exporting.contains(&name) && is_able(self) {
+            true => Ok(()),
+            false => {
+                let name = name.to_string_lossy();
+                Err(rejected(what, format!("the device exports none by {name}")))
+            }
+        }
+    }
+
+    /// The first of the allowed memory types that is device-local, else the first of all.
+    fn device_local_type(&self, allowed: u32) -> u32 {
+        let (host, physical) = (&self.host.instance, self.memory.physical);
+        // SAFETY: the device belongs to the instance, which is alive.
+        let found = unsafe { host.get_physical_device_memory_properties(physical) };
+        let is_local = |&i: &u32| {
+            let flags = found.memory_types[i as usize].property_flags;
+            flags.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL)
+        };
+        let mut all = (0..found.memory_type_count).filter(|i| allowed >> i & 1 == 1);
+        all.find(is_local).unwrap_or(allowed.trailing_zeros())
+    }
+}
+
+fn can_export_memory(gpu: &Gpu) -> bool {
+    let info = vk::PhysicalDeviceExternalBufferInfo::default()
+        .usage(USAGE)
+        .handle_type(MEMORY_FD);
+    let mut found = vk::ExternalBufferProperties::default();
+    let (host, physical) = (&gpu.host.instance, gpu.memory.physical);
+    // SAFETY: the device belongs to the instance, which is alive.
+    unsafe { host.get_physical_device_external_buffer_properties(physical, &info, &mut found) };
+    let features = found.external_memory_properties.external_memory_features;
+    features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
+}
+
+fn can_export_timelines(gpu: &Gpu) -> bool {
+    let mut kind =
+        vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+    let info = vk::PhysicalDeviceExternalSemaphoreInfo::default()
+        .handle_type(SEMAPHORE_FD)
+        .push_next(&mut kind);
+    let mut found = vk::ExternalSemaphoreProperties::default();
+    let (host, physical) = (&gpu.host.instance, gpu.memory.physical);
+    // SAFETY: the device belongs to the instance, which is alive.
+    unsafe { host.get_physical_device_external_semaphore_properties(physical, &info, &mut found) };
+    let features = found.external_semaphore_features;
+    features.contains(vk::ExternalSemaphoreFeatureFlags::EXPORTABLE)
+}

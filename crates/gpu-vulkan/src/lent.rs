@@ -1,0 +1,264 @@
+//! What the device's owner has there: positions, rays, room for answers, and semaphores that tell when.
+
+use crate::external::{ExternalMemory, rejected};
+use crate::memory::{Buffer, BufferUse};
+use crate::pool::LastUse;
+use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::vulkan_device::VulkanDevice;
+use ash::vk;
+use backend::Result;
+use bytemuck::Pod;
+use geom::Point;
+use gpu_common::{LentRays, without};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+const POINT: u64 = size_of::<Point>() as u64;
+
+/// What was lent last.
+#[derive(Default)]
+pub(crate) struct Lent {
+    points: LentPoints,
+    rays: Option<LentRays<Buffer>>,
+    steps: Vec<Step>,
+}
+
+/// The newest positions that came from external memory.
+#[derive(Default)]
+struct LentPoints {
+    /// Room for all of the scene's.
+    all: Option<Buffer>,
+    /// Which of those they are, in order.
+    runs: Vec<Range<usize>>,
+    /// Copies to go there, each from a byte of a buffer on.
+    pending: Vec<(Buffer, u64, Range<usize>)>,
+}
+
+/// Work that others wait for, as it waits for theirs.
+struct Step {
+    timeline: Arc<Timeline>,
+    wait: u64,
+    signal: u64,
+    is_awaited: bool,
+    is_signalled: bool,
+}
+
+impl LentPoints {
+    fn release(&mut self, run: &Range<usize>) {
+        self.pending.retain(|(.., other)| other != run);
+        self.runs = without(&self.runs, std::slice::from_ref(run));
+    }
+}
+
+impl Lent {
+    /// Of these runs of positions the parts that come from the host.
+    pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
+        without(runs, &self.points.runs)
+    }
+
+    pub(crate) fn take_rays(&mut self) -> Option<LentRays<Buffer>> {
+        self.rays.take()
+    }
+
+    /// What has to be reached before anything lent is read or written.
+    pub(crate) fn waits(&self) -> impl Iterator<Item = Moment> {
+        let open = self.steps.iter().filter(|step| !step.is_awaited);
+        open.map(|step| step.timeline.at(step.wait))
+    }
+
+    /// A submission waits for all, and so does what follows it.
+    pub(crate) fn are_awaited(&mut self) {
+        self.steps
+            .iter_mut()
+            .for_each(|step| step.is_awaited = true);
+    }
+}
+
+/// Bytes of a run, from a byte of one buffer to one of another.
+fn region(from: u64, to: u64, run: &Range<usize>) -> vk::BufferCopy {
+    vk::BufferCopy::default()
+        .src_offset(from)
+        .dst_offset(to)
+        .size(run.len() as u64 * POINT)
+}
+
+impl VulkanDevice {
+    /// Has so many positions, of all that the scene has, come from external memory, from a byte of it on, in all key frames to
+    /// come. The next submission has them copied first.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::Rejected`] if it is another device's or they do not lie there.
+    pub fn bring_points(
+        &mut self,
+        (run, all): (Range<usize>, usize),
+        (from, offset): (&Arc<ExternalMemory>, u64),
+    ) -> Result<()> {
+        if offset % 4 != 0 {
+            return Err(rejected(
+                "an offset of vertices",
+                "it is of no whole floats",
+            ));
+        }
+        let end = (run.len() as u64 * POINT).saturating_add(offset);
+        let from = Buffer::lent(&self.gpu, from, end)?;
+        if run.is_empty() {
+            return Ok(());
+        }
+        let points = &mut self.lent.points;
+        if points.all.is_none() {
+            let bytes = all as u64 * POINT;
+            let made = Buffer::new(&self.gpu, "positions", bytes, BufferUse::Device)?;
+            points.all = Some(made);
+        }
+        points.release(&run);
+        let at = points.runs.partition_point(|r| r.start < run.start);
+        points.runs.insert(at, run.clone());
+        points.pending.push((from, offset, run));
+        Ok(())
+    }
+
+    /// Has a run of positions come from the host again.
+    pub fn release_points(&mut self, run: &Range<usize>) {
+        self.lent.points.release(run);
+    }
+
+    /// A run of positions, if it came from external memory. Waits for it.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`]; likewise below.
+    pub fn read_points(&mut self, run: &Range<usize>) -> Result<Option<Vec<Point>>> {
+        if !self.lent.points.runs.contains(run) {
+            return Ok(None);
+        }
+        self.copy_points(None)?;
+        self.upload.done.wait(self.upload.last)?;
+        let Some(all) = &self.lent.points.all else {
+            return Ok(None);
+        };
+        let (window, road) = (&mut self.window, &mut self.readback);
+        let seen = window.look(&self.gpu, road, all, run.end)?;
+        Ok(Some(seen[run.clone()].to_vec()))
+    }
+
+    /// Begins to copy what was brought, and all of it to a key frame. Gives the upload's value, if there is anything to copy.
+    pub(crate) fn copy_points(&mut self, key: Option<&Buffer>) -> Result<Option<u64>> {
+        let LentPoints { all, runs, pending } = &self.lent.points;
+        let Some(all) = all.as_ref().filter(|_| !runs.is_empty()) else {
+            return Ok(None);
+        };
+        let brought = pending.iter().map(|(from, offset, run)| {
+            let region = region(*offset, run.start as u64 * POINT, run);
+            ([from, all], vec![region])
+        });
+        let place = |run: &Range<usize>| {
+            let at = run.start as u64 * POINT;
+            region(at, at, run)
+        };
+        let kept = key.map(|key| ([all, key], runs.iter().map(place).collect()));
+        let copies: Vec<_> = brought.chain(kept).collect();
+        if copies.is_empty() {
+            return Ok(None);
+        }
+        let after: Vec<Moment> = self.lent.waits().collect();
+        let filled_at = self.upload.start_in_order(&copies, &after)?;
+        for (from, ..) in self.lent.points.pending.drain(..) {
+            let ticket = 0;
+            self.outgrown.put(from, LastUse { filled_at, ticket });
+        }
+        Ok(Some(filled_at))
+    }
+
+    /// Has the next query of [`backend::Rays::OnDevice`] trace these, of buffers that were [lent](Buffer::lent).
+    pub fn lend_rays(&mut self, rays: LentRays<Buffer>) {
+        self.lent.rays = Some(rays);
+    }
+
+    /// Fills a buffer that is lent, in the order of submissions.
+    pub(crate) fn write_lent<T: Pod + Send + Sync>(
+        &mut self,
+        to: &Buffer,
+        rows: impl IndexedParallelIterator<Item = T>,
+    ) -> Result<()> {
+        let bytes = (rows.len() * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(());
+        }
+        let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
+        let places = staging.view_mut::<T>().par_iter_mut();
+        places.zip(rows).for_each(|(place, row)| *place = row);
+        let region = vk::BufferCopy::default().size(bytes);
+        let after: Vec<Moment> = self.lent.waits().collect();
+        let copy = ([&staging, to], vec![region]);
+        let value = self.upload.start_in_order(&[copy], &after)?;
+        self.arriving = self.arriving.max(Some(value));
+        let last = self.last_use();
+        self.outgrown.put(staging, last);
+        Ok(())
+    }
+
+    /// Has the next submission wait until `timeline` reaches the first value, before anything lent is read or written.
+    /// [`VulkanDevice::signal`] has it reach the second.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::Rejected`] if the semaphore is another device's, or values do not rise.
+    pub fn synchronize(
+        &mut self,
+        timeline: &Arc<Timeline>,
+        [wait, signal]: [u64; 2],
+    ) -> Result<()> {
+        if !Arc::ptr_eq(&timeline.gpu, &self.gpu) {
+            return Err(rejected("a semaphore", "it is another device's"));
+        }
+        let mut open = Vec::new();
+        for step in self.lent.steps.drain(..) {
+            if !step.is_signalled || !step.timeline.has_reached(step.signal)? {
+                open.push(step);
+            }
+        }
+        self.lent.steps = open;
+        let is_same = |step: &&Step| Arc::ptr_eq(&step.timeline, timeline);
+        let before = self.lent.steps.iter().filter(is_same);
+        let before = before.map(|step| step.signal).max().unwrap_or(0);
+        if signal <= wait.max(before) || timeline.has_reached(signal)? {
+            let why = format!("{signal} is not above what it waits for, has or is to reach");
+            return Err(rejected("a semaphore's value", why));
+        }
+        self.lent.steps.push(Step {
+            timeline: Arc::clone(timeline),
+            wait,
+            signal,
+            is_awaited: false,
+            is_signalled: false,
+        });
+        Ok(())
+    }
+
+    /// Has semaphores that were given reach their second values once all is done that was submitted so far, and what was lent
+    /// is read.
+    ///
+    /// # Errors
+    /// See [`backend::BackendError`].
+    pub fn signal(&mut self) -> Result<()> {
+        if self.lent.steps.iter().all(|step| step.is_signalled) {
+            return Ok(());
+        }
+        let copied = self.copy_points(None)?;
+        let copied = copied.map(|value| self.upload.done.at(value));
+        let after: Vec<Moment> = self.lent.waits().chain(copied).collect();
+        let open = self.lent.steps.iter().filter(|step| !step.is_signalled);
+        let batches = open.map(|step| Batch {
+            commands: None,
+            after: &after,
+            done: step.timeline.at(step.signal),
+        });
+        let batches: Vec<_> = batches.collect();
+        submit(&self.gpu, self.gpu.compute, &batches)?;
+        self.lent.are_awaited();
+        self.lent
+            .steps
+            .iter_mut()
+            .for_each(|step| step.is_signalled = true);
+        Ok(())
+    }
+}
