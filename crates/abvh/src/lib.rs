@@ -32,6 +32,8 @@ mod device;
 mod disposal;
 mod doctor;
 mod error;
+#[cfg(feature = "vulkan")]
+pub mod external_memory;
 #[cfg(doc)]
 pub mod guide;
 mod hits;

@@ -101,6 +101,8 @@ impl Loaded {
         self.joined.move_to(&before.settle()?, but);
         #[cfg(feature = "wgpu")]
         self.follow_on_device(before, but)?;
+        #[cfg(feature = "vulkan")]
+        self.follow_external(before, but)?;
         self.asked.clone_from(&before.asked);
         self.trees_before = before.trees_before + before.driver.generation().0;
         Ok(())
@@ -141,7 +143,7 @@ impl Loaded {
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
-        #[cfg(feature = "wgpu")]
+        #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.release_points();
         let backend = self.driver.backend();
         let submissions = self.results.iter().filter(|(_, answer)| answer.place == 0);
@@ -152,6 +154,21 @@ impl Loaded {
         let begun = self.driver.begin_together(Frame { index, time }, queries);
         self.frames += 1;
         begun.map_err(Error::of_driver)
+    }
+
+    /// Has vertices come from the host again that did not.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    fn release_points(&mut self) {
+        let returned = std::mem::take(&mut self.joined.returned);
+        #[cfg(feature = "vulkan")]
+        if let Some(gpu) = self.vulkan() {
+            returned.iter().for_each(|run| gpu.release_points(run));
+        }
+        #[cfg(feature = "wgpu")]
+        if let Some(backend) = self.wgpu() {
+            let gpu = backend.gpu_mut();
+            returned.iter().for_each(|run| gpu.release_points(run));
+        }
     }
 
     fn note(&mut self, query: Query<'_>) {

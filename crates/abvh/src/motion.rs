@@ -80,7 +80,7 @@ pub(crate) struct Joined {
     /// Meshes whose vertices in there are the newest.
     is_fresh: Vec<bool>,
     /// Where vertices came to lie there that a device had of its own before.
-    #[cfg(feature = "wgpu")]
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) returned: Vec<Range<usize>>,
     /// Whether the animation knows them all.
     is_told: bool,
@@ -115,7 +115,7 @@ impl Joined {
             triangles,
             next: PointBuffer::default(),
             is_fresh: vec![true; motions.len()],
-            #[cfg(feature = "wgpu")]
+            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             returned: Vec::new(),
             motions,
             is_told: true,
@@ -207,13 +207,13 @@ impl Joined {
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
-        #[cfg(feature = "wgpu")]
+        #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.returned.push(range.clone());
         &mut self.next[range]
     }
 
     /// A mesh's vertices came to the device alone.
-    #[cfg(feature = "wgpu")]
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn is_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);

@@ -145,15 +145,6 @@ impl Loaded {
         }
     }
 
-    /// Has vertices come from the host again that did not.
-    pub(crate) fn release_points(&mut self) {
-        let returned = std::mem::take(&mut self.joined.returned);
-        if let Some(backend) = self.wgpu() {
-            let gpu = backend.gpu_mut();
-            returned.iter().for_each(|run| gpu.release_points(run));
-        }
-    }
-
     /// Takes over what `before`, which differs by one mesh, has on the device alone.
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
         if before

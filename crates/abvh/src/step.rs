@@ -36,6 +36,16 @@ pub enum Source<'a> {
     /// a buffer of another instance's for one of this.
     #[cfg(feature = "wgpu")]
     Wgpu(wgpu::BufferSlice<'a>),
+    /// A buffer that is shared with another interface to the GPU ([`crate::external_memory`]): three floats a vertex, one after
+    /// another. It is read when the next query is traced, or before [`Step::synchronize`] has anything signalled. No host sees
+    /// these vertices, so trees are built from those of the moment that asks, read back, and not for moments to come.
+    #[cfg(feature = "vulkan")]
+    External {
+        /// Made by the same tracer.
+        buffer: &'a crate::external_memory::ExternalBuffer,
+        /// Where the first vertex lies, in bytes: a multiple of 4.
+        offset: u64,
+    },
 }
 
 /// A step that was submitted.
@@ -96,7 +106,7 @@ impl Step<'_> {
         let index = self.may_stream(mesh)?;
         let current = &mut self.tracer.current;
         #[cfg_attr(
-            not(feature = "wgpu"),
+            not(any(feature = "vulkan", feature = "wgpu")),
             expect(
                 clippy::infallible_destructuring_match,
                 reason = "there is no other source"
@@ -106,6 +116,10 @@ impl Step<'_> {
             Source::Host(vertices) => vertices,
             #[cfg(feature = "wgpu")]
             Source::Wgpu(from) => return current.bring_points((mesh, index), from),
+            #[cfg(feature = "vulkan")]
+            Source::External { buffer, offset } => {
+                return current.bring_external(index, (buffer, offset));
+            }
         };
         let joined = &mut current.joined;
         check(
@@ -202,6 +216,8 @@ impl Step<'_> {
     /// [`Error::Device`].
     pub fn submit(mut self) -> Result<StepId> {
         self.begin_deferred()?;
+        #[cfg(feature = "vulkan")]
+        self.tracer.current.signal()?;
         self.tracer.end_step(self.id);
         Ok(self.id)
     }

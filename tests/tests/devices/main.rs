@@ -4,8 +4,14 @@
 //! the reason; `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` turns that red. Validation layers listen where they are installed, and
 //! what they say fails the trial.
 
+#[cfg(target_os = "linux")]
+mod external;
+#[cfg(target_os = "linux")]
+mod external_timeline;
 mod frames;
 mod geometry;
+#[cfg(target_os = "linux")]
+mod other_device;
 mod packets;
 mod pictures;
 mod queues;
@@ -168,6 +174,18 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_module::a_scene_that_shaders_cannot_trace_is_an_error,
 ];
 
+#[cfg(target_os = "linux")]
+const OF_EXTERNAL_MEMORY: &[(&str, fn())] = named![
+    external::vertices_may_lie_in_external_memory,
+    external::vertices_of_external_memory_stay_while_another_mesh_is_replaced,
+    external::rays_and_answers_may_lie_in_external_memory,
+    external::misuse_of_external_memory_is_an_error,
+    external_timeline::what_is_lent_is_used_between_two_values_of_a_timeline,
+];
+#[cfg(target_os = "linux")]
+const OF_EXTERNAL_SEMAPHORES: &[(&str, fn())] =
+    named![external::steps_and_another_device_wait_for_each_other];
+
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let (open_vulkan, open_wgpu): (Open, Open) = (
@@ -204,12 +222,24 @@ fn main() -> ExitCode {
         }
     }
     let excused = |absent: &Option<String>, name| absent.clone().filter(|_| !is_required(name));
-    for (all, why) in [
+    let mut own = vec![
         (OF_VULKAN, excused(&no_vulkan, "vulkan")),
         (OF_THREE_QUEUES, no_queues),
         (OF_DRIVERS_TREES, excused(&no_rays, "vulkan-rt")),
         (OF_WGPU, excused(&no_wgpu, "wgpu")),
-    ] {
+    ];
+    #[cfg(target_os = "linux")]
+    {
+        let [memory, semaphores] = match no_vulkan {
+            Some(why) => [0; 2].map(|_| Some(why.clone())),
+            None => external::lacks(),
+        };
+        own.extend([
+            (OF_EXTERNAL_MEMORY, memory),
+            (OF_EXTERNAL_SEMAPHORES, semaphores),
+        ]);
+    }
+    for (all, why) in own {
         let each = all
             .iter()
             .map(|&(name, body)| trial(name.to_owned(), why.as_deref(), body));

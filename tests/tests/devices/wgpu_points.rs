@@ -15,7 +15,7 @@ pub(crate) fn sheet(height: f32) -> Vec<Point> {
     (0..400).map(point).collect()
 }
 
-fn triangles() -> Vec<[u32; 3]> {
+pub(crate) fn triangles() -> Vec<[u32; 3]> {
     let corners = (0..380).filter(|i| i % 20 != 19);
     let both = |i: u32| [[i, i + 1, i + 20], [i + 1, i + 21, i + 20]];
     corners.flat_map(both).collect()

@@ -98,7 +98,7 @@ pub(crate) fn bytes_of(device: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
     heard.recv().unwrap()
 }
 
-fn scene() -> Scene {
+pub(crate) fn scene() -> Scene {
     let swarm = swarm(300);
     let keys = (0..3).map(|key| swarm.key(key).unwrap().to_vec());
     let mut scene = Scene::new();

@@ -43,6 +43,11 @@
 //! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue, or with
 //! `Step::encode` in that of its commands. Its own shaders trace rays by the text that `shader_module` gives.
 //!
+//! # Memory that CUDA shares
+//!
+//! On `Vulkan(adapter)`, vertices, rays and answers may lie in memory that the library exports and another interface to the
+//! same GPU imports: see `external_memory`. A timeline semaphore orders their work; no host copies anything or waits.
+//!
 //! # Threads
 //!
 //! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host.

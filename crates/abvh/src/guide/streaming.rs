@@ -7,6 +7,7 @@
 //! [`Step::vertices_mut`](crate::Step::vertices_mut) lends the memory that the GPU reads instead: a simulation writes there,
 //! and nothing is copied. Meshes that are fixed are sent once; a step costs what its moving vertices cost.
 //! Vertices that the program computed on its own wgpu device never pass through the host: `Source::Wgpu` names their buffer.
+//! Nor do those that CUDA computed in memory which the library's Vulkan device shares: `Source::External`.
 //!
 //! All come before the step's first query, else they are [`Error::TooLate`](crate::Error::TooLate). A mesh that
 //! a step does not move stays where it is.
