@@ -5,9 +5,11 @@
 //! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps follow one another without waiting for hits
 //! (`ABVH_STEPS` of them), so a step takes what its device takes.
 
-use abvh::own_device::{OwnDevice, RayBuffers, required_limits, useful_features, wgpu};
+use abvh::own_device::{RayBuffers, wgpu};
 use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
-use benches::{Mesh as Motion, STEP_SCENES, camera, device, median, print_table, setting};
+use benches::{
+    Mesh as Motion, STEP_SCENES, camera, device, median, own_device, print_table, setting,
+};
 use std::time::Instant;
 use wgpu::util::DeviceExt;
 
@@ -113,33 +115,11 @@ fn tile(whole: &Camera, [column, row]: [u32; 2]) -> Camera {
     }
 }
 
-fn open(scene: &Scene, rays: usize) -> OwnDevice {
-    let desc = wgpu::InstanceDescriptor::new_without_display_handle();
-    let instance = wgpu::Instance::new(desc);
-    let options = wgpu::RequestAdapterOptions {
-        power_preference: wgpu::PowerPreference::HighPerformance,
-        ..Default::default()
-    };
-    let adapter = pollster::block_on(instance.request_adapter(&options)).expect("there is one");
-    let wanted = wgpu::DeviceDescriptor {
-        required_features: useful_features() & adapter.features(),
-        required_limits: required_limits(scene, rays).expect("it is small"),
-        ..Default::default()
-    };
-    let (device, queue) = pollster::block_on(adapter.request_device(&wanted)).expect("it opens");
-    let info = adapter.get_info();
-    OwnDevice {
-        device,
-        queue,
-        info,
-    }
-}
-
 fn listed(motion: &Motion) -> Vec<String> {
     let scene = standing(motion);
     let camera = camera(motion, LISTED);
     let count = camera.pixels();
-    let own = open(&scene, count);
+    let own = own_device(&scene, count);
     let tracer = Tracer::builder().device(Device::from(own.clone()));
     let mut tracer = tracer.build(scene).expect("it is loaded");
     let buffer = |rays: &[Ray]| {

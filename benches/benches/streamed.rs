@@ -3,10 +3,14 @@
 //! `cargo bench -p benches --bench streamed [-- DEVICE...]`, a device being `auto`, `cpu`, `vulkan` or `wgpu`. A table of the worst of
 //! many steps follows (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
 
+use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
-use benches::{Mesh as Motion, STEP_SCENES, camera, criterion, device, print_table, setting};
+use benches::{
+    Mesh as Motion, STEP_SCENES, camera, criterion, device, own_device, print_table, setting,
+};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
+use wgpu::util::DeviceExt;
 
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
 const STEPS: usize = 64;
@@ -58,6 +62,8 @@ struct Player {
     camera: abvh::Camera,
     /// What arrives each step, if anything does.
     streamed: Option<(MeshId, Vec<Vec<Point>>)>,
+    /// The same in buffers of wgpu's, if it comes from there.
+    buffers: Vec<wgpu::Buffer>,
     /// Whether it is written where the device reads it; that is the program's own work and is not counted.
     in_place: bool,
     step: usize,
@@ -69,16 +75,25 @@ enum Kind {
     Keys,
     Streamed,
     InPlace,
+    OnDevice,
 }
 
 impl Kind {
-    const ALL: [Self; 3] = [Self::Keys, Self::Streamed, Self::InPlace];
+    /// Those of a device.
+    fn of(device: &Device) -> &'static [Self] {
+        let all = &[Self::Keys, Self::Streamed, Self::InPlace, Self::OnDevice];
+        match device {
+            Device::Wgpu(_) => all,
+            _ => &all[..3],
+        }
+    }
 
     fn name(self) -> &'static str {
         match self {
             Self::Keys => "key frames",
             Self::Streamed => "streamed",
             Self::InPlace => "in place",
+            Self::OnDevice => "on the device",
         }
     }
 }
@@ -105,8 +120,24 @@ impl Player {
             scene.add(Mesh::keyframes(keys, animation.triangles()).expect("it is a mesh"));
             None
         };
-        let tracer = Tracer::builder().device(device.clone()).build(scene);
+        let mut device = device.clone();
+        let mut buffers = Vec::new();
+        if let (Kind::OnDevice, Some((_, frames))) = (kind, &streamed) {
+            let own = own_device(&scene, (SIZE[0] * SIZE[1]) as usize);
+            let buffer = |points: &Vec<Point>| {
+                let about = wgpu::util::BufferInitDescriptor {
+                    label: None,
+                    contents: bytemuck::cast_slice(points),
+                    usage: wgpu::BufferUsages::COPY_SRC,
+                };
+                own.device.create_buffer_init(&about)
+            };
+            buffers = frames.iter().map(buffer).collect();
+            device = Device::from(own);
+        }
+        let tracer = Tracer::builder().device(device).build(scene);
         Self {
+            buffers,
             tracer: tracer.expect("the device is there"),
             camera: camera(motion, SIZE),
             streamed,
@@ -131,7 +162,10 @@ impl Player {
                 written = writes.elapsed();
             }
             Some((mesh, frames)) => {
-                let vertices = Source::Host(&frames[at]);
+                let vertices = match self.buffers.get(at) {
+                    Some(buffer) => Source::Wgpu(buffer.slice(..)),
+                    None => Source::Host(&frames[at]),
+                };
                 step.vertices(*mesh, vertices).expect("all are there");
             }
             None => {}
@@ -145,7 +179,7 @@ impl Player {
 fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
     let mut group = criterion.benchmark_group(format!("step/{}", motion.label));
     group.throughput(Throughput::Elements(motion.triangle_count() as u64));
-    for kind in Kind::ALL {
+    for &kind in Kind::of(device) {
         let mut player = Player::new(motion, device, kind);
         let device = player.tracer.device().to_owned();
         group.bench_function(BenchmarkId::new(kind.name(), device), |b| {
@@ -157,7 +191,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
 
 /// The times of many steps one by one, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
-    let row = |kind: Kind| {
+    let row = |&kind: &Kind| {
         let mut player = Player::new(motion, device, kind);
         let mut times = Vec::new();
         for step in 0..100 + setting("ABVH_STEPS", 1000) {
@@ -174,7 +208,7 @@ fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
         row.extend(shares(times));
         row
     };
-    Kind::ALL.map(row).to_vec()
+    Kind::of(device).iter().map(row).collect()
 }
 
 /// The median of times, what 99 of 100 stay below, and the worst.

@@ -21,7 +21,8 @@ pub use rivals::{EmbreeScene, Made, Packet16};
 pub use rivals::{Node, Rival, rivals, sah_cost};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
-use abvh::Device;
+use abvh::own_device::{OwnDevice, required_limits, useful_features, wgpu};
+use abvh::{Device, Scene};
 use comfy_table::Table;
 use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -65,6 +66,33 @@ pub fn device(name: &str) -> Device {
         "vulkan" => Device::Vulkan(None),
         "wgpu" => Device::Wgpu(None),
         _ => Device::Auto,
+    }
+}
+
+/// A wgpu device of the program's own, for a scene that so many rays are traced through.
+///
+/// # Panics
+/// If there is none.
+#[must_use]
+pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
+    let desc = wgpu::InstanceDescriptor::new_without_display_handle();
+    let instance = wgpu::Instance::new(desc);
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    let adapter = pollster::block_on(instance.request_adapter(&options)).expect("there is one");
+    let wanted = wgpu::DeviceDescriptor {
+        required_features: useful_features() & adapter.features(),
+        required_limits: required_limits(scene, rays).expect("it is small"),
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&wanted)).expect("it opens");
+    let info = adapter.get_info();
+    OwnDevice {
+        device,
+        queue,
+        info,
     }
 }
 
