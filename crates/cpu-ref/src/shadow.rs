@@ -14,9 +14,7 @@ pub struct Light {
     pub at: Point,
     /// Where it is in the scene's units.
     pub given: Point,
-    /// The root box's longest edge, in scaled units.
-    pub extent: f32,
-    /// As much of it counts for every hit; more for those of larger triangles.
+    /// As much of the root box's longest edge, in scaled units, counts for every hit; more for those of larger triangles.
     pub counted: f32,
 }
 
@@ -29,7 +27,6 @@ impl Light {
         Self {
             at: geometry.scale.apply(given),
             given,
-            extent,
             counted: extent.min(limit),
         }
     }
@@ -49,7 +46,7 @@ impl Light {
         };
         let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
         let longest = e1.iter().chain(&e2).fold(0.0_f32, |m, x| m.max(x.abs()));
-        let extent = self.counted.max(longest).min(self.extent);
+        let extent = self.counted.max(longest);
         let delta = 4.0 * ROUNDING * largest + 32.0 * ROUNDING * extent;
         let origin = std::array::from_fn(|i| p[i] + side * sign(normal[i]) * delta);
         Ray {

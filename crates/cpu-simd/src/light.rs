@@ -114,9 +114,7 @@ pub(crate) fn shadow_rays<L: Lanes>(
     let largest = p[0].abs().max(p[1].abs()).max(p[2].abs());
     let longest = each!(i => e1[i].abs().max(e2[i].abs()));
     let longest = longest[0].max(longest[1]).max(longest[2]);
-    let extent = longest
-        .max(L::splat(light.counted))
-        .min(L::splat(light.extent));
+    let extent = longest.max(L::splat(light.counted));
     let delta = L::splat(4.0 * ROUNDING)
         .mul(largest)
         .add(L::splat(32.0 * ROUNDING).mul(extent));

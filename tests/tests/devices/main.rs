@@ -149,8 +149,10 @@ const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::positions_on_their_way_are_not_written_over,
     queues::frames_go_on_though_nothing_comes_down_or_goes_up,
 ];
-const OF_DRIVERS_TREES: &[(&str, fn())] =
-    named![rebuild::the_drivers_work_is_timed_and_trees_of_others_are_refused];
+const OF_DRIVERS_TREES: &[(&str, fn())] = named![
+    rebuild::the_drivers_work_is_timed_and_trees_of_others_are_refused,
+    rebuild::triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves,
+];
 const OF_WGPU: &[(&str, fn())] = named![
     wgpu_calls::a_steady_frame_makes_no_buffer_and_no_bind_group,
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,

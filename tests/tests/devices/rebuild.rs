@@ -1,11 +1,14 @@
 //! Trees made on the device: whole, not deep, and good; and those of the driver.
 
 use crate::Subject;
-use crate::scenes::{SHADOWED, apart, camera, go, laid, numbers, report, stand, swarm, tree_at};
-use backend::{Backend, Generation, Layout, Method, Rays, check_tree};
+use crate::scenes::{
+    SHADOWED, apart, camera, go, laid, numbers, report, see, stand, swarm, tree_at,
+};
+use backend::{Backend, Generation, Layout, Method, QueryKind, Rays, check_tree};
 use bvh_layout::Topology;
+use conformance::stage;
 use cpu_ref::CpuBackend;
-use geom::{Animation, Point};
+use geom::{Animation, Point, Ray};
 use gpu_common::{Options, Validation};
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use shaders::{BufferName, Shape};
@@ -165,12 +168,46 @@ pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dy
     assert!(cost < 1.15 * host, "{cost} {host}");
 }
 
-pub(crate) fn the_drivers_work_is_timed_and_trees_of_others_are_refused() {
+fn drivers() -> DriverTreeBackend {
     let options = Options {
         validation: Validation::IfInstalled,
         ..Options::default()
     };
-    let mut subject = DriverTreeBackend::new(&options, Prefer::FastBuild).unwrap();
+    DriverTreeBackend::new(&options, Prefer::FastBuild).unwrap()
+}
+
+/// The box of the first key frame, which offsets shadow rays, is there for nothing: it is empty, or much too small.
+pub(crate) fn triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves() {
+    let (floor, roof) = (
+        [[-5.0, 3.0, 40.0], [1.0, 0.0, 0.1], [-1.0, 0.1, 0.0]],
+        [[0.0, 2.0, -50.0], [0.0, 2.0, 50.0], [-80.0, 2.0, 0.0]],
+    );
+    let frame = [floor, roof].concat();
+    // To the floor near the edge that is far from its first corner: the roof is over one half.
+    let across = (0..64).map(|i| -0.9 + i as f32 / 35.0);
+    let rays: Vec<_> = across
+        .map(|x| Ray::new([0.0, 1.0, 0.0], [x, -0.95 - 0.05 * x, 0.06 + 0.05 * x]))
+        .collect();
+    let light = [0.0, 9.0, 0.0];
+    let mut subject = drivers();
+    for by in [f32::NAN, 1e-4] {
+        let first = frame.iter().map(|p| p.map(|x| by * x)).collect();
+        let live = Animation::live(first, &[false; 6], vec![[0, 1, 2], [3, 4, 5]]).unwrap();
+        let live = Arc::new(live);
+        subject.load(Arc::clone(&live), Method::default()).unwrap();
+        let time = live.push(frame.clone()).unwrap();
+        stage::stand(&mut subject, &live, time).unwrap();
+        let kind = QueryKind::ClosestAndShadow { light };
+        let found = see(&mut subject, Rays::List(&rays), kind);
+        for ((ray, hit), &blocked) in rays.iter().zip(&found.closest).zip(&found.blocked) {
+            assert_eq!(hit.triangle, 0, "{by}: {ray:?}");
+            assert_eq!(blocked == 1, ray.direction[0] < 0.0, "{by}: {ray:?}");
+        }
+    }
+}
+
+pub(crate) fn the_drivers_work_is_timed_and_trees_of_others_are_refused() {
+    let mut subject = drivers();
     let animation = swarm(300);
     let method = Method::default();
     subject.load(Arc::clone(&animation), method).unwrap();

@@ -54,7 +54,8 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
     let own = max(abs(e1), abs(e2));
-    let counted = min(max(extent.x, max(extent.y, extent.z)), max(params.clearance, max(own.x, max(own.y, own.z))));
+    // A triangle of a key frame that arrived lies beyond the box of a driver's tree, which is of those known before.
+    let counted = max(min(max(extent.x, max(extent.y, extent.z)), params.clearance), max(own.x, max(own.y, own.z)));
     // 4 * 2^-24 and 32 * 2^-24
     let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, counted));
     p = vec3<f32>(
