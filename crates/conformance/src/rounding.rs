@@ -6,6 +6,8 @@
 //! at hand beside where it should. Everything that such a shift explains is allowed, nothing else is.
 //! All here is computed in double precision, whose own rounding is beneath notice.
 
+mod itself;
+
 use crate::stage;
 use geom::{Animation, Hit, Point, Ray, is_active};
 use glam::{DVec2, DVec3};
@@ -23,6 +25,10 @@ pub(crate) struct Verifier {
     triangles: Vec<(u32, [DVec3; 3])>,
     /// The largest coordinate of all.
     size: f64,
+    /// The longest edges of the boxes of the first key frame and of all: a backend offsets shadow rays by one between them.
+    extents: [f64; 2],
+    /// From the scene's units to scaled ones.
+    scale: f64,
 }
 
 /// A ray, in double precision.
@@ -53,7 +59,13 @@ impl Verifier {
         let triangles: Vec<_> = active.map(|(i, c)| (i, c.map(wide))).collect();
         let sizes = triangles.iter().flat_map(|(_, c)| c.map(largest));
         let size = sizes.fold(0.0, f64::max);
-        Self { triangles, size }
+        let [first, all] = [animation.key_bounds()[0], animation.bounds()];
+        Self {
+            triangles,
+            size,
+            extents: [first, all].map(|b| largest(wide(b.extent()))),
+            scale: (-f64::from(animation.scale_exponent())).exp2(),
+        }
     }
 
     /// Whether single precision can be asked about the ray (see [`TAME`]), and a driver too: none looks behind a ray's origin.
@@ -119,16 +131,13 @@ impl Verifier {
         self.refutes_line(&self.line(ray), blocked, None)
     }
 
-    /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface as `docs/design/hits.md` says under "Shadow rays".
-    ///
-    /// The driver is asked of that triangle too. Both ends of the way lie on one side of its plane or in it, so the
-    /// way cannot cross it, and the start is off the surface. But where the light lies on the triangle, the way ends there,
-    /// at `t = 1` exactly, and rounding may bring that into the open interval.
+    /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface as
+    /// `docs/design/hits.md` says under "Shadow rays". A driver is asked of that triangle too: see [`itself`].
     pub(crate) fn refutes_shadow(
         &self,
+        ray: &Ray,
         hit: &Hit,
         light: Point,
-        extent: f64,
         blocked: bool,
     ) -> Option<String> {
         if !hit.is_hit() {
@@ -143,10 +152,14 @@ impl Verifier {
         if length.is_nan() || length <= margin {
             return None;
         }
-        if blocked && distance_to_triangle(light, corners) <= margin {
+        let ([extent, most], scale) = (self.extents, self.scale);
+        let scaled = |p: DVec3| scale * p;
+        let triangle = corners.map(scaled);
+        let way = [origin, light, wide(ray.origin)].map(scaled);
+        if blocked && itself::may_block(&triangle, way, [extent, margin].map(|x| scale * x)) {
             return None;
         }
-        let off_surface = 8.0 * ulp(reach) + 64.0 * ulp(extent);
+        let off_surface = 8.0 * ulp(reach) + 64.0 * ulp(most);
         let line = Line {
             origin,
             direction: light - origin,

@@ -86,7 +86,7 @@ fn answers(
     let refuted = |(i, ray)| {
         let (hit, blocked) = (found.closest.get(i), found.blocked.get(i));
         let (hit, blocked) = (hit.copied().unwrap_or(Hit::MISS), blocked == Some(&1));
-        let why = refutes(case, &verifier, kind, (ray, &hit, blocked))?;
+        let why = refutes(&verifier, kind, (ray, &hit, blocked))?;
         let ray = named_ray(asked, i);
         let triangle = triangle_text(&case.animation, time, hit.triangle);
         Some(format!(
@@ -101,7 +101,6 @@ fn answers(
 }
 
 fn refutes(
-    case: &Case,
     verifier: &Verifier,
     kind: QueryKind,
     (ray, hit, blocked): (&Ray, &Hit, bool),
@@ -115,10 +114,8 @@ fn refutes(
     match kind {
         QueryKind::Any => verifier.refutes_any(ray, blocked),
         QueryKind::Closest => verifier.refutes(ray, hit),
-        QueryKind::ClosestAndShadow { light } => verifier.refutes(ray, hit).or_else(|| {
-            let extent = case.animation.bounds().extent();
-            let extent = extent.into_iter().fold(0.0, f32::max);
-            verifier.refutes_shadow(hit, light, f64::from(extent), blocked)
-        }),
+        QueryKind::ClosestAndShadow { light } => verifier
+            .refutes(ray, hit)
+            .or_else(|| verifier.refutes_shadow(ray, hit, light, blocked)),
     }
 }

@@ -77,13 +77,15 @@ fn intervals_are_kept_and_shadows_follow_the_way_to_the_light() {
     assert!(judge.refutes_any(&until(2.1), false).is_some());
     let below = hit(2, 3.0, 0.5, 0.25);
     let (light, far) = ([3.0, 1.0, 5.0], [3.0, 1.0, -0.5]);
-    assert_eq!(judge.refutes_shadow(&below, light, 4.0, true), None);
-    assert!(judge.refutes_shadow(&below, light, 4.0, false).is_some());
-    assert_eq!(judge.refutes_shadow(&below, far, 4.0, false), None);
-    assert!(judge.refutes_shadow(&below, far, 4.0, true).is_some());
-    assert!(judge.refutes_shadow(&Hit::MISS, far, 4.0, true).is_some());
+    let shadow =
+        |hit, light, blocked| judge.refutes_shadow(&down(3.0, 1.0, 0.0), hit, light, blocked);
+    assert_eq!(shadow(&below, light, true), None);
+    assert!(shadow(&below, light, false).is_some());
+    assert_eq!(shadow(&below, far, false), None);
+    assert!(shadow(&below, far, true).is_some());
+    assert!(shadow(&Hit::MISS, far, true).is_some());
     let somewhere = hit(2, 3.0, f32::NAN, f32::NAN);
-    assert_eq!(judge.refutes_shadow(&somewhere, light, 4.0, false), None);
+    assert_eq!(shadow(&somewhere, light, false), None);
 }
 
 #[test]
@@ -110,10 +112,10 @@ fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothi
         [11.6004, 9.56, 9.8362],
         [11.8096, 9.2804, 9.2642],
     ];
-    let animation = Animation::new(vec![corners.to_vec()], vec![[0, 1, 2]]).unwrap();
-    let judge = Verifier::new(&animation, 0.0);
+    let judge = one_of(corners, [8.0; 3]);
     let found = hit(0, 0.999_999_64, 0.256_004_63, 3.488_469e-6);
-    let shadow = |light, blocked| judge.refutes_shadow(&found, light, 3.96, blocked);
+    let ray = Ray::new([20.0, 0.0, 3.0], [1.0; 3]);
+    let shadow = |light, blocked| judge.refutes_shadow(&ray, &found, light, blocked);
     for on_it in [corners[0], corners[2], [11.7202, 9.442, 9.6876]] {
         assert_eq!(shadow(on_it, true), None, "{on_it:?}");
         assert_eq!(shadow(on_it, false), None, "{on_it:?}");
@@ -129,18 +131,57 @@ fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothi
 #[test]
 fn a_light_where_the_hit_is_may_be_seen_from_there_or_not() {
     let judge = squares(0.0);
-    let found = hit(0, 2.0, 0.5, 0.25);
+    let (ray, found) = (down(3.0, 1.0, 0.0), hit(0, 2.0, 0.5, 0.25));
+    let shadow = |light, blocked| judge.refutes_shadow(&ray, &found, light, blocked);
     for blocked in [false, true] {
-        assert_eq!(
-            judge.refutes_shadow(&found, [3.0, 1.0, 0.0], 4.0, blocked),
-            None
-        );
+        assert_eq!(shadow([3.0, 1.0, 0.0], blocked), None);
     }
-    assert!(
+    assert!(shadow([3.0, 1.0, 0.01], true).is_some());
+}
+
+/// Seed 5, case 233: eye and light lie in the triangle's plane, so the start does not move, and the light is less than a
+/// rounding below it.
+#[test]
+fn a_triangle_may_block_its_plane_but_nothing_that_surely_leaves_it() {
+    let corners = [
+        [0.143_396_85, -0.146_364_03, -0.210_177_81],
+        [-0.229_941_31, 0.212_297_2, -0.014_971_614],
+        [0.478_527_13, 0.083_719_015, -0.455_925_05],
+    ];
+    let judge = one_of(corners, [2.0; 3]);
+    let found = hit(0, 0.956_547_5, 0.425_609, 0.311_431_62);
+    let shadow = |eye, light, blocked| {
+        let ray = Ray::new(eye, [1.0; 3]);
+        judge.refutes_shadow(&ray, &found, light, blocked)
+    };
+    let eye = [0.312_263_04, -0.045_061_707, -0.332_136_3];
+    let light = [-0.976_617_6, 0.929_619_7, 0.375_440_8];
+    assert_eq!(shadow(eye, light, true), None);
+    assert_eq!(shadow(eye, light, false), None);
+    let ([x, y, z], [a, b, c]) = (eye, light);
+    // The eye has a side: the start is off the plane, and the way meets it beyond the triangle.
+    assert!(shadow([x, y, z + 1e-4], light, true).is_some());
+    // So has the light.
+    assert!(shadow(eye, [a, b, c + 1e-4], true).is_some());
+}
+
+#[test]
+fn a_triangle_may_block_what_leaves_it_if_it_is_too_thin_for_a_normal() {
+    let blocks = |height: f32| {
+        let judge = one_of([[0.0; 3], [4.0, 0.0, 0.0], [2.0, height, 0.0]], [4.0; 3]);
+        let (ray, found) = (down(2.0, 0.0, 0.0), hit(0, 2.0, 0.25, 0.5));
         judge
-            .refutes_shadow(&found, [3.0, 1.0, 0.01], 4.0, true)
-            .is_some()
-    );
+            .refutes_shadow(&ray, &found, [2.0, 1.0, 3.0], true)
+            .is_none()
+    };
+    assert!(blocks(1e-5) && !blocks(2.0));
+}
+
+/// A triangle, in a scene that reaches as far as a vertex of no triangle.
+fn one_of(corners: [Point; 3], far: Point) -> Verifier {
+    let [a, b, c] = corners;
+    let animation = Animation::new(vec![vec![a, b, c, far]], vec![[0, 1, 2]]);
+    Verifier::new(&animation.unwrap(), 0.0)
 }
 
 #[test]
