@@ -125,6 +125,10 @@ impl Builder {
     }
 }
 
+fn moment(time: f64) -> f64 {
+    if time.is_nan() { 0.0 } else { time }
+}
+
 /// A device's name.
 pub(crate) fn name(backend: &dyn Backend) -> String {
     let device = backend.device();
@@ -192,7 +196,7 @@ impl Tracer {
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         match self.current.has_tree() {
             true => Ok(()),
-            false => self.current.warm_up(time, &[]),
+            false => self.current.warm_up(moment(time), &[]),
         }
     }
 
@@ -200,11 +204,10 @@ impl Tracer {
     /// time that is no number counts as 0.
     pub fn step(&mut self, time: f64) -> Step<'_> {
         self.steps += 1;
-        let time = if time.is_nan() { 0.0 } else { time };
         Step {
             id: StepId(self.steps),
             tracer: self,
-            time,
+            time: moment(time),
             queries: 0,
             deferred: Vec::new(),
         }

@@ -356,6 +356,7 @@ fn misuse(device: &Device) {
     let cloth = scene.add(Mesh::streamed(&points, &triangle).unwrap());
     let robot = scene.add(Mesh::rigid(&points, &triangle, &[0, 0, 3]).unwrap());
     let mut tracer = tracer(scene, device);
+    tracer.warm_up(f64::NAN).unwrap();
     let mut step = tracer.step(f64::NAN);
     let host = Source::Host(&points);
     let count = |mesh, what, expected, found| Error::Count {

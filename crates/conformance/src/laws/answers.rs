@@ -16,13 +16,13 @@ fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     for &time in &c.case.times {
         c.stand(time)?;
         let seen = ask(c.subject, rays, kind)?;
-        judge(c, time, (rays, kind), &seen)?;
+        verify(c, time, (rays, kind), &seen)?;
     }
     Ok(())
 }
 
 /// What the subject found at a time.
-pub(super) fn judge(
+pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,
     query: (Rays<'_>, QueryKind),

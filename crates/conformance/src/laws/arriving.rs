@@ -27,18 +27,18 @@ const LEAPS: [Point; 6] = [
 
 /// Key frames that arrive give the hits and counts of an animation that holds them all.
 pub(super) fn held(c: &mut Check<'_>) -> Result<()> {
-    pushed(c, answers::judge)
+    pushed(c, answers::verify)
 }
 
 /// Likewise, within rounding of the exact answer.
 pub(super) fn held_within(c: &mut Check<'_>) -> Result<()> {
-    pushed(c, within::judge)
+    pushed(c, within::verify)
 }
 
-/// Judges what a query found at a time.
-type Judge = fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
+/// Holds what a query found at a time to what it should.
+type Verify = fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
 
-fn pushed(c: &mut Check<'_>, judge: Judge) -> Result<()> {
+fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
     let (case, live) = leaping(c.case, rng)?;
     // It has another scene loaded.
@@ -51,7 +51,7 @@ fn pushed(c: &mut Check<'_>, judge: Judge) -> Result<()> {
     };
     for (ticket, time, kind) in push_all(&mut c, &live, rng)? {
         let found = fetch(c.subject, ticket)?;
-        judge(&mut c, time, (Rays::List(&case.rays), kind), &found)?;
+        verify(&mut c, time, (Rays::List(&case.rays), kind), &found)?;
     }
     Ok(())
 }

@@ -171,7 +171,7 @@ pub const OWN_TREE_LAWS: &[Law] = &[
         "positions_of_a_stream_are_those_of_held_key_frames",
         streamed::positions,
     ),
-    law_of_methods("a_camera_is_its_rays", answers::camera_is_rays),
+    law_of_methods("a_camera_is_its_rays", within::camera_is_rays),
     law("closest_hits_lie_within_rounding", within::closest),
     law("any_hits_lie_within_rounding", within::any),
     law("pictures_and_shadows_lie_within_rounding", within::picture),

@@ -1,6 +1,6 @@
 //! What rays hit where a driver decides: within rounding of the exact answer. See [`crate::rounding`].
 
-use super::Check;
+use super::{Check, answers};
 use crate::Case;
 use crate::compare::{named_ray, same_counts, triangle_text};
 use crate::rounding::Verifier;
@@ -28,6 +28,15 @@ pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
     each(c, c.rays(), kind)
 }
 
+/// A camera's rays made on the device answer as the same rays given one by one, where a driver can be asked about them.
+pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
+    let verifier = Verifier::new(&c.case.animation, c.case.times[1]);
+    match c.case.camera.rays().all(|ray| verifier.admits(&ray)) {
+        true => answers::camera_is_rays(c),
+        false => Ok(()),
+    }
+}
+
 /// Trees made anew and trees brought along take turns.
 fn each(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
@@ -39,20 +48,20 @@ fn each(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
             boxes_anew(c.subject)?;
         }
         let found = ask(c.subject, rays, kind)?;
-        judge(c, time, (rays, kind), &found)?;
+        verify(c, time, (rays, kind), &found)?;
     }
     Ok(())
 }
 
 /// What the subject found at a time. Inactive and degenerate triangles are counted as by the reference, and hits as they
 /// were found.
-pub(super) fn judge(
+pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,
     (rays, kind): (Rays<'_>, QueryKind),
     (found, report): &(Hits, FrameReport),
 ) -> Result<()> {
-    answers(c.case, time, (rays, kind), found)?;
+    found_within(c.case, time, (rays, kind), found)?;
     let mut right = c.reference.answer(c.case, (c.method, time), None)?.report;
     let hits = found.closest.iter().filter(|h| h.is_hit()).count() as u64;
     let blocked = found.blocked.iter().filter(|&&b| b == 1).count() as u64;
@@ -63,7 +72,7 @@ pub(super) fn judge(
     same_counts(report, &right)
 }
 
-fn answers(
+fn found_within(
     case: &Case,
     time: f64,
     (asked, kind): (Rays<'_>, QueryKind),
