@@ -101,11 +101,13 @@ impl SceneState {
     }
 
     /// Brings boxes up to date, and the tree's cost by the surface area heuristic:
-    /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area.
+    /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area, or areas are too
+    /// large for the tree to add up.
     pub(crate) fn refit(&mut self) {
         let (total, root) = self.tree.refit();
         let root = root.half_area();
-        self.sah_cost = (root > 0.0).then(|| total / root);
+        let cost = total / root;
+        self.sah_cost = (root > 0.0 && cost.is_finite()).then_some(cost);
     }
 
     pub(crate) fn trace(&self, query: Query<'_>, out: Output<'_>) -> Counts {

@@ -26,6 +26,19 @@ fn every_instruction_set_keeps_every_law() {
     }
 }
 
+/// One of that law's cases, in which a vertex lies as far as floats reach.
+#[test]
+fn areas_too_large_to_add_up_make_no_cost() {
+    let name = "what_never_moves_may_be_passed_over";
+    let law = LAWS.iter().find(|law| law.name == name).unwrap();
+    let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
+    let mut subject = open_at(Level::all()[0], Some(2)).unwrap();
+    assert_eq!(
+        hold(law, &mut subject, &mut reference, 1, [29]),
+        Ok::<_, conformance::Disagreement>(1)
+    );
+}
+
 fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
 }
