@@ -70,7 +70,8 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
     go(backend, Rays::Camera(&camera()), SHADOWED);
     let grown = backend.device_bytes().unwrap().frames - after.frames;
     let least = 20 * camera().pixels() as u64;
-    assert!((least..least + 64).contains(&grown), "{grown}");
+    // Drivers round each of the two buffers up, NVIDIA's to 64 bytes.
+    assert!((least..least + 2 * 64).contains(&grown), "{grown}");
 }
 
 pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
