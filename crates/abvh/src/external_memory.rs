@@ -36,7 +36,6 @@
 use crate::loaded::Loaded;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
-use geom::Hit;
 use gpu_vulkan::external::ExternalMemory;
 use gpu_vulkan::memory::Buffer;
 use gpu_vulkan::timeline::Timeline;
@@ -130,10 +129,6 @@ pub struct ExternalRays<'a> {
 
 impl ExternalRays<'_> {
     fn lend(&self, gpu: &mut VulkanDevice, query: Query) -> Result<()> {
-        let answer = match query {
-            Query::Closest => size_of::<Hit>(),
-            Query::Any => size_of::<u32>(),
-        };
         let lent = |buffer: &ExternalBuffer, each: usize| {
             let bytes = (each as u64).saturating_mul(self.count as u64);
             Buffer::lent(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
@@ -146,7 +141,10 @@ impl ExternalRays<'_> {
         }
         let lent = LentRays {
             rays: lent(self.rays, size_of::<Ray>())?,
-            answers: self.answers.map(|to| lent(to, answer)).transpose()?,
+            answers: self
+                .answers
+                .map(|to| lent(to, query.answer_bytes()))
+                .transpose()?,
         };
         gpu.lend_rays(lent);
         Ok(())

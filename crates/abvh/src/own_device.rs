@@ -14,7 +14,7 @@ use crate::motion::Joined;
 use crate::step::{Deferred, check};
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
 use backend::Backend;
-use geom::{Hit, Point};
+use geom::Point;
 use gpu_wgpu::{LentRays, WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
 use pipeline::Update;
@@ -184,12 +184,14 @@ pub struct RayBuffers<'a> {
 impl RayBuffers<'_> {
     fn check(&self, query: Query) -> Result<()> {
         use wgpu::BufferUsages as Usage;
-        let answer = match query {
-            Query::Closest => size_of::<Hit>(),
-            Query::Any => size_of::<u32>(),
-        };
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
-        let answers = |buffer| (buffer, answer, Usage::STORAGE | Usage::COPY_DST);
+        let answers = |buffer| {
+            (
+                buffer,
+                query.answer_bytes(),
+                Usage::STORAGE | Usage::COPY_DST,
+            )
+        };
         for (buffer, bytes, usage) in [rays].into_iter().chain(self.answers.map(answers)) {
             let is_large = (bytes as u64)
                 .checked_mul(self.count as u64)

@@ -16,6 +16,15 @@ pub enum Query {
 }
 
 impl Query {
+    /// Bytes of an answer in a device's memory.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) fn answer_bytes(self) -> usize {
+        match self {
+            Self::Closest => size_of::<geom::Hit>(),
+            Self::Any => size_of::<u32>(),
+        }
+    }
+
     fn kind(self) -> QueryKind {
         match self {
             Self::Closest => QueryKind::Closest,

@@ -147,3 +147,11 @@ pub struct FrameReport {
     /// Bytes that went back to the host for a builder.
     pub readback_bytes: u64,
 }
+
+/// A tree's cost by the surface area heuristic (traversal 1, intersection 1; MacDonald, Booth 1990): all nodes' areas over the
+/// root's. `None` if the root has no area, or areas were too large to be added up.
+#[must_use]
+pub fn sah_cost(areas: f64, root: f64) -> Option<f64> {
+    let cost = areas / root;
+    (root > 0.0 && cost.is_finite()).then_some(cost)
+}

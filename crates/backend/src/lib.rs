@@ -72,7 +72,7 @@ pub use adapter::AdapterInfo;
 pub use error::{BackendError, Result};
 pub use frame::{
     Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
-    Ticket,
+    Ticket, sah_cost,
 };
 pub use lend::Spares;
 pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};

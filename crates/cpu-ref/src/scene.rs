@@ -6,7 +6,7 @@ use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::TraceTask;
 use crate::{Accelerator, reserve};
-use backend::{BackendError, Intersector, Query, Result, check_tree};
+use backend::{BackendError, Intersector, Query, Result, check_tree, sah_cost};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, StaticParts};
@@ -100,14 +100,10 @@ impl SceneState {
         self.unhittable.inactive += without_leaf as u64;
     }
 
-    /// Brings boxes up to date, and the tree's cost by the surface area heuristic:
-    /// the sum of all nodes' areas over the root's (MacDonald, Booth 1990); `None` if the root has no area, or areas are too
-    /// large for the tree to add up.
+    /// Brings boxes up to date, and the tree's cost.
     pub(crate) fn refit(&mut self) {
         let (total, root) = self.tree.refit();
-        let root = root.half_area();
-        let cost = total / root;
-        self.sah_cost = (root > 0.0 && cost.is_finite()).then_some(cost);
+        self.sah_cost = sah_cost(total, root.half_area());
     }
 
     pub(crate) fn trace(&self, query: Query<'_>, out: Output<'_>) -> Counts {

@@ -120,8 +120,7 @@ impl Slot {
             others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
         let mut parts = Vec::new();
-        let mut commands = std::mem::take(&mut self.commands);
-        for command in commands.drain(..) {
+        for command in std::mem::take(&mut self.commands) {
             match command {
                 Command::Clear(bytes) => {
                     self.passes(gpu, encoder, &mut parts)?;
@@ -138,8 +137,6 @@ impl Slot {
                 }
             }
         }
-        // Its memory is kept.
-        self.commands = commands;
         self.passes(gpu, encoder, &mut parts)?;
         self.untimed(gpu, encoder)?;
         self.launches.write(gpu)?;

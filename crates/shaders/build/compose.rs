@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 use std::fs::read_to_string;
 use std::path::Path;
 use wesl::syntax::{ModulePath, PathOrigin};
-use wesl::{CompileOptions, EscapeMangler, Feature, Features, Mangler, NoMangler, VirtualResolver};
+use wesl::{CompileOptions, Feature, Features, Mangler, NoMangler, VirtualResolver};
+
+/// Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
+pub(crate) const KEPT: NoMangler = NoMangler;
 
 /// All files, by their paths from the folder `wgsl` on without extension.
 pub(crate) struct Sources(BTreeMap<String, String>);
@@ -29,30 +32,9 @@ impl Sources {
         all.map(|(name, text)| (name.as_str(), text.as_str()))
     }
 
-    /// Entry points of a file with all that they use. Conditions hold that are named in `on`; those in neither list are errors.
+    /// Entry points of a file with all that they use, names of other files by the mangler. Conditions hold that are named in
+    /// `on`; those in neither list are errors.
     pub(crate) fn compose(
-        &self,
-        file: &str,
-        entries: &[&str],
-        on: &[&str],
-        off: &[&str],
-    ) -> Result<String> {
-        // Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
-        self.compose_as(file, (entries, &NoMangler), on, off)
-    }
-
-    /// Likewise, of what shaders of others call: names of other files are escaped.
-    pub(crate) fn compose_module(
-        &self,
-        file: &str,
-        names: &[&str],
-        on: &[&str],
-        off: &[&str],
-    ) -> Result<String> {
-        self.compose_as(file, (names, &EscapeMangler), on, off)
-    }
-
-    fn compose_as(
         &self,
         file: &str,
         (entries, mangler): (&[&str], &impl Mangler),

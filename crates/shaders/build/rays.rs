@@ -1,6 +1,6 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
-use crate::compose::Sources;
+use crate::compose::{KEPT, Sources};
 use crate::variants::{EntryPoint, conditions};
 use crate::{harden, include_words, options, parse, reflect};
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -36,7 +36,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
         "given_shadow",
         "given_any",
     ];
-    let mut source = sources.compose(PIPELINE, &stages, &[], &conditions(all))?;
+    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[], &conditions(all))?;
     for (here, there) in UNKNOWN {
         ensure!(source.contains(here), "no {here}");
         source = source.replace(here, there);

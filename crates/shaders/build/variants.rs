@@ -3,8 +3,9 @@
 //! `// Variants: intersector, layout(fast), arithmetic.` stands for all intersectors, for layout `fast` alone, and for both ways to
 //! find what a quotient leaves.
 
-use crate::compose::Sources;
+use crate::compose::{KEPT, Sources};
 use anyhow::{Context, Result, ensure};
+use wesl::EscapeMangler;
 
 /// The axes that hosts choose along, each with its values and the condition that holds for each.
 /// `src/method.rs` says which value a method takes.
@@ -76,8 +77,9 @@ pub(crate) fn module(sources: &Sources, all: &[EntryPoint]) -> Result<String> {
         "ABVH_MISS",
         "ABVH_EXTREME",
     ];
+    let file = "traversal/module";
     let on = ["WATERTIGHT", "LAYOUT_FAST", OPAQUE, MODULE];
-    sources.compose_module("traversal/module", &names, &on, &conditions(all))
+    sources.compose(file, (&names, &EscapeMangler), &on, &conditions(all))
 }
 
 /// Every compute kernel, sorted by name.
@@ -160,7 +162,7 @@ impl EntryPoint {
         let compose = |opaque: Option<&str>| {
             let way = way.iter().map(|v| v.condition).chain([&self.name[..]]);
             let on: Vec<_> = way.chain(subgroups).chain(fused).chain(opaque).collect();
-            sources.compose(&self.file, &[&self.name], &on, &conditions(all))
+            sources.compose(&self.file, (&[&self.name], &KEPT), &on, &conditions(all))
         };
         Ok(Text {
             plain: compose(None)?,

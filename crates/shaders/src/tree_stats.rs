@@ -1,7 +1,7 @@
 //! What is known of records and boxes in use, from one submission's report to the next.
 
 use crate::Counts;
-use backend::FrameReport;
+use backend::{FrameReport, sah_cost};
 
 /// Whose areas a refit added up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,11 +66,9 @@ impl TreeStats {
     }
 }
 
-/// A tree's cost by the surface area heuristic (traversal 1, intersection 1):
-/// all nodes' areas over the root's. `None` if the root has no area, or areas are too large for the device to add up.
+/// A tree's cost: its root's area is not among the others.
 fn cost(areas: f64, root: f64) -> Option<f64> {
-    let cost = (areas + root) / root;
-    (root > 0.0 && cost.is_finite()).then_some(cost)
+    sah_cost(areas + root, root)
 }
 
 #[cfg(test)]

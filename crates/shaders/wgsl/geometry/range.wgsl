@@ -1,6 +1,6 @@
 // How far the coordinates of a key frame reach, where the host did not look: geom::Range, to the same bits.
 
-import package::geometry::units::scale_bits;
+import package::geometry::units::{scale_bits, starts_beyond};
 import package::lib::buffers::range;
 import package::lib::params::{element, params};
 
@@ -17,6 +17,12 @@ const NEAR: u32 = 3u;
 const DONE: u32 = 4u;
 // The sizes of some vertices.
 const SAMPLES: u32 = 8u;
+
+// Whether a ray that starts there, in scaled units, is extreme.
+@if(!measure_range)
+fn is_measured_extreme(origin: vec3<f32>) -> bool {
+    return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u);
+}
 
 const INFINITE: u32 = 0x7f800000u;
 // 1.0

@@ -2,13 +2,13 @@
 
 import package::geometry::queries::{asked, is_void_ray, set_line_of};
 import package::geometry::ray::MISS;
-import package::geometry::range::{EXTREME, TINY};
+import package::geometry::range::is_measured_extreme;
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{is_extreme, scale_bits, starts_beyond};
+import package::geometry::units::{is_extreme, scale_bits};
 import package::intersect::extreme::{any_extreme, hit_extreme};
 import package::intersect::line::{make_line, put_corners, put_side, set_line};
-import package::lib::buffers::{counts, hits, occluded, range};
+import package::lib::buffers::{counts, hits, occluded};
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::params::{element, params};
 import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
@@ -107,7 +107,7 @@ fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(
 
 @if(extreme_rays)
 fn is_left(i: u32) -> bool {
-    if params.extreme == 2u { return range[EXTREME] != 0u || starts_beyond(asked(i).origin, range[TINY] != 0u); }
+    if params.extreme == 2u { return is_measured_extreme(asked(i).origin); }
     return is_known_to_be_left(i);
 }
 // For shadows the host has looked.

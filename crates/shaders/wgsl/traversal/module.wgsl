@@ -1,11 +1,10 @@
 // Single rays for shaders of others: what crates/abvh gives them as text, in which all other names are escaped.
 
 import package::geometry::queries::is_void_ray;
-import package::geometry::range::{EXTREME, TINY};
+import package::geometry::range::is_measured_extreme;
 import package::geometry::ray::{MISS, prepare, root_from};
-import package::geometry::units::{is_extreme, scaled_point, starts_beyond};
+import package::geometry::units::{is_extreme, scaled_point};
 import package::intersect::intersector::{ask_any, hit_of};
-import package::lib::buffers::range;
 import package::lib::params::params;
 import package::traversal::traverse::find_closest;
 
@@ -20,7 +19,7 @@ const ABVH_EXTREME: u32 = 0xfffffffeu;
 
 // Whether exact arithmetic has to answer, which is not here.
 fn abvh_is_extreme(origin: vec3<f32>) -> bool {
-    if params.extreme == 2u { return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u); }
+    if params.extreme == 2u { return is_measured_extreme(origin); }
     return is_extreme(origin);
 }
 
