@@ -8,10 +8,10 @@
 use abvh::own_device::{RayBuffers, wgpu};
 use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
 use benches::{
-    Mesh as Motion, STEP_SCENES, camera, device, median, own_device, print_table, setting,
+    Mesh as Motion, STEP_SCENES, camera, device, filled_buffer, median, own_device, print_table,
+    setting,
 };
 use std::time::Instant;
-use wgpu::util::DeviceExt;
 
 /// One of sixteen cameras, and a camera of as many pixels as all of them.
 const SMALL: [u32; 2] = [640, 480];
@@ -123,12 +123,8 @@ fn listed(motion: &Motion) -> Vec<String> {
     let tracer = Tracer::builder().device(Device::from(own.clone()));
     let mut tracer = tracer.build(scene).expect("it is loaded");
     let buffer = |rays: &[Ray]| {
-        let about = wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(rays),
-            usage: wgpu::BufferUsages::STORAGE,
-        };
-        own.device.create_buffer_init(&about)
+        let usage = wgpu::BufferUsages::STORAGE;
+        filled_buffer(&own, bytemuck::cast_slice(rays), usage)
     };
     let hits = own.device.create_buffer(&wgpu::BufferDescriptor {
         label: None,

@@ -6,11 +6,11 @@
 use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{
-    Mesh as Motion, STEP_SCENES, camera, criterion, device, own_device, print_table, setting,
+    Mesh as Motion, STEP_SCENES, camera, criterion, device, filled_buffer, own_device, print_table,
+    setting,
 };
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
-use wgpu::util::DeviceExt;
 
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
 const STEPS: usize = 64;
@@ -125,12 +125,8 @@ impl Player {
         if let (Kind::OnDevice, Some((_, frames))) = (kind, &streamed) {
             let own = own_device(&scene, (SIZE[0] * SIZE[1]) as usize);
             let buffer = |points: &Vec<Point>| {
-                let about = wgpu::util::BufferInitDescriptor {
-                    label: None,
-                    contents: bytemuck::cast_slice(points),
-                    usage: wgpu::BufferUsages::COPY_SRC,
-                };
-                own.device.create_buffer_init(&about)
+                let usage = wgpu::BufferUsages::COPY_SRC;
+                filled_buffer(&own, bytemuck::cast_slice(points), usage)
             };
             buffers = frames.iter().map(buffer).collect();
             device = Device::from(own);

@@ -27,6 +27,7 @@ use comfy_table::Table;
 use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::time::Duration;
+use wgpu::util::DeviceExt;
 
 /// Few samples and short: medians of one run are compared with one another, not with other days.
 #[must_use]
@@ -94,6 +95,17 @@ pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
         queue,
         info,
     }
+}
+
+/// A buffer on it.
+#[must_use]
+pub fn filled_buffer(own: &OwnDevice, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    own.device
+        .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents,
+            usage,
+        })
 }
 
 /// A pool to install round a measured closure.

@@ -2,7 +2,7 @@
 
 use crate::other_device::{Bytes, Exported, OtherDevice};
 use crate::scenes::camera;
-use crate::wgpu_points::{bits, sheet, triangles};
+use crate::sheets::{self, Met, Moved, bits, see_as_of_the_host, sheet, triangles};
 use crate::wgpu_rays::{all_kinds, scene as swarm};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{
@@ -43,11 +43,7 @@ const OFFSET: u64 = 20;
 
 impl Shared {
     fn new(update: Update) -> Self {
-        let mut scene = Scene::new();
-        let sheets = [0.0, 1.0].map(|height| {
-            let mesh = Mesh::streamed(&sheet(height), &triangles());
-            scene.add(mesh.unwrap())
-        });
+        let (scene, sheets) = sheets::scene();
         let mut tracer = tracer(scene, update);
         let first = tracer.external_buffer(16).unwrap();
         let other = OtherDevice::open(first.device_uuid());
@@ -65,7 +61,7 @@ impl Shared {
     }
 
     /// Begins a step after each sheet was moved, by the other device or by the host, or not at all.
-    fn begin(&mut self, moved: [Option<(f32, bool)>; 2]) -> (StepId, QueryId) {
+    fn begin(&mut self, moved: Moved) -> (StepId, QueryId) {
         let mut step = self.tracer.step(0.0);
         for i in [0, 1] {
             let Some((height, is_shared)) = moved[i] else {
@@ -87,7 +83,7 @@ impl Shared {
         (step.submit().unwrap(), query)
     }
 
-    fn step(&mut self, moved: [Option<(f32, bool)>; 2]) -> Vec<Option<(u32, [u32; 3])>> {
+    fn step(&mut self, moved: Moved) -> Vec<Met> {
         let (done, query) = self.begin(moved);
         bits(self.tracer.hits(done, query).unwrap())
     }
@@ -112,14 +108,7 @@ pub(crate) fn vertices_may_lie_in_external_memory() {
         [Some((f32::NAN, shared)), Some((1.0, shared))],
         [Some((0.5, host)), None],
     ];
-    for update in [Update::Async, Update::Rebuild] {
-        let [mut found, mut expected] = [0; 2].map(|_| Shared::new(update));
-        for moved in steps {
-            let seen = found.step(moved);
-            let hosts = moved.map(|m| m.map(|(height, _)| (height, host)));
-            assert!(seen == expected.step(hosts), "{update:?} {moved:?}");
-        }
-    }
+    see_as_of_the_host(Shared::new, Shared::step, &steps);
 }
 
 /// Even where no query has seen them yet.

@@ -4,7 +4,7 @@ use crate::external::words;
 use crate::opened;
 use crate::other_device::{Exported, OtherDevice};
 use crate::scenes::{go, hits, open, rays, stand};
-use crate::wgpu_points::{sheet, triangles};
+use crate::sheets::{sheet, triangles};
 use backend::{Hits, QueryKind, Rays, Ticket};
 use geom::{Animation, Point, PointBuffer};
 use gpu_common::LentRays;

@@ -18,10 +18,12 @@ mod queues;
 mod rasterization;
 mod rebuild;
 mod scenes;
+mod sheets;
 mod wgpu_calls;
 mod wgpu_encode;
 mod wgpu_lent;
 mod wgpu_module;
+mod wgpu_own;
 mod wgpu_points;
 mod wgpu_rays;
 

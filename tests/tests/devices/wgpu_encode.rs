@@ -1,9 +1,10 @@
 //! Steps that go into an encoder of the program's.
 
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
+use crate::sheets::{Met, bits, scene, sheet};
 use crate::wgpu_lent::{adapter, device_on};
-use crate::wgpu_points::{Own, bits, sheet};
-use crate::wgpu_rays::bytes_of;
+use crate::wgpu_own::bytes_of;
+use crate::wgpu_points::Own;
 use abvh::own_device::RayBuffers;
 use abvh::own_device::{required_features, useful_features};
 use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
@@ -11,9 +12,6 @@ use backend::{Backend, Generation, Rays};
 use gpu_wgpu::from_device;
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
-
-/// What a ray met: the triangle, and where.
-type Met = Option<(u32, [u32; 3])>;
 
 /// A scene of two sheets, the first of which the program's commands move.
 struct Encoded {
@@ -165,7 +163,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     let mut own = Encoded::new(Update::Async);
     let device = |own: &Encoded| Device::from(own.own.device.clone());
     let on = |device| Tracer::builder().device(device).threads(2);
-    let build = |builder: abvh::Builder| builder.build(crate::wgpu_points::scene().0).unwrap();
+    let build = |builder: abvh::Builder| builder.build(scene().0).unwrap();
     let is_device = |said| matches!(said, Some(Error::Device(_)));
     // No tree is there.
     let mut first = build(on(device(&own)));

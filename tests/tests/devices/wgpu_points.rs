@@ -1,35 +1,12 @@
 //! Vertices that lie in buffers of a program's own.
 
 use crate::scenes::camera;
-use crate::wgpu_lent::{adapter, device_on};
-use abvh::own_device::{OwnDevice, required_features, required_limits};
-use abvh::{Device, Error, Hits, Mesh, MeshId, Point, Query, Scene, Source, Tracer, Update};
-use wgpu::util::DeviceExt;
+use crate::sheets::{Met, Moved, bits, scene, see_as_of_the_host, sheet, triangles};
+use crate::wgpu_lent::adapter;
+use crate::wgpu_own::{filled, own_device};
+use abvh::own_device::{OwnDevice, required_limits};
+use abvh::{Device, Error, Mesh, MeshId, Point, Query, Source, Tracer, Update};
 use wgpu::{Buffer, BufferUsages};
-
-/// A sheet of triangles, at some height and somewhat bent.
-pub(crate) fn sheet(height: f32) -> Vec<Point> {
-    let at = |i: u32| (i % 20) as f32 - 9.5;
-    let bend = |i: u32| height + 0.1 * (i as f32 * height).sin();
-    let point = |i: u32| [at(i), bend(i), at(i / 20)];
-    (0..400).map(point).collect()
-}
-
-pub(crate) fn triangles() -> Vec<[u32; 3]> {
-    let corners = (0..380).filter(|i| i % 20 != 19);
-    let both = |i: u32| [[i, i + 1, i + 20], [i + 1, i + 21, i + 20]];
-    corners.flat_map(both).collect()
-}
-
-/// Two sheets.
-pub(crate) fn scene() -> (Scene, [MeshId; 2]) {
-    let mut scene = Scene::new();
-    let sheets = [0.0, 1.0].map(|height| {
-        let mesh = Mesh::streamed(&sheet(height), &triangles());
-        scene.add(mesh.unwrap())
-    });
-    (scene, sheets)
-}
 
 /// A scene of two sheets, traced on a device of its own.
 pub(crate) struct Own {
@@ -46,12 +23,7 @@ impl Own {
     fn on(adapter: &wgpu::Adapter, update: Update) -> Self {
         let (scene, sheets) = scene();
         let limits = required_limits(&scene, camera().pixels()).unwrap();
-        let (device, queue, info) = device_on(adapter, required_features(), limits);
-        let device = OwnDevice {
-            device,
-            queue,
-            info,
-        };
+        let device = own_device(adapter, limits);
         let builder = Tracer::builder().device(Device::from(device.clone()));
         let tracer = builder.update(update).threads(2).build(scene).unwrap();
         Self {
@@ -68,16 +40,11 @@ impl Own {
     }
 
     pub(crate) fn bytes(&self, contents: &[u8], usage: BufferUsages) -> Buffer {
-        let about = wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents,
-            usage,
-        };
-        self.device.device.create_buffer_init(&about)
+        filled(&self.device, contents, usage)
     }
 
     /// What a camera sees after each sheet was moved, from a buffer or from the host, or not at all.
-    pub(crate) fn step(&mut self, moved: [Option<(f32, bool)>; 2]) -> Vec<Option<(u32, [u32; 3])>> {
+    pub(crate) fn step(&mut self, moved: Moved) -> Vec<Met> {
         let to = moved.map(|moved| moved.map(|(height, _)| sheet(height)));
         let buffers = to.each_ref().map(|points| {
             let points = points.as_deref().unwrap_or_default();
@@ -100,15 +67,6 @@ impl Own {
     }
 }
 
-pub(crate) fn bits(hits: Hits<'_>) -> Vec<Option<(u32, [u32; 3])>> {
-    let hit = |ray| {
-        let hit = hits.closest(ray)?;
-        let numbers = [hit.t, hit.u, hit.v].map(f32::to_bits);
-        Some((hit.mesh.index() as u32 * 1000 + hit.triangle, numbers))
-    };
-    (0..hits.len()).map(hit).collect()
-}
-
 pub(crate) fn vertices_may_lie_in_a_buffer_of_the_programs() {
     let (device, host) = (true, false);
     let steps = [
@@ -122,14 +80,7 @@ pub(crate) fn vertices_may_lie_in_a_buffer_of_the_programs() {
         [Some((f32::NAN, device)), Some((1.0, device))],
         [Some((0.5, host)), None],
     ];
-    for update in [Update::Async, Update::Rebuild] {
-        let [mut found, mut expected] = [0; 2].map(|_| Own::new(update));
-        for moved in steps {
-            let seen = found.step(moved);
-            let hosts = moved.map(|m| m.map(|(height, _)| (height, host)));
-            assert!(seen == expected.step(hosts), "{update:?} {moved:?}");
-        }
-    }
+    see_as_of_the_host(Own::new, Own::step, &steps);
 }
 
 pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {

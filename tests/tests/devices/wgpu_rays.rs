@@ -1,11 +1,10 @@
 //! Rays that lie in buffers of a program's own, and answers that are written there.
 
 use crate::scenes::{rays, swarm};
-use crate::wgpu_lent::{adapter, device_on};
-use abvh::own_device::{OwnDevice, RayBuffers, required_features, required_limits};
+use crate::wgpu_lent::adapter;
+use crate::wgpu_own::{bytes_of, filled, own_device};
+use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
 use abvh::{Device, Error, Intersector, Layout, Mesh, Query, Ray, Scene, Tracer};
-use std::sync::mpsc;
-use wgpu::util::{DeviceExt, DownloadBuffer};
 use wgpu::{Buffer, BufferUsages};
 
 const HOW: [(Intersector, Layout); 3] = [
@@ -32,12 +31,7 @@ impl Own {
         (intersector, layout): (Intersector, Layout),
     ) -> Self {
         let limits = required_limits(&scene, rays).unwrap();
-        let (device, queue, info) = device_on(adapter, required_features(), limits);
-        let device = OwnDevice {
-            device,
-            queue,
-            info,
-        };
+        let device = own_device(adapter, limits);
         let builder = Tracer::builder().intersector(intersector).layout(layout);
         let builder = builder.device(Device::from(device.clone())).threads(2);
         let tracer = builder.build(scene).unwrap();
@@ -45,12 +39,7 @@ impl Own {
     }
 
     fn buffer(&self, contents: &[u8], usage: BufferUsages) -> Buffer {
-        let about = wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents,
-            usage,
-        };
-        self.device.device.create_buffer_init(&about)
+        filled(&self.device, contents, usage)
     }
 
     fn bytes(&self, buffer: &Buffer) -> Vec<u8> {
@@ -86,16 +75,6 @@ impl Own {
         };
         (0..count).map(hit).collect()
     }
-}
-
-pub(crate) fn bytes_of(device: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
-    let (said, heard) = mpsc::channel();
-    let OwnDevice { device, queue, .. } = device;
-    DownloadBuffer::read_buffer(device, queue, &buffer.slice(..), move |bytes| {
-        said.send(bytes.unwrap().to_vec()).unwrap();
-    });
-    device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-    heard.recv().unwrap()
 }
 
 pub(crate) fn scene() -> Scene {
