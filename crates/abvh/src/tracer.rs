@@ -73,8 +73,21 @@ impl Builder {
     /// # Errors
     /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
     pub fn build(self, scene: Scene) -> Result<Tracer> {
+        let backend = self.open(self.policy(&scene.meshes))?;
+        self.load(backend, scene)
+    }
+
+    /// Likewise, on the device that a tracer has open: its kernels stay ready. What was said of a device counts for nothing, nor
+    /// that of threads where the host traces.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
+        self.load(former.current.driver.into_backend(), scene)
+    }
+
+    fn load(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
         let update = self.policy(&scene.meshes);
-        let backend = self.open(update)?;
         let (device, kind) = (name(backend.as_ref()), backend.device().kind);
         let builders = self.builders(kind, update)?;
         let how = (self.method, update);

@@ -4,6 +4,7 @@
 
 mod cameras;
 mod oracle;
+mod pool;
 mod replace;
 
 use abvh::{
@@ -13,6 +14,7 @@ use abvh::{
 use integration::is_required;
 use integration::stage::pixels;
 use libtest_mimic::{Arguments, Trial};
+use pool::{Pooled, tracer};
 
 type Law = fn(&Device);
 
@@ -71,7 +73,9 @@ fn main() {
             trials.push(trial.with_ignored_flag(absent.is_some() && !is_required(name)));
         }
     }
-    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+    let conclusion = libtest_mimic::run(&Arguments::from_args(), trials);
+    pool::close();
+    conclusion.exit();
 }
 
 /// A demo: its key frames, its triangles and a picture's rays.
@@ -91,11 +95,6 @@ fn demo(name: &str) -> Demo {
         triangles: animation.triangles().to_vec(),
         rays: pixels(&animation),
     }
-}
-
-fn tracer(scene: Scene, device: &Device) -> Tracer {
-    let builder = Tracer::builder().device(device.clone()).threads(2);
-    builder.build(scene).unwrap()
 }
 
 /// All that a query found, as bits, whatever the mesh.
@@ -122,7 +121,7 @@ fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<[u32; 4]> {
     bits(tracer.hits(done, query).unwrap())
 }
 
-fn of_keys(demo: &Demo, keys: &[Vec<Point>], device: &Device) -> Tracer {
+fn of_keys(demo: &Demo, keys: &[Vec<Point>], device: &Device) -> Pooled {
     let mut scene = Scene::new();
     scene.add(Mesh::keyframes(keys.to_vec(), &demo.triangles).unwrap());
     tracer(scene, device)
@@ -138,8 +137,7 @@ fn streamed(device: &Device) {
         let mut keyed = of_keys(&demo, &demo.keys, device);
         let mut scene = Scene::new();
         let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
-        let builder = Tracer::builder().device(device.clone()).update(update);
-        let mut live = builder.threads(2).build(scene).unwrap();
+        let mut live = pool::build(Tracer::builder().update(update), scene, device);
         let mut met = 0;
         // To and fro, and with leaps.
         let keys = demo.keys.len();
@@ -288,11 +286,8 @@ fn anywhere(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut scene = Scene::new();
     let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
-    let builder = Tracer::builder().device(device.clone()).threads(2);
-    let mut live = builder
-        .intersector(Intersector::Exact)
-        .build(scene)
-        .unwrap();
+    let exact = || Tracer::builder().intersector(Intersector::Exact);
+    let mut live = pool::build(exact(), scene, device);
     for (place, inactive) in [
         ([1e30, 0.0, 0.0], false),
         ([f32::NAN; 3], true),
@@ -313,11 +308,7 @@ fn anywhere(device: &Device) {
         );
         let mut scene = Scene::new();
         scene.add(Mesh::fixed(&vertices, &demo.triangles).unwrap());
-        let builder = Tracer::builder().device(device.clone()).threads(2);
-        let mut fixed = builder
-            .intersector(Intersector::Exact)
-            .build(scene)
-            .unwrap();
+        let mut fixed = pool::build(exact(), scene, device);
         assert!(found == still(&mut fixed, 0.0, &demo.rays), "{place:?}");
     }
 }

@@ -1,6 +1,7 @@
 //! `exact` against the oracle, which shares no code with any device: every ray, without exception.
 
 use crate::moved;
+use crate::pool::{self, Pooled};
 use abvh::{
     Device, Hit, Hits, Intersector, Matrix, Mesh, MeshId, Point, Query, Ray, Scene, Source, Tracer,
 };
@@ -44,7 +45,7 @@ struct Stage {
     place: Point,
     /// Of all meshes.
     triangles: Vec<[u32; 3]>,
-    live: Tracer,
+    live: Pooled,
     robot: MeshId,
     cloth: MeshId,
 }
@@ -59,13 +60,12 @@ impl Stage {
         scene.add(Mesh::fixed(&rest, triangles).unwrap());
         let robot = scene.add(Mesh::rigid(demo.first(), triangles, &parts).unwrap());
         let cloth = scene.add(Mesh::streamed(&rest, triangles).unwrap());
-        let builder = Tracer::builder().device(device.clone()).threads(2);
-        let builder = builder.intersector(Intersector::Exact);
+        let exact = Tracer::builder().intersector(Intersector::Exact);
         let first = |mesh| (mesh * rest.len()) as u32;
         let of_mesh = |first| triangles.iter().map(move |t| t.map(|v| first + v));
         Self {
             triangles: (0..3).map(first).flat_map(of_mesh).collect(),
-            live: builder.build(scene).unwrap(),
+            live: pool::build(exact, scene, device),
             demo: Arc::clone(&demo),
             place,
             robot,

@@ -1,6 +1,7 @@
 //! New topology for a mesh while the scene is traced.
 
-use crate::{bits, demo, still, tracer};
+use crate::pool::{self, tracer};
+use crate::{bits, demo, still};
 use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
 use abvh::{
     Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
@@ -147,10 +148,7 @@ pub(crate) fn anew(device: &Device) {
         (Kind::Fixed, Kind::Keys, Update::Refit),
         (Kind::Keys, Kind::Rigid, Update::Rebuild),
     ] {
-        let build = |scene: Scene| {
-            let builder = Tracer::builder().device(device.clone()).update(update);
-            builder.threads(2).build(scene).unwrap()
-        };
+        let build = |scene| pool::build(Tracer::builder().update(update), scene, device);
         let (scene, ids) = stage.scene(stage.target(false, before));
         let (mut live, mut twin) = (build(scene.clone()), build(scene));
         stage.advance(&mut live, ids, 0);

@@ -1,0 +1,68 @@
+//! A device stays open for the tracers that come after: its driver compiles kernels once, not for each of them.
+
+use abvh::{Builder, Device, Scene, Tracer};
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+static IDLE: Mutex<Vec<(Device, Tracer)>> = Mutex::new(Vec::new());
+
+fn idle() -> MutexGuard<'static, Vec<(Device, Tracer)>> {
+    IDLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A tracer whose device goes back to the pool, unless its trial fails.
+pub(crate) struct Pooled {
+    device: Device,
+    /// `None` once it is dropped.
+    tracer: Option<Tracer>,
+}
+
+/// A tracer of a scene, with two threads.
+pub(crate) fn tracer(scene: Scene, device: &Device) -> Pooled {
+    build(Tracer::builder(), scene, device)
+}
+
+/// Likewise, built with more than that.
+pub(crate) fn build(builder: Builder, scene: Scene, device: &Device) -> Pooled {
+    let builder = builder.threads(2).device(device.clone());
+    let former = {
+        let mut idle = idle();
+        let found = idle.iter().position(|(d, _)| d == device);
+        found.map(|at| idle.swap_remove(at).1)
+    };
+    let built = match former {
+        Some(former) => builder.build_in_place_of(former, scene),
+        None => builder.build(scene),
+    };
+    Pooled {
+        device: device.clone(),
+        tracer: Some(built.unwrap()),
+    }
+}
+
+/// Closes all that nobody uses.
+pub(crate) fn close() {
+    idle().clear();
+}
+
+impl Deref for Pooled {
+    type Target = Tracer;
+
+    fn deref(&self) -> &Tracer {
+        self.tracer.as_ref().expect("it is not dropped")
+    }
+}
+
+impl DerefMut for Pooled {
+    fn deref_mut(&mut self) -> &mut Tracer {
+        self.tracer.as_mut().expect("it is not dropped")
+    }
+}
+
+impl Drop for Pooled {
+    fn drop(&mut self) {
+        let tracer = self.tracer.take().filter(|_| !thread::panicking());
+        idle().extend(tracer.map(|tracer| (self.device.clone(), tracer)));
+    }
+}
