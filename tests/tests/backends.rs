@@ -153,11 +153,12 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
         .collect()
 }
 
-/// By default one case of each kind of scene, and few where another backend differs in a form of the kernels or a
-/// preference alone; in the full tier more.
+/// By default one case of each kind of scene, and few where another backend differs in the device alone, in a form of the
+/// kernels or in a preference; in the full tier more.
 fn cases(name: &str) -> u32 {
     let default = match name {
         _ if integration::is_full() => 36,
+        "wgpu" => 7,
         "wgpu-wgsl" | "vulkan-rt:fast-trace" => 4,
         _ => 15,
     };
