@@ -1,14 +1,13 @@
 //! Vertices, rays and answers in memory that another device shares, and a semaphore that tells when they are there.
 
+use crate::lent_rays::{Found, LentRays, find_what_the_hosts_do, found};
 use crate::other_device::{Bytes, Exported, OtherDevice};
 use crate::scenes::camera;
-use crate::sheets::{self, Met, Moved, bits, see_as_of_the_host, sheet, triangles};
-use crate::wgpu_rays::{all_kinds, scene as swarm};
-use abvh::external_memory::{ExternalBuffer, ExternalRays};
-use abvh::{
-    Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, StepId, Tracer,
-    Update,
+use crate::sheets::{
+    self, Moved, Sheets, bits, see_as_of_the_host, sheet, stay_while_another_is_replaced,
 };
+use abvh::external_memory::{ExternalBuffer, ExternalRays};
+use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
 
 fn tracer(scene: Scene, update: Update) -> Tracer {
     let builder = Tracer::builder().device(Device::Vulkan(None)).threads(2);
@@ -59,9 +58,19 @@ impl Shared {
             memory,
         }
     }
+}
 
-    /// Begins a step after each sheet was moved, by the other device or by the host, or not at all.
-    fn begin(&mut self, moved: Moved) -> (StepId, QueryId) {
+impl Sheets for Shared {
+    fn open(update: Update) -> Self {
+        Self::new(update)
+    }
+
+    fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
+        (&mut self.tracer, self.sheets)
+    }
+
+    /// By the other device or by the host.
+    fn moved(&mut self, moved: Moved) -> Step<'_> {
         let mut step = self.tracer.step(0.0);
         for i in [0, 1] {
             let Some((height, is_shared)) = moved[i] else {
@@ -78,14 +87,7 @@ impl Shared {
             };
             step.vertices(self.sheets[i], source).unwrap();
         }
-        let query = step.trace(&camera(), Query::Closest);
-        let query = query.unwrap();
-        (step.submit().unwrap(), query)
-    }
-
-    fn step(&mut self, moved: Moved) -> Vec<Met> {
-        let (done, query) = self.begin(moved);
-        bits(self.tracer.hits(done, query).unwrap())
+        step
     }
 }
 
@@ -94,46 +96,13 @@ pub(crate) fn words(points: &[Point]) -> &[u8] {
 }
 
 pub(crate) fn vertices_may_lie_in_external_memory() {
-    let (shared, host) = (true, false);
-    let steps = [
-        [Some((0.5, shared)), None],
-        [None, None],
-        [Some((0.75, shared)), Some((1.5, host))],
-        [Some((0.25, host)), Some((1.75, shared))],
-        [None, Some((2.0, host))],
-        [Some((1.25, shared)), Some((0.75, shared))],
-        [None, Some((2.25, shared))],
-        // One vertex is outlying.
-        [Some((-1e9, shared)), None],
-        [Some((f32::NAN, shared)), Some((1.0, shared))],
-        [Some((0.5, host)), None],
-    ];
-    see_as_of_the_host(Shared::new, Shared::step, &steps);
+    see_as_of_the_host::<Shared>();
 }
 
-/// Even where no query has seen them yet.
 pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() {
-    let [mut found, mut expected] = [true, false].map(|is_shared| {
-        let mut own = Shared::new(Update::Auto);
-        own.step([Some((0.5, is_shared)), Some((1.0, is_shared))]);
-        let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
-        let replacement = own.tracer.replace(own.sheets[0], with).unwrap();
-        let moved = sheet(2.0);
-        let (buffer, bytes) = &own.memory[1];
-        own.other.write(*bytes, OFFSET, words(&moved), None);
-        let offset = OFFSET;
-        let source = match is_shared {
-            true => Source::External { buffer, offset },
-            false => Source::Host(&moved),
-        };
-        let mut dropped = own.tracer.step(0.0);
-        dropped.vertices(own.sheets[1], source).unwrap();
-        own.tracer.commit(replacement).unwrap();
-        own
-    });
-    assert!(found.step([None, None]) == expected.step([None, None]));
+    let [mut found, mut expected] = stay_while_another_is_replaced::<Shared>();
     let next = [None, Some((0.25, false))];
-    assert!(found.step(next) == expected.step(next));
+    assert!(found.see(next) == expected.see(next));
     // The device is another one now.
     let (buffer, offset) = (&found.memory[1].0, OFFSET);
     let mut step = found.tracer.step(0.0);
@@ -141,63 +110,66 @@ pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() 
     assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
 }
 
-pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
-    let list = all_kinds();
-    let nowhere = [[f32::NAN; 3]; 3];
-    let mut nothing = Scene::new();
-    nothing.add(Mesh::fixed(&nowhere, &[[0, 1, 2]]).unwrap());
-    for (scene, hits_some) in [(swarm(), true), (nothing, false)] {
+/// Rays and answers in memory that another device shares.
+struct SharedRays {
+    other: OtherDevice,
+    tracer: Tracer,
+    count: usize,
+    /// For rays, and for answers.
+    memory: [(ExternalBuffer, Bytes); 2],
+}
+
+impl SharedRays {
+    fn new(scene: Scene, rays: &[Ray]) -> Self {
         let mut tracer = tracer(scene, Update::Auto);
-        let size = 32 * list.len() as u64;
-        let [rays, room] = [0; 2].map(|_| tracer.external_buffer(size).unwrap());
-        let other = OtherDevice::open(rays.device_uuid());
-        let [given, answers] = [&rays, &room].map(|buffer| import(&other, buffer));
-        other.write(given, 0, bytemuck::cast_slice(&list), None);
-        for query in [Query::Closest, Query::Any] {
-            let expected = found(&mut tracer, query, |step| step.trace(&list, query));
-            assert_eq!(expected.iter().any(Option::is_some), hits_some);
-            other.write(answers, 0, &vec![7; size as usize], None);
-            for answers in [None, Some(&room)] {
-                let (rays, count) = (&rays, list.len());
-                let asked = ExternalRays {
-                    rays,
-                    count,
-                    answers,
-                };
-                let seen = found(&mut tracer, query, |step| step.trace_external(asked, query));
-                assert!(seen == expected, "{query:?} {}", answers.is_some());
-            }
-            let each = if query == Query::Any { 1 } else { 4 };
-            let written = other.read(answers, 4 * each * list.len());
-            let written: &[u32] = bytemuck::cast_slice(&written);
-            let seen = written.chunks(each).map(|answer| match *answer {
-                [t, u, v, triangle] if triangle != u32::MAX => Some([t, u, v, triangle]),
-                [word] if word != 0 => Some([0; 4]),
-                _ => None,
-            });
-            assert!(seen.eq(expected), "{query:?}");
+        let made = [0; 2].map(|_| tracer.external_buffer(size_of_val(rays) as u64));
+        let made = made.map(Result::unwrap);
+        let other = OtherDevice::open(made[0].device_uuid());
+        let memory = made.map(|buffer| {
+            let bytes = import(&other, &buffer);
+            (buffer, bytes)
+        });
+        other.write(memory[0].1, 0, bytemuck::cast_slice(rays), None);
+        Self {
+            other,
+            tracer,
+            count: rays.len(),
+            memory,
         }
     }
 }
 
-/// What a query of a step finds, as it is written to answers.
-fn found(
-    tracer: &mut Tracer,
-    query: Query,
-    ask: impl FnOnce(&mut Step<'_>) -> abvh::Result<QueryId>,
-) -> Vec<Option<[u32; 4]>> {
-    let mut step = tracer.step(0.5);
-    let asked = ask(&mut step).unwrap();
-    let done = step.submit().unwrap();
-    let hits = tracer.hits(done, asked).unwrap();
-    let answer = |ray| match query {
-        Query::Any => hits.is_hit(ray).then_some([0; 4]),
-        _ => hits.closest(ray).map(|hit| {
-            let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
-            [t, u, v, hit.triangle]
-        }),
-    };
-    (0..hits.len()).map(answer).collect()
+impl LentRays for SharedRays {
+    fn tracer(&mut self) -> &mut Tracer {
+        &mut self.tracer
+    }
+
+    fn ask(&mut self, query: Query, has_room: bool) -> Found {
+        let [(rays, _), (room, _)] = &self.memory;
+        let asked = ExternalRays {
+            rays,
+            count: self.count,
+            answers: has_room.then_some(room),
+        };
+        found(&mut self.tracer, query, |step| {
+            step.trace_external(asked, query)
+        })
+    }
+
+    fn fill_room(&mut self, byte: u8) {
+        let (room, bytes) = &self.memory[1];
+        let all = vec![byte; room.size() as usize];
+        self.other.write(*bytes, 0, &all, None);
+    }
+
+    fn room(&mut self, words: usize) -> Vec<u32> {
+        let read = self.other.read(self.memory[1].1, 4 * words);
+        bytemuck::cast_slice(&read).to_vec()
+    }
+}
+
+pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
+    find_what_the_hosts_do(SharedRays::new);
 }
 
 pub(crate) fn misuse_of_external_memory_is_an_error() {
@@ -236,13 +208,16 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         let said = own.tracer.external_buffer(bytes);
         assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
     }
-    let mut host = Tracer::builder().device(Device::Cpu);
-    host = host.threads(2);
-    let mut host = host.build(Scene::new()).unwrap();
-    let said = host.external_buffer(64);
-    assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
-    let said = host.external_semaphore();
-    assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
+    let host = Tracer::builder().device(Device::Cpu).build(Scene::new());
+    let mut host = host.unwrap();
+    let said = [
+        host.external_buffer(64).err(),
+        host.external_semaphore().err(),
+    ];
+    assert!(matches!(
+        said,
+        [Some(Error::Device(_)), Some(Error::Device(_))]
+    ));
     // Where there is no semaphore, its extension is named.
     if let Err(e) = own.tracer.external_semaphore() {
         assert!(
@@ -251,7 +226,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         );
     }
     let moved = [Some((0.5, false)), None];
-    assert!(own.step(moved) == Shared::new(Update::Auto).step(moved));
+    assert!(own.see(moved) == Shared::new(Update::Auto).see(moved));
 }
 
 /// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
@@ -279,7 +254,7 @@ pub(crate) fn steps_and_another_device_wait_for_each_other() {
         assert!(shared.other.reaches(imported, 2 * frame));
         if let Some((done, query)) = before.replace((done, query)) {
             let seen = bits(shared.tracer.hits(done, query).unwrap());
-            let host = expected.step([Some((height(frame - 1), false)), None]);
+            let host = expected.see([Some((height(frame - 1), false)), None]);
             assert!(seen == host, "{frame}");
         }
     }

@@ -10,6 +10,7 @@ mod external;
 mod external_timeline;
 mod frames;
 mod geometry;
+mod lent_rays;
 #[cfg(target_os = "linux")]
 mod other_device;
 mod packets;
@@ -168,7 +169,6 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_points::vertices_of_a_buffer_stay_while_another_mesh_is_replaced,
     wgpu_rays::rays_may_lie_in_a_buffer_of_the_programs,
     wgpu_rays::buffers_of_rays_are_let_go_of,
-    wgpu_rays::rays_in_a_buffer_miss_where_nothing_can_be_hit,
     wgpu_rays::a_buffer_of_rays_that_does_not_fit_is_an_error,
     wgpu_encode::a_step_keeps_the_order_of_the_programs_commands,
     wgpu_encode::a_step_that_is_not_submitted_has_no_results_yet,

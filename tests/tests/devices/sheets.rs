@@ -1,6 +1,7 @@
 //! Two sheets of triangles that are moved from various memory.
 
-use abvh::{Hits, Mesh, MeshId, Point, Scene, Update};
+use crate::scenes::camera;
+use abvh::{Hits, Mesh, MeshId, Point, Query, Scene, Step, Tracer, Update};
 
 /// What a ray met: the triangle, and where.
 pub(crate) type Met = Option<(u32, [u32; 3])>;
@@ -41,18 +42,64 @@ pub(crate) fn bits(hits: Hits<'_>) -> Vec<Met> {
     (0..hits.len()).map(hit).collect()
 }
 
+/// Two sheets on a device, whose vertices may lie in memory of its own.
+pub(crate) trait Sheets: Sized {
+    fn open(update: Update) -> Self;
+    fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]);
+    /// Begins a step in which sheets are moved.
+    fn moved(&mut self, moved: Moved) -> Step<'_>;
+
+    /// What a camera sees after sheets were moved.
+    fn see(&mut self, moved: Moved) -> Vec<Met> {
+        let mut step = self.moved(moved);
+        let query = step.trace(&camera(), Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        bits(self.traced().0.hits(done, query).unwrap())
+    }
+}
+
+const STEPS: [Moved; 10] = [
+    [Some((0.5, true)), None],
+    [None, None],
+    [Some((0.75, true)), Some((1.5, false))],
+    [Some((0.25, false)), Some((1.75, true))],
+    [None, Some((2.0, false))],
+    [Some((1.25, true)), Some((0.75, true))],
+    [None, Some((2.25, true))],
+    // One vertex is outlying.
+    [Some((-1e9, true)), None],
+    [Some((f32::NAN, true)), Some((1.0, true))],
+    [Some((0.5, false)), None],
+];
+
 /// Two of the same are moved step by step, one of them by the host alone: both see the same.
-pub(crate) fn see_as_of_the_host<S>(
-    open: fn(Update) -> S,
-    step: fn(&mut S, Moved) -> Vec<Met>,
-    steps: &[Moved],
-) {
+pub(crate) fn see_as_of_the_host<S: Sheets>() {
     for update in [Update::Async, Update::Rebuild] {
-        let [mut found, mut expected] = [0; 2].map(|_| open(update));
-        for &moved in steps {
-            let seen = step(&mut found, moved);
+        let [mut found, mut expected] = [0; 2].map(|_| S::open(update));
+        for moved in STEPS {
             let hosts = moved.map(|m| m.map(|(height, _)| (height, false)));
-            assert!(seen == step(&mut expected, hosts), "{update:?} {moved:?}");
+            assert!(
+                found.see(moved) == expected.see(hosts),
+                "{update:?} {moved:?}"
+            );
         }
     }
+}
+
+/// Vertices stay while another mesh is replaced, even where no query has seen them yet: both of those that see the same, the
+/// first with vertices of the device's.
+pub(crate) fn stay_while_another_is_replaced<S: Sheets>() -> [S; 2] {
+    let [mut found, mut expected] = [true, false].map(|on_device| {
+        let mut own = S::open(Update::Auto);
+        own.see([Some((0.5, on_device)), Some((1.0, on_device))]);
+        let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
+        let (tracer, [first, _]) = own.traced();
+        let replacement = tracer.replace(first, with).unwrap();
+        // A step that is dropped has moved it all the same.
+        drop(own.moved([None, Some((2.0, on_device))]));
+        own.traced().0.commit(replacement).unwrap();
+        own
+    });
+    assert!(found.see([None, None]) == expected.see([None, None]));
+    [found, expected]
 }

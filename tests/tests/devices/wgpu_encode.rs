@@ -1,7 +1,7 @@
 //! Steps that go into an encoder of the program's.
 
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
-use crate::sheets::{Met, bits, scene, sheet};
+use crate::sheets::{Met, Sheets, bits, scene, sheet};
 use crate::wgpu_lent::{adapter, device_on};
 use crate::wgpu_own::bytes_of;
 use crate::wgpu_points::Own;
@@ -112,7 +112,7 @@ pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
                 (step.id, step.queries, step.copied)
             });
             for ((id, queries, copied), to) in zip(ids, moved) {
-                let expected = expected.step(to.map(|height| Some((height, false))));
+                let expected = expected.see(to.map(|height| Some((height, false))));
                 found.check((id, queries, &copied), &expected);
             }
         }
@@ -135,7 +135,7 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     let mut expected = Own::new(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
         own.submit(step.commands);
-        let expected = expected.step([Some((height, false)), Some((1.0, false))]);
+        let expected = expected.see([Some((height, false)), Some((1.0, false))]);
         own.check((step.id, step.queries, &step.copied), &expected);
     }
 }

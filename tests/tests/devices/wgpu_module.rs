@@ -1,9 +1,9 @@
 //! Rays that shaders of the program's own trace.
 
+use crate::lent_rays::all_kinds;
 use crate::sheets::{scene, sheet};
 use crate::wgpu_own::bytes_of;
 use crate::wgpu_points::Own;
-use crate::wgpu_rays::all_kinds;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
 use abvh::{Device, Error, Intersector, Layout, Query, Ray, Source, Tracer, Update};

@@ -8,7 +8,7 @@ mod pool;
 mod replace;
 
 use abvh::{
-    Device, Error, Hits, Intersector, Matrix, Mesh, Point, Query, Ray, Replacement, Scene, Source,
+    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Step,
     Tracer, Update,
 };
 use integration::is_required;
@@ -18,10 +18,8 @@ use pool::{Pooled, tracer};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 14] = [
+const LAWS: [(&str, Law); 12] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
-    ("rigid_parts_find_what_their_vertices_do", rigid),
-    ("meshes_beside_it_change_no_hit_of_a_mesh", beside),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
     ("results_stay_until_the_second_step_after", results),
@@ -113,12 +111,23 @@ fn bits(hits: Hits<'_>) -> Vec<[u32; 4]> {
     (0..hits.len()).map(hit).collect()
 }
 
-/// What rays find in a step in which nothing is said of any mesh.
-fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<[u32; 4]> {
+/// What rays find in a step, after what is said in it.
+fn seen(
+    tracer: &mut Tracer,
+    time: f64,
+    rays: &[Ray],
+    say: impl FnOnce(&mut Step<'_>) -> abvh::Result<()>,
+) -> Vec<[u32; 4]> {
     let mut step = tracer.step(time);
+    say(&mut step).unwrap();
     let query = step.trace(rays, Query::Closest).unwrap();
     let done = step.submit().unwrap();
     bits(tracer.hits(done, query).unwrap())
+}
+
+/// Likewise, where nothing is said.
+fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<[u32; 4]> {
+    seen(tracer, time, rays, |_| Ok(()))
 }
 
 fn of_keys(demo: &Demo, keys: &[Vec<Point>], device: &Device) -> Pooled {
@@ -173,86 +182,12 @@ fn streamed(device: &Device) {
     }
 }
 
-/// A vertex of a rigid part, as [`Matrix`] says.
-fn moved(matrix: &Matrix, v: Point) -> Point {
-    matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3])
-}
-
-fn rigid(device: &Device) {
-    let demo = demo("demo:collide:3000");
-    let rest = &demo.keys[0];
-    let parts: Vec<u32> = (0..rest.len())
-        .map(|v| u32::from(v > rest.len() / 2))
-        .collect();
-    let mut scene = Scene::new();
-    let robot = scene.add(Mesh::rigid(rest, &demo.triangles, &parts).unwrap());
-    let mut moving = tracer(scene, device);
-    let mut scene = Scene::new();
-    let same = scene.add(Mesh::streamed(rest, &demo.triangles).unwrap());
-    let mut placed = tracer(scene, device);
-    for step in 0..9 {
-        let (sin, cos) = (0.1 * step as f32).sin_cos();
-        let turned = [
-            [cos, 0.0, sin, 0.1],
-            [0.0, 1.0, 0.0, -0.2],
-            [-sin, 0.0, cos, 0.0],
-        ];
-        let lifted = [
-            [1.0, 0.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0, sin],
-            [0.0, 0.0, 1.0, 0.0],
-        ];
-        let matrices = [turned, lifted];
-        let each = rest.iter().zip(&parts);
-        let moved = each.map(|(&v, &part)| moved(&matrices[part as usize], v));
-        let moved: Vec<Point> = moved.collect();
-        let mut a = moving.step(0.0);
-        a.poses(robot, &matrices).unwrap();
-        let one = a.trace(&demo.rays, Query::Closest).unwrap();
-        let a = a.submit().unwrap();
-        let mut b = placed.step(0.0);
-        b.vertices(same, Source::Host(&moved)).unwrap();
-        let other = b.trace(&demo.rays, Query::Closest).unwrap();
-        let b = b.submit().unwrap();
-        let found = bits(moving.hits(a, one).unwrap());
-        assert!(found == bits(placed.hits(b, other).unwrap()), "step {step}");
-        assert!(found.iter().filter(|hit| hit[0] != u32::MAX).count() > 100);
-    }
-}
-
-fn beside(device: &Device) {
-    let demo = demo("demo:twist:2000");
-    let mut alone = of_keys(&demo, &demo.keys, device);
-    let far: Vec<Point> = demo.keys[0].iter().map(|p| p.map(|x| x + 500.0)).collect();
-    let mut scene = Scene::new();
-    let first = scene.add(Mesh::fixed(&far, &demo.triangles).unwrap());
-    let keyed = scene.add(Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap());
-    let last = scene.add(Mesh::streamed(&far, &demo.triangles).unwrap());
-    let mut together = tracer(scene, device);
-    assert_eq!([first, keyed, last].map(abvh::MeshId::index), [0, 1, 2]);
-    for time in [0.0, 0.4, 1.0, 2.75] {
-        let expected = still(&mut alone, time, &demo.rays);
-        assert!(
-            still(&mut together, time, &demo.rays) == expected,
-            "at {time}"
-        );
-        let mut step = together.step(time);
-        let query = step.trace(&demo.rays, Query::Closest).unwrap();
-        let done = step.submit().unwrap();
-        let hits = together.hits(done, query).unwrap();
-        let mut met = (0..hits.len()).filter_map(|ray| hits.closest(ray));
-        assert!(met.all(|hit| hit.mesh == keyed));
-    }
-}
-
 /// Two meshes, of which each step moves one or none, beside one that never moves.
 fn stay(device: &Device) {
     let demo = demo("demo:twist:2000");
     let lifted = |key: usize, by: f32| -> Vec<Point> {
-        demo.keys[key]
-            .iter()
-            .map(|p| [p[0], p[1], p[2] + by])
-            .collect()
+        let vertices = demo.keys[key].iter();
+        vertices.map(|p| [p[0], p[1], p[2] + by]).collect()
     };
     let mesh = |vertices: &[Point]| Mesh::streamed(vertices, &demo.triangles).unwrap();
     let mut scene = Scene::new();
@@ -265,14 +200,10 @@ fn stay(device: &Device) {
         if moved < 2 {
             places[moved] = lifted(step % demo.keys.len(), 0.05 * step as f32);
         }
-        let mut next = live.step(0.0);
-        if moved < 2 {
-            let vertices = Source::Host(&places[moved]);
-            next.vertices(ids[moved], vertices).unwrap();
-        }
-        let query = next.trace(&demo.rays, Query::Closest).unwrap();
-        let done = next.submit().unwrap();
-        let found = bits(live.hits(done, query).unwrap());
+        let found = seen(&mut live, 0.0, &demo.rays, |step| match moved {
+            2 => Ok(()),
+            _ => step.vertices(ids[moved], Source::Host(&places[moved])),
+        });
         let mut scene = Scene::new();
         for vertices in [&lifted(0, -0.4), &places[0], &places[1]] {
             scene.add(Mesh::fixed(vertices, &demo.triangles).unwrap());
@@ -284,10 +215,13 @@ fn stay(device: &Device) {
 
 fn anywhere(device: &Device) {
     let demo = demo("demo:collide:3000");
-    let mut scene = Scene::new();
-    let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
-    let exact = || Tracer::builder().intersector(Intersector::Exact);
-    let mut live = pool::build(exact(), scene, device);
+    let build = |mesh: Mesh| {
+        let mut scene = Scene::new();
+        let id = scene.add(mesh);
+        let exact = Tracer::builder().intersector(Intersector::Exact);
+        (pool::build(exact, scene, device), id)
+    };
+    let (mut live, mesh) = build(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
     for (place, inactive) in [
         ([1e30, 0.0, 0.0], false),
         ([f32::NAN; 3], true),
@@ -296,19 +230,12 @@ fn anywhere(device: &Device) {
     ] {
         let mut vertices = demo.keys[1].clone();
         vertices[7] = place;
-        let mut step = live.step(0.0);
-        step.vertices(mesh, Source::Host(&vertices)).unwrap();
-        let query = step.trace(&demo.rays, Query::Closest).unwrap();
-        let done = step.submit().unwrap();
-        let found = bits(live.hits(done, query).unwrap());
-        assert_eq!(
-            live.statistics().unwrap().inactive > 0,
-            inactive,
-            "{place:?}"
-        );
-        let mut scene = Scene::new();
-        scene.add(Mesh::fixed(&vertices, &demo.triangles).unwrap());
-        let mut fixed = pool::build(exact(), scene, device);
+        let found = seen(&mut live, 0.0, &demo.rays, |step| {
+            step.vertices(mesh, Source::Host(&vertices))
+        });
+        let counted = live.statistics().unwrap().inactive > 0;
+        assert_eq!(counted, inactive, "{place:?}");
+        let (mut fixed, _) = build(Mesh::fixed(&vertices, &demo.triangles).unwrap());
         assert!(found == still(&mut fixed, 0.0, &demo.rays), "{place:?}");
     }
 }

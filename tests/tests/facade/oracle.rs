@@ -1,6 +1,5 @@
 //! `exact` against the oracle, which shares no code with any device: every ray, without exception.
 
-use crate::moved;
 use crate::pool::{self, Pooled};
 use abvh::{
     Device, Hit, Hits, Intersector, Matrix, Mesh, MeshId, Point, Query, Ray, Scene, Source, Tracer,
@@ -26,7 +25,7 @@ const ALL: usize = 10_000_000;
 /// From how many times the scene's size away, by turns.
 const DISTANCES: [f64; 4] = [0.6, 2.0, 100.0, 1e4];
 
-/// A streamed mesh, beside one that never moves and a rigid one. `ABVH_CASES` says how many steps each scene takes.
+/// A streamed mesh, beside one that never moves, one of two rigid parts and one of key frames. `ABVH_CASES` says how many steps each scene takes.
 pub(crate) fn exact(device: &Device) {
     let steps = match is_full() {
         true => ALL.div_ceil(SCENES.len() * Target::ALL.len() * RAYS),
@@ -39,15 +38,19 @@ pub(crate) fn exact(device: &Device) {
     }
 }
 
-/// All three meshes, which are the same demo.
+/// All four meshes, which are the same demo.
 struct Stage {
     demo: Arc<Animation>,
+    /// As it stands where it is put.
+    keyed: Animation,
     place: Point,
     /// Of all meshes.
     triangles: Vec<[u32; 3]>,
     live: Pooled,
     robot: MeshId,
     cloth: MeshId,
+    /// Of each vertex of the robot.
+    parts: Vec<u32>,
 }
 
 impl Stage {
@@ -55,36 +58,46 @@ impl Stage {
         let demo = scene::open(name, &scene::Options::default()).unwrap();
         let demo = demo.animation;
         let (rest, triangles) = (put(demo.first(), place), demo.triangles());
-        let parts = vec![0; rest.len()];
+        let half = rest.len() / 2;
+        let parts: Vec<u32> = (0..rest.len()).map(|v| u32::from(v > half)).collect();
         let mut scene = Scene::new();
         scene.add(Mesh::fixed(&rest, triangles).unwrap());
         let robot = scene.add(Mesh::rigid(demo.first(), triangles, &parts).unwrap());
         let cloth = scene.add(Mesh::streamed(&rest, triangles).unwrap());
+        let keys = demo.all_keys().unwrap();
+        let keys: Vec<_> = keys.iter().map(|key| put(key, place)).collect();
+        scene.add(Mesh::keyframes(keys.clone(), triangles).unwrap());
         let exact = Tracer::builder().intersector(Intersector::Exact);
         let first = |mesh| (mesh * rest.len()) as u32;
         let of_mesh = |first| triangles.iter().map(move |t| t.map(|v| first + v));
         Self {
-            triangles: (0..3).map(first).flat_map(of_mesh).collect(),
+            triangles: (0..4).map(first).flat_map(of_mesh).collect(),
             live: pool::build(exact, scene, device),
+            keyed: Animation::new(keys, triangles.to_vec()).unwrap(),
             demo: Arc::clone(&demo),
             place,
             robot,
             cloth,
+            parts,
         }
     }
 
-    /// Moves both meshes far at once, and asks rays from all sides.
+    /// Moves three meshes far at once, and asks rays from all sides.
     fn step(&mut self, number: usize) {
         let phase = (0.618 * number as f64).fract();
         let cloth = put(&vertices(&self.demo, phase * self.demo.end()), self.place);
-        let matrix = turned(TAU * phase as f32, self.place);
+        let matrices = [0.0, 0.1].map(|ahead| turned(TAU * phase as f32 + ahead, self.place));
         let rest = self.demo.first();
-        let robot = rest.iter().map(|&p| moved(&matrix, p)).collect();
-        let all = [put(rest, self.place), robot, cloth].concat();
+        let each = rest.iter().zip(&self.parts);
+        let robot = each.map(|(&p, &part)| moved(&matrices[part as usize], p));
+        let robot = robot.collect();
+        let time = (1.0 - phase) * self.demo.end();
+        let keyed = vertices(&self.keyed, time);
+        let all = [put(rest, self.place), robot, cloth, keyed].concat();
         let rays = self.rays(&all, number);
-        let mut step = self.live.step(0.0);
-        step.poses(self.robot, &[matrix]).unwrap();
-        let cloth = Source::Host(&all[2 * rest.len()..]);
+        let mut step = self.live.step(time);
+        step.poses(self.robot, &matrices).unwrap();
+        let cloth = Source::Host(&all[2 * rest.len()..3 * rest.len()]);
         step.vertices(self.cloth, cloth).unwrap();
         let [closest, any] = [Query::Closest, Query::Any].map(|q| step.trace(&rays, q).unwrap());
         let done = step.submit().unwrap();
@@ -131,6 +144,11 @@ fn first_wrong(
 fn put(points: &[Point], place: Point) -> Vec<Point> {
     let moved = |p: &Point| std::array::from_fn(|i| p[i] + place[i]);
     points.iter().map(moved).collect()
+}
+
+/// A vertex of a rigid part, as [`Matrix`] says.
+fn moved(matrix: &Matrix, v: Point) -> Point {
+    matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3])
 }
 
 /// Turned about the vertical through the origin, and put at a place.

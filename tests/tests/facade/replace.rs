@@ -260,14 +260,13 @@ pub(crate) fn results(device: &Device) {
 
 fn open(limits: wgpu::Limits) -> OwnDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default());
-    let adapter = pollster::block_on(adapter).unwrap();
-    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+    let adapter = pollster::block_on(instance.request_adapter(&Default::default())).unwrap();
+    let wanted = wgpu::DeviceDescriptor {
         required_features: required_features(),
         required_limits: limits,
         ..Default::default()
-    }))
-    .unwrap();
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&wanted)).unwrap();
     let info = adapter.get_info();
     OwnDevice {
         device,
