@@ -4,10 +4,10 @@
 
 use crate::CpuBackend;
 use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Ticket};
-use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
+use bvh_build::{BinaryTree, Boxes};
 use bvh_layout::{Converter, Topology};
 use fastrand::Rng;
-use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
+use geom::{Aabb, Animation, Point, Pose, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -50,10 +50,7 @@ fn moving() -> Arc<Animation> {
 
 /// A tree built over any boxes, for instance those of another moment.
 fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-    built.unwrap();
-    Converter::new().convert(&tree, boxes.len(), Vec::new())
+    Converter::new().convert(&BinaryTree::over(boxes), boxes.len(), Vec::new())
 }
 
 /// The tree for a moment.
@@ -201,41 +198,6 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
     let mut backend = ready(&still, Intersector::Watertight, &tree, start, 2);
     let first = boxes_and_cost(&mut backend, &still, 0.0);
     assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
-}
-
-#[test]
-fn reports_count_what_happened() {
-    let animation = moving();
-    let mut backend = still(&animation);
-    let rays = to_vertices(&animation, [0.0; 3]);
-    // At first one triangle is not there yet and one never is.
-    for (time, inactive, degenerate) in [(0.0, 2, 0), (1.0, 1, 1), (2.0, 1, 0), (0.5, 2, 0)] {
-        deform(&mut backend, animation.pose(time));
-        let light = [0.0, 9.0, 0.0];
-        let (rays, kind) = (Rays::List(&rays), QueryKind::ClosestAndShadow { light });
-        backend.trace(Query { rays, kind }).unwrap();
-        let ticket = backend.submit().unwrap();
-        let r = backend.wait(ticket).unwrap();
-        let hits = backend.hits(ticket).unwrap();
-        let count = hits.closest.iter().filter(|h| h.is_hit()).count() as u64;
-        let blocked = hits.blocked.iter().filter(|&&b| b == 1).count() as u64;
-        let found = [r.inactive, r.degenerate, r.hits, r.blocked];
-        assert_eq!(found, [inactive, degenerate, count, blocked], "{time}");
-    }
-}
-
-#[test]
-fn a_tree_of_nothing_is_all_misses() {
-    let animation = apart(vec![vec![[f32::NAN; 3]; 12]]);
-    let mut backend = still(&animation);
-    let rays = [Ray::new([0.0; 3], [1.0, 0.0, 0.0])];
-    let kind = QueryKind::ClosestAndShadow { light: [1.0; 3] };
-    let hits = trace(&mut backend, &rays, kind);
-    assert_eq!((hits.closest, hits.blocked), (vec![Hit::MISS], vec![0]));
-    assert!(backend.inspect().boxes().unwrap().is_empty());
-    let ticket = backend.submit().unwrap();
-    let report = backend.wait(ticket).unwrap();
-    assert_eq!((report.inactive, report.sah_cost), (4, None));
 }
 
 #[test]

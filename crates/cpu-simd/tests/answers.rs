@@ -1,13 +1,13 @@
 //! Every instruction set that the machine has against the reference: by every law, and ray by ray where rays run or are
 //! prepared together.
 
-use backend::{Backend, Generation, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
-use bvh_build::{BinaryTree, Builder, Cancel};
-use bvh_layout::{Converter, First, Topology};
-use conformance::{LAWS, Reference, hold};
+use backend::{Backend, Generation, Intersector, Layout, Method, QueryKind, Rays};
+use bvh_layout::{First, Topology};
+use conformance::stage::{ask, stand, tree_at};
+use conformance::{LAWS, Reference, hold, record};
 use cpu_ref::CpuBackend;
 use cpu_simd::{Level, open_at};
-use geom::{Aabb, Animation, Camera, Point, Ray};
+use geom::{Animation, Camera, Point, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -125,23 +125,14 @@ fn ball(size: f32) -> Arc<Animation> {
     Arc::new(Animation::new(keys, triangles.collect()).expect("a ball"))
 }
 
-fn tree_over(boxes: &[Aabb]) -> Topology {
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-    built.expect("nobody cancels");
-    Converter::new().convert(&tree, boxes.len(), Vec::new())
-}
-
 /// A good tree, and one that knows nothing of where triangles are.
 fn trees(animation: &Animation) -> [Topology; 2] {
-    let boxes = (0..animation.triangle_count() as u32).map(|t| {
-        let good = animation.at(0.7).unwrap().build_box(t);
-        let at = [f32::from((t * 7919) as u16), f32::from((t * 31) as u8), 0.0];
-        let bad = Aabb { min: at, max: at };
-        [good, if good.is_empty() { good } else { bad }]
-    });
-    let boxes: Vec<[Aabb; 2]> = boxes.collect();
-    [0, 1].map(|i| tree_over(&boxes.iter().map(|b| b[i]).collect::<Vec<_>>()))
+    let good = tree_at(animation, 0.7);
+    let mut leaves = good.leaf_triangles().to_vec();
+    leaves.sort_unstable();
+    let uneven = |depth, leaves| if depth < 20 { 1 } else { leaves / 2 };
+    let bad = record(animation.triangle_count(), &leaves, uneven);
+    [good, bad]
 }
 
 fn ready(
@@ -157,16 +148,7 @@ fn ready(
 
 fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&Topology, u64)) {
     backend.adopt(tree, Generation(generation)).unwrap();
-    backend.interpolate(animation.pose(0.7)).unwrap();
-    backend.preprocess().unwrap();
-    backend.refit().unwrap();
-    backend.submit().unwrap();
-}
-
-fn trace(backend: &mut CpuBackend, rays: Rays<'_>, kind: QueryKind) -> Hits {
-    backend.trace(Query { rays, kind }).unwrap();
-    let ticket = backend.submit().unwrap();
-    backend.hits(ticket).unwrap().clone()
+    stand(backend, animation, 0.7).unwrap();
 }
 
 /// All answers to these rays, as bits.
@@ -181,7 +163,7 @@ fn answers(
         QueryKind::ClosestAndShadow { light },
     ];
     kinds.map(|kind| {
-        let hits = trace(backend, rays, kind);
+        let (hits, _) = ask(backend, rays, kind).unwrap();
         let bits = hits.closest.iter();
         let bits = bits.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle]);
         (bits.collect(), hits.blocked)

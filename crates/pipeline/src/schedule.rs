@@ -161,25 +161,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
-        /// Builds end whenever they like: in lockstep, swaps come exactly K frames after the asking.
-        #[test]
-        fn lockstep_swaps_exactly_k_frames_after_asking(k in 1_u32..9, early in proptest::collection::vec(any::<bool>(), 60)) {
-            let mut s = Schedule::new(Update::Async(Pace::Lockstep(k)), FIRST);
-            let mut asked = None;
-            for (frame, early) in early.into_iter().enumerate() {
-                let plan = s.begin_frame(frame as u64, true);
-                let due = asked.filter(|&(_, at)| frame == at + k as usize);
-                prop_assert_eq!(plan.swap.map(|s| s.generation), due.map(|(g, _)| g));
-                if let Some(g) = plan.ask {
-                    prop_assert!(asked.is_none() || due.is_some());
-                    asked = Some((g, frame));
-                }
-                if let (true, Some((g, _))) = (early, asked) {
-                    s.finished(g);
-                }
-            }
-        }
-
         /// Whatever happens, in whatever order: one build at a time, generations rise, only finished trees are taken.
         #[test]
         fn generations_rise_and_flights_do_not_overlap(events in proptest::collection::vec(0_u8..4, 1..200)) {

@@ -132,23 +132,4 @@ mod tests {
             assert!(!pay(other, &usual, Packets::BySubgroups));
         }
     }
-
-    #[test]
-    fn rasters_rest_after_they_told_too_little_and_are_tried_again() {
-        let mut backoff = RasterBackoff::default();
-        let counts = |untold| Counts {
-            untold,
-            ..Counts::default()
-        };
-        backoff.note(&counts(0));
-        assert!(backoff.allow(true) && backoff.allow(true));
-        backoff.note(&counts(1));
-        // What else was under way says the same a little later, or nothing.
-        assert!(!backoff.allow(true));
-        backoff.note(&counts(1));
-        backoff.note(&counts(0));
-        let rested = (0..1000).position(|_| backoff.allow(true));
-        assert_eq!(rested, Some(REST as usize));
-        assert!(!backoff.allow(false));
-    }
 }

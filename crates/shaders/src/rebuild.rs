@@ -179,25 +179,6 @@ mod tests {
     }
 
     #[test]
-    fn sorted_elements_end_where_they_began() {
-        let work = sort(Params::default(), 30, &shape(10));
-        let passes: Vec<_> = work
-            .iter()
-            .filter(|w| w.kernel.name == "sort_scatter")
-            .map(|w| (w.params.first, w.params.destination, w.params.shift))
-            .collect();
-        let expected = [(0, 10, 0), (10, 0, 8), (0, 10, 16), (10, 0, 24)];
-        assert_eq!(passes, expected);
-    }
-
-    #[test]
-    fn no_triangles_are_no_work() {
-        let none = shape(0);
-        assert!(sort(Params::default(), 3, &none).is_empty());
-        assert!(cluster(Method::default(), Params::default(), &none).is_empty());
-    }
-
-    #[test]
     fn costs_have_a_slot_for_each_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
             let work = cluster(Method::default(), Params::default(), &shape(leaves));

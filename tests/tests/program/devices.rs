@@ -1,8 +1,7 @@
 //! Backends and adapters: taken by name, left to `auto`, or not there at all.
 
-use crate::bad::npy;
 use crate::hits::array;
-use crate::sandbox::{SQUARE, Sandbox, list, says, trial};
+use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
 use serde_json::{Value, json};
 use std::ffi::OsStr;
@@ -63,7 +62,6 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("devices::info_keeps_its_schema", info),
         trial("devices::auto_says_what_it_took_and_why", says_why),
         trial("devices::without_a_driver", |s| lacking(s, &NO_DRIVER)),
-        trial("devices::rays_that_are_none_miss", invalid_rays),
         trial("devices::the_host_makes_no_trees_on_a_device", |s| {
             let words = format!("{RENDER} --backend cpu --update device-rebuild");
             s.refuses(&words, &["cpu does not support trees made on the device"]);
@@ -187,29 +185,4 @@ fn as_listed(sandbox: &Sandbox, backend: &str) {
         let says = format!("backend {backend} has no adapter '{none}'; there is 0: {adapter}");
         sandbox.refuses(&format!("{render} {none}"), &[&says]);
     }
-}
-
-/// Rays without a direction, with one that is infinite, from nowhere: all miss. The last one hits.
-fn invalid_rays(sandbox: &Sandbox) {
-    let (inf, nan) = (f32::INFINITY, f32::NAN);
-    let rays = [
-        [0.6, 0.3, 1.0, 0.0, 0.0, 0.0],
-        [0.6, 0.3, 1.0, 0.0, 0.0, -inf],
-        [0.6, 0.3, 1.0, nan, 0.0, -1.0],
-        [nan, 0.3, 1.0, 0.0, 0.0, -1.0],
-        [0.6, inf, 1.0, 0.0, 0.0, -1.0],
-        [0.6, 0.3, 1.0, 0.0, 0.0, -1.0],
-    ];
-    let bytes = rays.as_flattened().iter().flat_map(|x| x.to_le_bytes());
-    let bytes: Vec<u8> = bytes.collect();
-    sandbox.write("rays.npy", npy("<f4", "(6, 6)", &bytes));
-    sandbox.write("a.obj", SQUARE);
-    let words = "trace a.obj --time 0 --rays rays.npy --out hits.npz --backend cpu";
-    sandbox.does(words);
-    let miss = u32::MAX;
-    let triangles = array::<u32>(sandbox, "hits.npz", "triangle").1;
-    assert_eq!(triangles, [miss, miss, miss, miss, miss, 0]);
-    sandbox.does(&format!("{words} --any-hit"));
-    let hit = array::<u8>(sandbox, "hits.npz", "hit").1;
-    assert_eq!(hit, [0, 0, 0, 0, 0, 1]);
 }

@@ -219,22 +219,32 @@ fn tampered(sandbox: &Sandbox) {
 
 fn eaten(sandbox: &Sandbox) {
     sandbox.write("in.obj", SQUARE);
+    sandbox.write("frame_1.obj", SQUARE);
+    sandbox.write("sub/file", "");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("in.obj", sandbox.path().join("soft")).unwrap();
     let render = "render in.obj --backend cpu --size 32x24 --frames 1 --quiet --out o";
     for (words, says) in [
         ("--stats in.obj", "--stats"),
         ("--stats ./in.obj", "SCENE"),
+        ("--stats sub/../in.obj", "SCENE"),
+        #[cfg(unix)]
+        ("--stats soft", "SCENE"),
         ("--stats z --timeline z", "--timeline"),
-        ("--stats z --rays-out ./z", "--rays-out"),
+        ("--stats z --rays-out sub/../z", "--rays-out"),
         ("--stats o/frame_0000.png", "--out"),
         ("--stats o/abvh-run.json", "--out"),
     ] {
         sandbox.refuses(&format!("{render} {words}"), &["would overwrite", says]);
     }
-    for option in ["--timeline", "--rays-out", "--hits", "--out"] {
-        let words = format!("{} {option} -", render.replace("--out o", ""));
-        sandbox.refuses(&words, &[option, "only --stats"]);
+    let here = "render frame_1.obj --backend cpu --frames 1 --out .";
+    sandbox.refuses(here, &["may overwrite", "which is read"]);
+    // Folders keep to names of their own, and many may write to a device.
+    let beside = "--rays-out r.npy --stats o/stats.json --timeline frame_0000.json";
+    sandbox.does(&format!("{render} {beside}"));
+    if cfg!(unix) {
+        sandbox.does(&format!("{render} --stats /dev/null --timeline /dev/null"));
     }
-    sandbox.does(&format!("{render} --rays-out r.npy"));
     let rays = sandbox.read("r.npy");
     let trace = "trace in.obj --time 0 --backend cpu --quiet";
     sandbox.refuses(&format!("{trace} --rays r.npy --out r.npy"), &["--rays"]);

@@ -75,6 +75,8 @@ fn only_statistics_go_to_standard_output() {
     for line in [
         "render --timeline -",
         "render --rays-out -",
+        "render --hits -",
+        "render --out -",
         "trace a.obj --time 0 --rays r.npy --out -",
         "bench --json -",
         "bench --csv -",

@@ -257,15 +257,6 @@ fn columns_stay_where_they_are() {
 }
 
 #[test]
-fn equal_charts_give_equal_bytes_and_json_reads_back() {
-    let chart = invented(2);
-    assert_eq!(html(&chart).unwrap(), html(&chart.clone()).unwrap());
-    let text = json(&chart).unwrap();
-    assert_eq!(serde_json::from_str::<Chart>(&text).unwrap(), chart);
-    assert!(text.starts_with("{\n  \"schema\": 1,"));
-}
-
-#[test]
 fn what_cannot_be_drawn_is_counted() {
     let unknown = Point {
         ms_per_frame: Spread::default(),

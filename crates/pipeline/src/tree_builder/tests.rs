@@ -1,7 +1,7 @@
 //! Trees over a row of triangles that changes its order.
 
 use super::*;
-use crate::sampling::samples;
+use crate::sampling::{Sample, samples};
 use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
@@ -19,31 +19,6 @@ pub(crate) fn row(count: u32, places: &[&dyn Fn(u32) -> f32]) -> Animation {
 fn shuffled() -> Animation {
     let in_order = |i| i as f32;
     row(64, &[&in_order, &|i| (i * 37 % 64) as f32, &in_order])
-}
-
-fn tree(made: Made) -> Option<Built> {
-    match made {
-        Made::Tree(built) => Some(built),
-        Made::NoBetter => None,
-    }
-}
-
-#[test]
-fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let mut builder = TreeBuilder::new();
-    builder.build(&a, (a.first(), None), &cancel).unwrap();
-    let other = || Vertices::KeyFrames(a.pose(1.0));
-    let mut made_for = |rival_at: Option<f64>| {
-        let at = rival_at.map(|t| a.pose(t));
-        tree(builder.rebuild(&a, (other(), None), at, &cancel).unwrap())
-    };
-    assert!(made_for(Some(0.0)).is_none() && made_for(Some(2.0)).is_none());
-    // What was not handed over is no rival: this one still meets the first.
-    assert!(made_for(Some(1.0)).is_some());
-    // Its equal is taken, even where another would be better.
-    assert!(made_for(Some(0.0)).is_some());
-    assert!(made_for(None).is_some());
 }
 
 /// Clumps of four triangles that change places between key frames, each turned round in every other one.
@@ -64,54 +39,65 @@ fn clumps() -> Animation {
 
 /// Boxes of each triangle at both poses.
 fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
-    let [x, y] = times.map(|time| a.pose(time));
-    let [x, y] = [x, y].map(|pose| a.moment(pose).unwrap());
+    let [x, y] = times.map(|time| a.at(time).unwrap());
     let both = |t| x.build_box(t).union(y.build_box(t));
     (0..a.triangle_count() as u32).map(both).collect()
 }
 
-fn from_scratch(boxes: &[Aabb]) -> BinaryTree {
-    let mut tree = BinaryTree::default();
-    let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
-    built.map(|()| tree).unwrap()
-}
-
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
-    let built = SubtreeRebuilder::new().build(
-        &mut Builder::new(),
-        (last, boxes),
-        &Cancel::new(),
-        &mut tree,
-    );
+    let (mut builder, cancel) = (Builder::new(), Cancel::new());
+    let built = SubtreeRebuilder::new().build(&mut builder, (last, boxes), &cancel, &mut tree);
     built.map(|_| tree).unwrap()
 }
 
-/// A builder with a tree for the first key frame, and how the next ones come.
+/// A builder, and what it builds trees over.
 struct Course {
     animation: Animation,
     builder: TreeBuilder,
 }
 
 impl Course {
-    fn new() -> Self {
-        Self::with_forms(Forms::default())
+    /// With a tree for the first key frame.
+    fn over(animation: Animation, forms: Forms) -> Self {
+        let mut course = Self {
+            animation,
+            builder: TreeBuilder::with_forms(forms),
+        };
+        course.build(0, None);
+        course
     }
 
-    fn with_forms(forms: Forms) -> Self {
-        let (animation, mut builder) = (clumps(), TreeBuilder::with_forms(forms));
-        let first = builder.build(&animation, (animation.first(), None), &Cancel::new());
-        first.unwrap();
-        Self { animation, builder }
+    /// Without a rival, for a key frame or for two moments.
+    fn build(&mut self, key: usize, halves: Option<[f64; 2]>) -> Built {
+        let a = &self.animation;
+        let from = (
+            &a.key(key).unwrap()[..],
+            halves.map(|h| h.map(|t| a.pose(t))),
+        );
+        self.builder.build(a, from, &Cancel::new()).unwrap()
+    }
+
+    /// If it is better than the one in use at a time.
+    fn rebuild(
+        &mut self,
+        time: f64,
+        halves: Option<[f64; 2]>,
+        rival_at: Option<f64>,
+    ) -> Option<Built> {
+        let (a, pose) = (&self.animation, |time| self.animation.pose(time));
+        let what = (Vertices::KeyFrames(pose(time)), halves.map(|h| h.map(pose)));
+        let made = (self.builder).rebuild(a, what, rival_at.map(pose), &Cancel::new());
+        match made.unwrap() {
+            Made::Tree(built) => Some(built),
+            Made::NoBetter => None,
+        }
     }
 
     /// The tree before and the tree for a moment, used from a third of a key frame before it.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
-        let (a, last) = (&self.animation, self.builder.in_use.clone());
-        let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
-        let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = self.builder.rebuild(a, what, Some(at), &Cancel::new());
-        made.unwrap();
+        let last = self.builder.in_use.clone();
+        self.rebuild(time, Some([time - 0.375, time]), Some(time));
         [last, self.builder.in_use.clone()]
     }
 
@@ -121,44 +107,56 @@ impl Course {
 }
 
 #[test]
+fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
+    let mut course = Course::over(shuffled(), Forms::default());
+    let mut is_made = |rival_at| course.rebuild(1.0, None, rival_at).is_some();
+    assert!(!is_made(Some(0.0)) && !is_made(Some(2.0)));
+    // What was not handed over is no rival: this one still meets the first.
+    assert!(is_made(Some(1.0)));
+    // Its equal is taken, even where another would be better.
+    assert!(is_made(Some(0.0)) && is_made(None));
+}
+
+#[test]
 fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
-    let mut course = Course::new();
+    let mut course = Course::over(clumps(), Forms::default());
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
-    assert_ne!(tree, from_scratch(&course.boxes(1.0)));
+    assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
     // Twice the same moment: the tree that it finds could have been kept.
     course.next(1.0);
     course.next(1.0);
     let [_, tree] = course.next(1.0);
-    assert_eq!(tree, from_scratch(&course.boxes(1.0)));
+    assert_eq!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
     // That holds until one has faded.
     let [_, tree] = course.next(2.0);
-    assert_eq!(tree, from_scratch(&course.boxes(2.0)));
+    assert_eq!(tree, BinaryTree::over(&course.boxes(2.0)[..]));
     let [last, tree] = course.next(3.0);
     let boxes = swept(&course.animation, [2.625, 3.0]);
     assert_eq!(tree, of_groups(&last, &boxes));
-    assert_ne!(tree, from_scratch(&boxes));
+    assert_ne!(tree, BinaryTree::over(&boxes[..]));
 }
 
 #[test]
 fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
-    let (a, cancel) = (clumps(), Cancel::new());
     let forms = Forms {
         treelets: true,
         blocks: false,
     };
     let next = |warms_up: bool| {
-        let mut builder = TreeBuilder::with_forms(forms);
-        builder.warm_up(&a, a.pose(0.0), &cancel).unwrap();
-        assert!(builder.spare.is_empty(), "there is no tree to begin with");
-        builder.build(&a, (a.first(), None), &cancel).unwrap();
-        if warms_up {
-            builder.warm_up(&a, a.pose(2.0), &cancel).unwrap();
-            assert!(!builder.spare.is_empty());
-        }
-        let vertices = Vertices::KeyFrames(a.pose(1.0));
-        let made = builder.rebuild(&a, (vertices, None), Some(a.pose(1.0)), &cancel);
-        tree(made.unwrap()).unwrap()
+        let mut course = Course {
+            animation: clumps(),
+            builder: TreeBuilder::with_forms(forms),
+        };
+        let warm_up = |course: &mut Course, time| {
+            let (a, builder) = (&course.animation, &mut course.builder);
+            builder.warm_up(a, a.pose(time), &Cancel::new()).unwrap();
+            !builder.spare.is_empty()
+        };
+        assert!(!warm_up(&mut course, 0.0), "there is no tree to begin with");
+        course.build(0, None);
+        assert!(!warms_up || warm_up(&mut course, 2.0));
+        course.rebuild(1.0, None, Some(1.0)).unwrap()
     };
     let [plain, warmed] = [false, true].map(next);
     assert_eq!(plain.topology.words(), warmed.topology.words());
@@ -175,7 +173,8 @@ fn what_records_carry_changes_no_tree() {
         treelets: true,
         blocks: true,
     };
-    let [mut plain, mut carrying] = [Forms::default(), forms].map(Course::with_forms);
+    let all = [Forms::default(), forms];
+    let [mut plain, mut carrying] = all.map(|forms| Course::over(clumps(), forms));
     for time in [1.0, 2.0, 2.0, 3.0] {
         assert_eq!(plain.next(time), carrying.next(time));
         let boxes = &carrying.builder.boxes;
@@ -184,45 +183,30 @@ fn what_records_carry_changes_no_tree() {
 }
 
 #[test]
-fn a_first_tree_for_more_than_a_moment_costs_what_it_does_at_that_moment() {
-    let a = clumps();
-    let (mut builder, halves) = (TreeBuilder::new(), [0.25, 0.75]);
-    let from = (a.first(), Some(halves.map(|time| a.pose(time))));
-    let built = builder.build(&a, from, &Cancel::new()).unwrap();
-    assert_eq!(builder.in_use, from_scratch(&swept(&a, halves)));
+fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
+    let mut course = Course::over(clumps(), Forms::default());
+    let halves = [0.25, 0.75];
+    let built = course.build(0, Some(halves));
+    let in_use = &course.builder.in_use;
     assert_eq!(
-        built.cost,
-        sah_cost(&builder.in_use, &swept(&a, [0.0; 2])[..])
+        *in_use,
+        BinaryTree::over(&swept(&course.animation, halves)[..])
     );
-}
-
-#[test]
-fn what_a_tree_costs_is_said_of_the_middle_whatever_it_was_built_for() {
-    let mut course = Course::new();
-    let a = &course.animation;
+    assert_eq!(built.cost, sah_cost(in_use, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
-        let [from, at] = [time - 0.375, time].map(|t| a.pose(t));
-        let what = (Vertices::KeyFrames(at), Some([from, at]));
-        let made = course.builder.rebuild(a, what, Some(at), &Cancel::new());
-        let cost = tree(made.unwrap()).unwrap().cost;
-        let found = sah_cost(&course.builder.in_use, &swept(a, [time; 2])[..]);
+        let halves = Some([time - 0.375, time]);
+        let cost = course.rebuild(time, halves, Some(time)).unwrap().cost;
+        let found = sah_cost(&course.builder.in_use, &course.boxes(time)[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
     }
 }
 
 #[test]
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let mut builder = TreeBuilder::new();
-    builder.build(&a, (a.first(), None), &cancel).unwrap();
-    let halves = [0.625, 1.0].map(|t| a.pose(t));
+    let mut course = Course::over(shuffled(), Forms::default());
     for _ in 0..3 {
-        let from = Vertices::KeyFrames(a.pose(1.0));
-        let made = builder.rebuild(&a, (from, Some(halves)), None, &cancel);
-        let own = TreeBuilder::new()
-            .build(&a, (&a.key(1).unwrap(), None), &cancel)
-            .unwrap();
-        let found = tree(made.unwrap()).unwrap();
+        let found = course.rebuild(1.0, Some([0.625, 1.0]), None).unwrap();
+        let own = Course::over(shuffled(), Forms::default()).build(1, None);
         assert_eq!(found.topology.words(), own.topology.words());
     }
 }
@@ -235,75 +219,64 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     let positions: Vec<Point> = (0..192).map(|v| moment.vertex(v)).collect();
     let read_back = Vertices::ReadBack(Box::new(positions));
     let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
-        let made = TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel);
-        tree(made.unwrap()).unwrap()
+        match TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel) {
+            Ok(Made::Tree(built)) => (built.topology.into_words(), built.cost),
+            other => panic!("{other:?}"),
+        }
     });
-    assert_eq!((x.topology.words(), x.cost), (y.topology.words(), y.cost));
+    assert_eq!(x, y);
 }
 
 #[test]
 fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let samples = samples(&a, [0.0, 2.0]).unwrap();
-    let mut builder = TreeBuilder::new();
-    let first = a.pose(0.0);
-    let for_all = builder.build_for_all(&a, &samples, first, &cancel).unwrap();
-    let own = builder.build(&a, (a.first(), None), &cancel).unwrap();
-    assert_eq!(for_all.cost, own.cost);
-    assert_ne!(for_all.topology.words(), own.topology.words());
+    let mut course = Course::over(shuffled(), Forms::default());
+    let own = course.build(0, None);
+    let mut samples = samples(&course.animation, [0.0, 2.0]).unwrap();
+    let mut for_all = |samples: &[Sample]| {
+        let (a, builder) = (&course.animation, &mut course.builder);
+        let built = builder.build_for_all(a, samples, a.pose(0.0), &Cancel::new());
+        built.unwrap()
+    };
+    let tree = for_all(&samples);
+    assert_eq!(tree.cost, own.cost);
+    assert_ne!(tree.topology.words(), own.topology.words());
     // Where hardly anything but the first frame counts, its own tree is taken.
-    let mut rarely = samples;
-    rarely[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
-    let for_first = builder.build_for_all(&a, &rarely, first, &cancel).unwrap();
-    assert_eq!(for_first.topology.words(), own.topology.words());
+    samples[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
+    assert_eq!(for_all(&samples).topology.words(), own.topology.words());
 }
 
 #[test]
 fn a_tree_that_was_never_used_is_taken_back() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let at = |time| a.pose(time);
-    let from = |builder: &mut TreeBuilder, time| {
-        let what = (Vertices::KeyFrames(at(time)), None);
-        tree(builder.rebuild(&a, what, Some(at(time)), &cancel).unwrap())
-    };
-    let mut builder = TreeBuilder::new();
-    builder.build(&a, (a.first(), None), &cancel).unwrap();
-    let used = builder.in_use.clone();
-    from(&mut builder, 1.0).expect("another order, another tree");
-    assert_ne!(builder.in_use, used);
-    builder.revert();
-    assert_eq!(builder.in_use, used);
+    let courses = [(); 2].map(|()| Course::over(shuffled(), Forms::default()));
+    let [mut course, mut other] = courses;
+    let used = course.builder.in_use.clone();
+    let made = course.rebuild(1.0, None, Some(1.0));
+    made.expect("another order, another tree");
+    assert_ne!(course.builder.in_use, used);
+    course.builder.revert();
+    assert_eq!(course.builder.in_use, used);
     // The next one is set against the one in use.
-    let mut other = TreeBuilder::new();
-    other.build(&a, (a.first(), None), &cancel).unwrap();
-    let [one, other] = [&mut builder, &mut other].map(|b| from(b, 0.7).map(|t| t.topology));
-    assert_eq!(one, other);
+    let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, Some(0.7)));
+    assert_eq!(one.map(|t| t.topology), other.map(|t| t.topology));
 }
 
 #[test]
 fn an_old_records_memory_is_used_again() {
-    let (a, cancel) = (shuffled(), Cancel::new());
     for treelets in [false, true] {
-        let mut builder = TreeBuilder::with_forms(Forms {
+        let forms = Forms {
             treelets,
             blocks: false,
-        });
+        };
+        let mut course = Course::over(shuffled(), forms);
         let memory = |tree: &Topology| {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
         };
-        let first = builder
-            .build(&a, (a.first(), None), &cancel)
-            .unwrap()
-            .topology;
+        let first = course.build(0, None).topology;
         let before = memory(&first);
-        builder.reuse(first.into_spare());
-        builder.reuse(Spare::default());
-        let again = builder
-            .build(&a, (&a.key(1).unwrap(), None), &cancel)
-            .unwrap()
-            .topology;
-        assert_eq!(memory(&again), before);
+        course.builder.reuse(first.into_spare());
+        course.builder.reuse(Spare::default());
+        assert_eq!(memory(&course.build(1, None).topology), before);
         assert_eq!(before.1.is_some(), treelets);
     }
 }
@@ -335,7 +308,6 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     let vertices = (0..256).flat_map(corner).collect();
     let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let a = Animation::new(vec![vertices], triangles).unwrap();
-    let cancel = Cancel::new();
     let forms = Forms {
         treelets: false,
         blocks: true,
@@ -343,10 +315,8 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
         let mut builder = TreeBuilder::with_forms(forms);
         builder.order_toward(toward);
-        let tree = builder
-            .build(&a, (a.first(), None), &cancel)
-            .unwrap()
-            .topology;
+        let built = builder.build(&a, (a.first(), None), &Cancel::new());
+        let tree = built.unwrap().topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");

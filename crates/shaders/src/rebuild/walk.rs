@@ -145,18 +145,6 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_is_read_level_by_level() {
-        let (topology, places) = read(&three(), &[7, 8, 9], 10).unwrap();
-        assert_eq!(topology.leaf_triangles(), [8, 7, 9]);
-        assert_eq!(places, [0, 1, 2, 3, 4]);
-        let levels = topology.levels().map(|l| l.inner.len() as u32);
-        assert_eq!(levels.collect::<Vec<_>>(), [1, 1, 0]);
-        assert_eq!(read(&[], &[], 3).unwrap().0.leaf_count(), 0);
-        let (lone, _) = read(&[LEAF], &[2], 3).unwrap();
-        assert_eq!(lone.leaf_triangles(), [2]);
-    }
-
-    #[test]
     fn what_is_no_tree_is_refused() {
         let broken = |at: usize, link| {
             let mut nodes = three();

@@ -169,17 +169,11 @@ pub(crate) fn sum(mut params: Params, groups: u32, member: usize) -> Work {
 mod tests {
     use super::*;
 
-    fn tree() -> Shape {
+    fn with_lists() -> Shape {
         Shape {
             leaf_count: 501,
             node_count: 1001,
             levels: vec![0..1, 1..3, 3..200, 200..500],
-            ..Shape::default()
-        }
-    }
-
-    fn with_lists() -> Shape {
-        Shape {
             moving: Some(MovingShape {
                 leaves_at: 2_000,
                 leaf_count: 9,
@@ -188,7 +182,7 @@ mod tests {
                 levels: vec![0..1, 1..2, 2..140, 140..142],
                 degenerate_elsewhere: 3,
             }),
-            ..tree()
+            ..Shape::default()
         }
     }
 
@@ -199,22 +193,6 @@ mod tests {
             (w.kernel.entry, p.first, p.count, p.first_group, p.listed)
         };
         work.iter().map(told).collect()
-    }
-
-    #[test]
-    fn each_level_has_its_own_slots_of_costs_and_the_sum_takes_them_all() {
-        let (work, extent) =
-            Progress::default().refit(Method::default(), Params::default(), &tree());
-        assert_eq!(extent, Extent::Whole);
-        let expected = [
-            ("refit", 200, 300, 0, 0),
-            ("refit", 3, 197, 3, 0),
-            ("refit", 1, 2, 5, 0),
-            ("refit", 0, 1, 6, 0),
-            ("sum_costs", 4, 7, 0, 0),
-        ];
-        assert_eq!(told(&work), expected);
-        assert!(Shape::cost_bytes(501) >= 7 * 4);
     }
 
     #[test]
@@ -250,30 +228,5 @@ mod tests {
             ("sum_costs", 6, 5, 0, 1),
         ];
         assert_eq!(told(&work), expected);
-    }
-
-    #[test]
-    fn a_tree_without_lists_is_done_whole_each_time() {
-        let mut progress = Progress::default();
-        progress.preprocessed(&tree());
-        progress.refitted();
-        let (work, uncounted) = progress.preprocess(Method::default(), Params::default(), &tree());
-        assert_eq!((work.len(), uncounted), (1, 0));
-        let (_, extent) = progress.refit(Method::default(), Params::default(), &tree());
-        assert_eq!(extent, Extent::Whole);
-    }
-
-    #[test]
-    fn a_lone_leaf_has_a_cost_and_no_leaf_has_no_work() {
-        let lone = Shape {
-            leaf_count: 1,
-            node_count: 1,
-            ..Shape::default()
-        };
-        let (work, _) = Progress::default().refit(Method::default(), Params::default(), &lone);
-        assert_eq!((work.len(), work[0].params.count), (1, 0));
-        let (work, _) =
-            Progress::default().refit(Method::default(), Params::default(), &Shape::default());
-        assert!(work.is_empty());
     }
 }

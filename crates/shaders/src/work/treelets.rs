@@ -120,19 +120,6 @@ mod tests {
     }
 
     #[test]
-    fn large_trees_wait_for_positions() {
-        let (method, shape) = fast();
-        let tree = Shape {
-            leaf_count: 600_000,
-            treelets: vec![0..3_000, 3_000..3_006, 3_006..3_007],
-            ..shape
-        };
-        let (work, _) = Progress::default().preprocess(method, Params::default(), &tree);
-        assert_eq!(told(&work)[1], ("preprocess_treelets", 0, 3_000, 0));
-        assert_eq!(beside(&work), [false, false]);
-    }
-
-    #[test]
     fn treelets_are_done_whole_first_and_then_where_anything_moves() {
         let (method, shape) = fast();
         let tree = Shape {
@@ -173,18 +160,5 @@ mod tests {
         let expected = [("refit_treelets", 507, 1, 1), ("refit_treelets", 508, 1, 1)];
         assert_eq!(told(&work), expected);
         assert_eq!(work[1].params.first_group, 94);
-    }
-
-    #[test]
-    fn a_tree_of_one_treelet_has_its_areas_added_up_by_themselves() {
-        let (method, mut tree) = fast();
-        tree.leaf_count = 9;
-        tree.treelets.push(0..1);
-        let mut progress = Progress::default();
-        let (work, _) = progress.preprocess(method, Params::default(), &tree);
-        assert_eq!(work[1].params.first_group, 0);
-        progress.preprocessed(&tree);
-        let (work, _) = progress.refit(method, Params::default(), &tree);
-        assert_eq!(told(&work), [("sum_costs", 4, 1, 0)]);
     }
 }
