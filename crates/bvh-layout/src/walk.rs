@@ -116,27 +116,3 @@ impl Pending {
         ]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::tests::shapes;
-
-    fn met(tree: &BinaryTree, start: usize) -> Vec<(u32, u32, u32, u8)> {
-        let mut all = Vec::new();
-        Walk::starting_at(tree, start).run(&tree.left_leaves()[start..], |i| {
-            all.push((i.depth, i.left, i.right, i.leaf_children));
-        });
-        all
-    }
-
-    #[test]
-    fn a_walk_meets_the_same_nodes_wherever_it_starts() {
-        for tree in shapes() {
-            let whole = met(&tree, 0);
-            for start in 0..whole.len() {
-                assert_eq!(met(&tree, start), whole[start..]);
-            }
-        }
-    }
-}

@@ -265,16 +265,6 @@ mod tests {
     }
 
     #[test]
-    fn shards_are_blocks_that_cover_every_frame_once() {
-        let all = list(Some(&Frames::Count(10)), None, 3, false).unwrap();
-        for of in [1, 3, 10, 25] {
-            let shards = (1..=of).map(|number| of_shard(&all, Some(Shard { number, of })));
-            let joined: Vec<u64> = shards.flatten().map(|f| f.index).collect();
-            assert_eq!(joined, (0..10).collect::<Vec<u64>>(), "{of}");
-        }
-    }
-
-    #[test]
     fn frames_are_a_count_or_a_range_in_order() {
         assert_eq!(frames("8"), Ok(Frames::Count(8)));
         assert_eq!(frames("2..5"), Ok(Frames::Keys(vec![2, 3, 4])));

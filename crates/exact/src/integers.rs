@@ -41,20 +41,3 @@ pub(crate) fn cross(a: &Vector, b: &Vector) -> Vector {
         &a[j] * &b[k] - &a[k] * &b[j]
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn floats_of_every_size_become_whole() {
-        let p = [f32::MAX, -f32::from_bits(1), 0.0];
-        let e = unit(&[p]);
-        assert!(e <= -149);
-        let [x, y, z] = whole(p, e);
-        let least = BigInt::from(1) << (-149 - e);
-        assert_eq!(x, (BigInt::from(0x00ff_ffff) * &least) << 253_u32);
-        assert_eq!((y, z), (-least, BigInt::ZERO));
-        assert_eq!(unit(&[[0.0, -0.0, 0.0]]), 0);
-    }
-}

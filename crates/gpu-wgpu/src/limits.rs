@@ -168,14 +168,4 @@ mod tests {
         assert_eq!(check(&cramped), Ok(()));
         assert!(check_kernels(&cramped, &Kernel::makes_trees).is_err());
     }
-
-    #[test]
-    fn a_scene_needs_room_for_its_largest_buffer() {
-        let square = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let animation = Animation::new(vec![square], vec![[0, 1, 2]]).unwrap();
-        let limits = required_limits(&animation, 1 << 20);
-        assert_eq!(limits.max_buffer_size, 32 << 20);
-        assert_eq!(check(&limits), Ok(()));
-        assert_eq!(span(&limits), 32 << 20);
-    }
 }

@@ -83,43 +83,18 @@ fn size(a: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    fn camera(eye: Point, target: Point, fov: f32) -> Camera {
-        Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [64, 48]).unwrap()
-    }
-
-    #[test]
-    fn a_point_on_a_pixels_ray_is_seen_in_its_middle() {
-        let scenes = [
-            camera([3.0, 1.0, -2.0], [0.0; 3], 45.0),
-            camera([1e4, 1e4, 1e4], [1e4, 1e4, 1e4 - 7.0], 100.0),
-            camera([0.0, 2.0, 0.0], [0.1, 0.0, 0.0], 3.0),
-        ];
-        for camera in scenes {
-            let p = Projection::of(&camera).expect("a usual camera");
-            for (x, y) in [(0, 0), (63, 0), (17, 40), (63, 47)] {
-                let d = wide(camera.ray(x, y).direction);
-                let [c, r, w] = [p.column, p.row, p.depth].map(|row| dot(wide(row), d));
-                let off = |seen: f64, pixel: u32| (seen / w - f64::from(pixel) - 0.5).abs();
-                assert!(off(c, x).max(off(r, y)) < f64::from(p.margin));
-                // Depth is t, but for a power of two.
-                assert!((w / f64::from(p.exponent).exp2() - 1.0).abs() < 1e-5);
-            }
-        }
-    }
-
     #[test]
     fn a_camera_that_tells_no_pixels_apart_has_none() {
-        let flat = Camera {
-            across: [0.0; 3],
-            ..camera([0.0; 3], [0.0, 0.0, 1.0], 45.0)
-        };
-        assert_eq!(Projection::of(&flat), None);
-        let narrow = camera([0.0; 3], [0.0, 0.0, 1.0], 45.0);
-        let narrow = Camera {
-            across: narrow.across.map(|x| x * 1e-6),
-            down: narrow.down.map(|x| x * 1e-6),
-            ..narrow
-        };
-        assert_eq!(Projection::of(&narrow), None);
+        let up = [0.0, 1.0, 0.0];
+        let usual = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], up, 45.0, [64, 48]).unwrap();
+        assert!(Projection::of(&usual).is_some());
+        for (across, down) in [(0.0, 1.0), (1e-6, 1e-6)] {
+            let narrow = Camera {
+                across: usual.across.map(|x| x * across),
+                down: usual.down.map(|x| x * down),
+                ..usual
+            };
+            assert_eq!(Projection::of(&narrow), None);
+        }
     }
 }

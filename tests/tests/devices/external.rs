@@ -40,8 +40,8 @@ struct Shared {
 
 const OFFSET: u64 = 20;
 
-impl Shared {
-    fn new(update: Update) -> Self {
+impl Sheets for Shared {
+    fn open(update: Update) -> Self {
         let (scene, sheets) = sheets::scene();
         let mut tracer = tracer(scene, update);
         let first = tracer.external_buffer(16).unwrap();
@@ -57,12 +57,6 @@ impl Shared {
             sheets,
             memory,
         }
-    }
-}
-
-impl Sheets for Shared {
-    fn open(update: Update) -> Self {
-        Self::new(update)
     }
 
     fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
@@ -173,7 +167,7 @@ pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
 }
 
 pub(crate) fn misuse_of_external_memory_is_an_error() {
-    let [mut own, other] = [0; 2].map(|_| Shared::new(Update::Auto));
+    let [mut own, other] = [0; 2].map(|_| Shared::open(Update::Auto));
     let (mesh, (buffer, _)) = (own.sheets[0], &own.memory[0]);
     let foreign = &other.memory[0].0;
     let small = own.tracer.external_buffer(64).unwrap();
@@ -226,12 +220,12 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         );
     }
     let moved = [Some((0.5, false)), None];
-    assert!(own.see(moved) == Shared::new(Update::Auto).see(moved));
+    assert!(own.see(moved) == Shared::open(Update::Auto).see(moved));
 }
 
 /// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
 pub(crate) fn steps_and_another_device_wait_for_each_other() {
-    let [mut shared, mut expected] = [0; 2].map(|_| Shared::new(Update::Async));
+    let [mut shared, mut expected] = [0; 2].map(|_| Shared::open(Update::Async));
     let semaphore = shared.tracer.external_semaphore().unwrap();
     let imported = shared.other.import_semaphore(semaphore.fd().unwrap());
     let height = |frame: u64| 0.25 + 0.05 * frame as f32;

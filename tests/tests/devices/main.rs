@@ -161,7 +161,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
     wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
     wgpu_lent::a_device_with_too_few_buffers_is_refused,
-    wgpu_lent::a_lent_device_with_features_is_timed_and_keeps_its_handlers,
+    wgpu_lent::a_lent_device_keeps_its_handlers,
     wgpu_lent::stages_are_timed_each_whether_they_share_a_pass_or_not,
     wgpu_lent::every_verb_after_a_loss_is_an_error_and_no_panic,
     wgpu_points::vertices_may_lie_in_a_buffer_of_the_programs,

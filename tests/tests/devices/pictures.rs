@@ -16,13 +16,13 @@ fn colours(animation: &Animation) -> Vec<[u8; 3]> {
         .collect()
 }
 
-/// The scene as it stands at `time`: the bytes that differ between the device's picture and the host's.
-fn differences(
+/// The device's picture of the scene as it stands at `time` has the bytes of the host's, and shows some of it.
+fn check(
     backend: &mut dyn Subject,
     (animation, time): (&Animation, f64),
     camera: &Camera,
     light: Point,
-) -> (usize, usize) {
+) {
     let query = Query {
         rays: Rays::Camera(camera),
         kind: QueryKind::ClosestAndShadow { light },
@@ -44,9 +44,8 @@ fn differences(
     output::shade(&shot, &found.closest, &found.blocked, &mut expected);
     output::drop_alpha(&pixels, &mut rgb);
     assert!(pixels.chunks(4).all(|pixel| pixel[3] == 255));
-    let other = rgb.iter().zip(&expected).filter(|(a, b)| a != b).count();
-    let met = found.closest.iter().filter(|hit| hit.is_hit()).count();
-    (other, met)
+    assert!(rgb == expected, "{camera:?} at {time} under {light:?}");
+    assert!(found.closest.iter().any(|hit| hit.is_hit()), "{camera:?}");
 }
 
 /// The swarm at a size of its own.
@@ -75,33 +74,24 @@ pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
     load(&usual, backend);
     for camera in cameras() {
         for (time, light) in [(0.0, lamp), (0.7, [0.1, 0.2, 0.3]), (1.0, [0.0; 3])] {
-            let (other, met) = differences(backend, (&usual, time), &camera, light);
-            assert_eq!(other, 0, "{camera:?} at {time} under {light:?}");
-            assert!(met > 0, "{camera:?}");
+            check(backend, (&usual, time), &camera, light);
         }
     }
+    let size = [130, 126];
     for by in [1e-36, 1e-12, 1e9, 1e30] {
         let animation = scaled(by);
         load(&animation, backend);
         let eye = [0.3 * by, 0.2 * by, 3.0 * by];
-        let camera = look(eye, [0.0; 3], (50.0, [130, 126]));
+        let camera = look(eye, [0.0; 3], (50.0, size));
         for light in [eye, [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]] {
-            let (other, met) = differences(backend, (&animation, 0.3), &camera, light);
-            assert_eq!(other, 0, "{by:e} under {light:?}");
-            assert!(met > 0, "{by:e}");
+            check(backend, (&animation, 0.3), &camera, light);
         }
     }
     let animation = mixed();
     load(&animation, backend);
     for distance in [3e-30, 3.0, 3e3, 3e30] {
-        let camera = look(
-            [0.0, 0.1 * distance, distance],
-            [0.0; 3],
-            (60.0, [130, 126]),
-        );
-        let (other, met) = differences(backend, (&animation, 0.0), &camera, lamp);
-        assert_eq!(other, 0, "from {distance:e}");
-        assert!(met > 0, "from {distance:e}");
+        let camera = look([0.0, 0.1 * distance, distance], [0.0; 3], (60.0, size));
+        check(backend, (&animation, 0.0), &camera, lamp);
     }
 }
 

@@ -251,7 +251,10 @@ pub(crate) fn results(device: &Device) {
     }
     let none = |live: &mut Tracer, (step, query)| live.hits(step, query).err();
     let later = stage.advance(&mut live, ids, 2);
-    assert_eq!(none(&mut live, of_old[0]), Some(Error::NoResult));
+    // Nor has a step results of another one's query.
+    for asked in [of_old[0], (of_old[1].0, later.1)] {
+        assert_eq!(none(&mut live, asked), Some(Error::NoResult));
+    }
     assert!(found(&mut live, of_old[1]) == expected[1]);
     assert_eq!(found(&mut live, later).len(), stage.rays.len());
     stage.advance(&mut live, ids, 3);

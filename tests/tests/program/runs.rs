@@ -94,6 +94,9 @@ fn damaged(sandbox: &Sandbox) {
     let end = flipped.len() - 30;
     flipped[end] ^= 1;
     sandbox.write("h/hits_0003.npz", flipped);
+    // Whoever wrote it was killed.
+    let torn = sandbox.text("o/abvh-run.jsonl") + "{\"frame\":{\"fil";
+    sandbox.write("o/abvh-run.jsonl", torn);
     for _ in 0..2 {
         sandbox.does(&format!("{words} --resume"));
         let same = [bytes(sandbox, "o"), bytes(sandbox, "h")] == whole;

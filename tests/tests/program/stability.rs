@@ -2,6 +2,7 @@
 
 use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
+use serde_json::Value;
 
 const FAMILIES: usize = 21;
 
@@ -60,6 +61,9 @@ fn recorded(sandbox: &Sandbox) {
     let told = ground.contains("8192 rays a family") && run.stdout.contains(ground);
     assert!(told, "{ground}: {}", run.stdout);
     let entries = list(&json["entries"]);
+    let is_sound =
+        |e: &Value| e["count"].as_u64() <= e["of"].as_u64() && e["spread"].as_f64() >= Some(1.0);
+    assert!(entries.iter().all(is_sound), "{json}");
     let of = |name: &str| entries.iter().filter(|e| e["intersector"] == name).count();
     let counts = ["woop", "moller-trumbore", "watertight", "exact"].map(of);
     assert_eq!(counts, [33, 33, 21, 0]);

@@ -104,25 +104,15 @@ fn encoded(sandbox: &Sandbox) {
     }
 }
 
-/// The same luma, and chroma of means.
+/// The same luma, and chroma of half the size along both axes.
 #[cfg(unix)]
 fn is_halved(video: &[u8], full: &[u8]) {
     let [mut video, mut full] = [video, full].map(|file| y4m::decode(file).unwrap());
     for _ in 0..5 {
         let (half, full) = (video.read_frame().unwrap(), full.read_frame().unwrap());
         assert!(half.get_y_plane() == full.get_y_plane());
-        for (half, full) in [
-            (half.get_u_plane(), full.get_u_plane()),
-            (half.get_v_plane(), full.get_v_plane()),
-        ] {
-            assert_eq!(half.len(), 16 * 9);
-            for (i, &mean) in half.iter().enumerate() {
-                let at = 2 * (i / 16) * 32 + 2 * (i % 16);
-                let four = [at, at + 1, at + 32, at + 33].map(|i| f32::from(full[i]));
-                let expected = four.iter().sum::<f32>() / 4.0;
-                assert!((expected - f32::from(mean)).abs() < 0.6, "{four:?} {mean}");
-            }
-        }
+        let planes = [half.get_u_plane(), half.get_v_plane()];
+        assert_eq!(planes.map(<[u8]>::len), [16 * 9; 2]);
     }
     assert!(video.read_frame().is_err());
 }

@@ -1,7 +1,7 @@
 //! Treelets read back, node by node.
 
 use super::{chain, random_tree, record, shapes};
-use crate::{Topology, Treelet, Treelets};
+use crate::{Treelet, Treelets};
 use bvh_build::BinaryTree;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
@@ -176,15 +176,6 @@ fn large_trees_take_several_levels_and_are_the_tree_still() {
         let deepest = check(&chain(leaves));
         assert!(deepest.levels.len() > 2);
     }
-}
-
-#[test]
-fn no_triangle_makes_no_treelet_and_one_makes_one() {
-    assert_eq!(Treelets::of(&Topology::default()), Treelets::default());
-    let one = check(&random_tree(1, 0));
-    let entry = one.treelet(0);
-    assert_eq!((entry.leaf_count, entry.inner_count), (1, 0));
-    assert_eq!((entry.root_row, one.rows()), (0, 4));
 }
 
 #[test]

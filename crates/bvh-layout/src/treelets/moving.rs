@@ -150,17 +150,4 @@ mod tests {
         let empty = Treelets::default().with_moving(&StaticParts::default());
         assert!(empty.moving.unwrap().levels.is_empty());
     }
-
-    #[test]
-    fn triangles_of_no_area_are_counted_where_nothing_moves() {
-        let tree = random_tree(20_000, 4);
-        let treelets = Treelets::of_tree(&tree);
-        let order = tree.order();
-        let mut degenerate = vec![order[1], order[2], order[10_000], order[19_999]];
-        degenerate.sort_unstable();
-        let mut parts = parts(scene(&tree), |t| t == order[0]);
-        parts.degenerate = degenerate;
-        let listed = treelets.with_moving(&parts);
-        assert_eq!(listed.moving.unwrap().degenerate_elsewhere, 2);
-    }
 }

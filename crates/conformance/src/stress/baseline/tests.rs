@@ -1,7 +1,6 @@
 //! Whose bounds hold where.
 
 use super::*;
-use cpu_ref::CpuBackend;
 
 const LOOSE: Arithmetic = Arithmetic {
     rounds_division: false,
@@ -59,25 +58,4 @@ fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
         }
         assert!(baseline.ground.contains("seed"), "{}", baseline.ground);
     }
-}
-
-#[test]
-fn a_record_of_the_host_is_the_hosts_baseline() {
-    let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let mut families = 0;
-    let found = record(&mut cpu, (2, 512), &mut |_| families += 1).unwrap();
-    assert_eq!(found.arithmetic, Arithmetic::IEEE);
-    assert_eq!(families, Family::ALL.len());
-    let host = &BASELINES[0];
-    assert_eq!(found.entries.len(), host.entries.len());
-    for (now, then) in found.entries.iter().zip(&host.entries) {
-        let cell = |e: &RateEntry| (e.family.clone(), e.intersector.clone(), e.measure.clone());
-        assert_eq!(cell(now), cell(then));
-        assert!(
-            now.count <= then.count && now.of < then.of && now.spread >= 1.0,
-            "{now:?}"
-        );
-    }
-    let text = serde_json::to_string(&found).unwrap();
-    assert_eq!(serde_json::from_str::<Baseline>(&text).unwrap(), found);
 }
