@@ -63,7 +63,7 @@ pub(crate) fn pay(method: Method, params: &Params, how: Packets) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Shape, WideShape};
+    use crate::Shape;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -84,16 +84,12 @@ mod tests {
         let params = |triangles: u32| {
             let shape = Shape {
                 node_count: 2 * triangles - 1,
-                wide: WideShape {
-                    at: 0,
-                    lanes: 1,
-                    root: 1,
-                },
                 ..Shape::default()
             };
             Params {
                 width: 64,
                 height: 48,
+                wide_root: 1,
                 ..Params::of(0, &shape)
             }
         };

@@ -5,8 +5,7 @@ use crate::sheets::{Met, Sheets, bits, scene, sheet};
 use crate::wgpu_lent::{adapter, device_on};
 use crate::wgpu_own::bytes_of;
 use crate::wgpu_points::Own;
-use abvh::own_device::RayBuffers;
-use abvh::own_device::{required_features, useful_features};
+use abvh::own_device::{RayBuffers, required_features, useful_features};
 use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
 use backend::{Backend, Generation, Rays};
 use gpu_wgpu::from_device;
@@ -31,7 +30,7 @@ struct Step {
 
 impl Encoded {
     fn new(update: Update) -> Self {
-        let mut own = Own::new(update);
+        let mut own = Own::open(update);
         own.tracer.warm_up(0.0).unwrap();
         let rays: Vec<Ray> = camera().rays().collect();
         let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -103,7 +102,7 @@ impl Encoded {
 pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
     for update in [Update::Async, Update::Refit] {
         let mut found = Encoded::new(update);
-        let mut expected = Own::new(update);
+        let mut expected = Own::open(update);
         for i in 0..8 {
             let moved = [2 * i, 2 * i + 1].map(|i| [0.1 * i as f32, 1.0 + 0.2 * i as f32]);
             let steps = moved.map(|to| found.encode(to));
@@ -132,7 +131,7 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     step.trace(&camera(), Query::Closest).unwrap();
     let said = step.encode(&mut commands);
     assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
-    let mut expected = Own::new(Update::Async);
+    let mut expected = Own::open(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
         own.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);

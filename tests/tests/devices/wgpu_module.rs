@@ -1,7 +1,7 @@
 //! Rays that shaders of the program's own trace.
 
 use crate::lent_rays::all_kinds;
-use crate::sheets::{scene, sheet};
+use crate::sheets::{Sheets, scene, sheet};
 use crate::wgpu_own::bytes_of;
 use crate::wgpu_points::Own;
 use abvh::own_device::RayBuffers;
@@ -121,7 +121,7 @@ pub(crate) fn shaders_find_what_queries_do() {
         ray.t_min = -2.0;
     }
     let starts_far = |ray: &Ray| ray.origin.iter().any(|x| x.abs() > 1e15 && x.is_finite());
-    let mut own = Own::new(Update::Async);
+    let mut own = Own::open(Update::Async);
     own.tracer.warm_up(0.0).unwrap();
     let shader = Shader::new(&own, &list);
     // One vertex is outlying in the last.
@@ -161,7 +161,7 @@ pub(crate) fn shaders_find_what_queries_do() {
 }
 
 pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
-    let own = Own::new(Update::Async);
+    let own = Own::open(Update::Async);
     let refused = |builder: abvh::Builder, warm: bool| {
         let builder = builder.device(Device::from(own.device.clone())).threads(2);
         let mut tracer = builder.build(scene().0).unwrap();

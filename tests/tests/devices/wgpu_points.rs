@@ -18,10 +18,6 @@ pub(crate) struct Own {
 }
 
 impl Own {
-    pub(crate) fn new(update: Update) -> Self {
-        Self::on(&adapter(), update)
-    }
-
     fn on(adapter: &wgpu::Adapter, update: Update) -> Self {
         let (scene, sheets) = scene();
         let limits = required_limits(&scene, camera().pixels()).unwrap();
@@ -48,7 +44,7 @@ impl Own {
 
 impl Sheets for Own {
     fn open(update: Update) -> Self {
-        Self::new(update)
+        Self::on(&adapter(), update)
     }
 
     fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
@@ -97,7 +93,7 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     let submitted = traced.and_then(|_| step.submit());
     assert!(said.is_err() || submitted.is_err());
     let hits = own.see([Some((0.5, true)), None]);
-    assert!(hits == Own::new(Update::Auto).see([Some((0.5, false)), None]));
+    assert!(hits == Own::open(Update::Auto).see([Some((0.5, false)), None]));
 }
 
 pub(crate) fn vertices_of_a_buffer_stay_while_another_mesh_is_replaced() {

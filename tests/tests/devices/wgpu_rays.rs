@@ -28,10 +28,6 @@ struct Own {
 }
 
 impl Own {
-    fn new(scene: Scene, rays: &[Ray], how: (Intersector, Layout)) -> Self {
-        Self::on(&adapter(), scene, rays, how)
-    }
-
     fn on(
         adapter: &wgpu::Adapter,
         scene: Scene,
@@ -81,7 +77,7 @@ impl LentRays for Own {
 pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     let list = all_kinds();
     for how in HOW {
-        let mut own = find_what_the_hosts_do(|scene, rays| Own::new(scene, rays, how));
+        let mut own = find_what_the_hosts_do(|scene, rays| Own::on(&adapter(), scene, rays, how));
         // Hits of the host's rays lie on the device in the form of answers.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
@@ -105,7 +101,7 @@ pub(crate) fn buffers_of_rays_are_let_go_of() {
     let few = all_kinds();
     let mut all = few.clone();
     all.resize(BYTES / size_of::<Ray>(), few[0]);
-    let mut own = Own::new(scene(), &all, HOW[0]);
+    let mut own = Own::on(&adapter(), scene(), &all, HOW[0]);
     own.count = few.len();
     let mut step = || {
         own.rays = filled(&own.device, bytemuck::cast_slice(&all), USAGE);
