@@ -87,9 +87,9 @@ fn judged(sandbox: &Sandbox) {
     }
 }
 
-/// A method or scene named twice is drawn once in each layout, with what measures it again.
+/// A method named twice is drawn once in each layout, with what measures it again.
 fn command(sandbox: &Sandbox) {
-    let words = "--quiet --update async,async --intersector woop,auto,woop demo:collide:300";
+    let words = "--quiet --update async --intersector woop,woop";
     let points = draw(sandbox, 100, words).1;
     let layouts: Vec<_> = points.iter().map(|p| &p["layout"]).collect();
     assert!(layouts == ["bvh2", "fast"], "{layouts:?}");

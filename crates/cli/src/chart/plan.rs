@@ -148,6 +148,35 @@ fn quoted(word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args::{Command, parse};
+
+    fn plan(line: &str) -> Result<ChartPlan, Stop> {
+        let words = "abvh chart a b a --update refit,async,refit";
+        let words = words.split(' ').chain(line.split(' '));
+        match parse(words.map(Into::into)) {
+            Ok(Command::Chart(args)) => ChartPlan::of(&args),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn what_is_named_twice_is_done_once() {
+        let plan = plan("--backend cpu --intersector woop,auto,exact").unwrap();
+        let ways: Vec<_> = plan.ways.iter().map(ToString::to_string).collect();
+        let expected = [
+            "cpu bvh2 woop refit",
+            "cpu bvh2 woop async",
+            "cpu fast woop refit",
+            "cpu fast woop async",
+            "cpu bvh2 exact refit",
+            "cpu bvh2 exact async",
+            "cpu fast exact refit",
+            "cpu fast exact async",
+        ];
+        assert_eq!(ways, expected);
+        assert_eq!(plan.scenes, ["a", "b"]);
+        assert!(plan.skipped.is_empty(), "{:?}", plan.skipped);
+    }
 
     #[test]
     fn a_shell_reads_every_word_as_one() {
