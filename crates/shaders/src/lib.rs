@@ -36,7 +36,7 @@ pub use arithmetic::Traits;
 pub use buffers::{BufferName, RANGE_BYTES, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use method::{occluded_words, record_bytes};
-pub use moving::{MovingShape, MovingTreeletShape, moving_rows};
+pub use moving::{MovingShape, moving_rows};
 pub use packets::Packets;
 pub use params::{Counts, Params};
 pub use rasterization::RasterBackoff;

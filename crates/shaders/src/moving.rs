@@ -1,6 +1,6 @@
 //! What moves, as kernels are told of it.
 
-use bvh_layout::{Moving, MovingTreelets, Topology, Treelets};
+use bvh_layout::{Topology, Treelets};
 use geom::{Animation, StaticParts};
 use std::ops::Range;
 
@@ -23,60 +23,49 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     StaticParts::pays(rows.len(), all).then_some(rows)
 }
 
-/// Where a tree's lists of what moves lie with layout `bvh2`; see [`Moving`].
-///
-/// They are uploaded behind the tree's record, word for word.
+/// Where a tree's lists of what moves lie: words that are uploaded behind the tree's record. See [`bvh_layout::Moving`] and
+/// [`bvh_layout::MovingTreelets`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MovingShape {
-    /// Where leaves' ranks begin, in words of the record.
-    pub leaves_at: u32,
-    /// How many.
-    pub leaf_count: u32,
-    /// Likewise, inner nodes by their number among inner nodes.
-    pub inner_at: u32,
-    /// How many.
-    pub inner_count: u32,
-    /// For each level that has moving inner nodes, root first, where they lie among them.
+    /// With layout `bvh2`, leaves' ranks.
+    pub leaves: Range<u32>,
+    /// Likewise inner nodes by their number among inner nodes.
+    pub inner: Range<u32>,
+    /// Likewise those of each level that has any, root first. With layout `fast` the numbers of each level's treelets, that of
+    /// the triangles first.
     pub levels: Vec<Range<u32>>,
-    /// Triangles of zero area among the leaves that are not listed.
+    /// Triangles of zero area among leaves, or in treelets, that are not listed.
     pub degenerate_elsewhere: u32,
-}
-
-/// Likewise with layout `fast`; see [`MovingTreelets`].
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MovingTreeletShape {
-    /// For each level, that of the triangles first, where the numbers of its moving treelets lie, in words of the record.
-    pub levels: Vec<Range<u32>>,
-    /// Triangles of zero area in the treelets that are not listed.
-    pub degenerate_elsewhere: u32,
-}
-
-impl MovingTreeletShape {
-    pub(crate) fn of(tree: &Treelets, moving: &MovingTreelets) -> Self {
-        let at = tree.words().len() as u32;
-        let levels = moving.levels.iter();
-        Self {
-            levels: levels
-                .map(|l| at + l.start as u32..at + l.end as u32)
-                .collect(),
-            degenerate_elsewhere: moving.degenerate_elsewhere,
-        }
-    }
 }
 
 impl MovingShape {
-    pub(crate) fn of(tree: &Topology, moving: &Moving) -> Self {
-        let leaves_at = tree.words().len();
-        let levels = moving.levels.iter();
-        Self {
-            leaves_at: leaves_at as u32,
-            leaf_count: moving.leaves().len() as u32,
-            inner_at: (leaves_at + moving.leaves().len()) as u32,
-            inner_count: moving.inner().len() as u32,
-            levels: levels.map(|l| l.start as u32..l.end as u32).collect(),
+    pub(crate) fn of(tree: &Topology) -> Option<Self> {
+        let moving = tree.moving()?;
+        let leaves_at = tree.words().len() as u32;
+        let inner_at = leaves_at + moving.leaves().len() as u32;
+        Some(Self {
+            leaves: leaves_at..inner_at,
+            inner: inner_at..inner_at + moving.inner().len() as u32,
+            levels: behind(inner_at, &moving.levels),
             degenerate_elsewhere: moving.degenerate_elsewhere,
-        }
+        })
     }
+
+    pub(crate) fn of_treelets(tree: &Treelets) -> Option<Self> {
+        let moving = tree.moving.as_ref()?;
+        Some(Self {
+            levels: behind(tree.words().len() as u32, &moving.levels),
+            degenerate_elsewhere: moving.degenerate_elsewhere,
+            ..Self::default()
+        })
+    }
+}
+
+fn behind(at: u32, levels: &[Range<usize>]) -> Vec<Range<u32>> {
+    let levels = levels.iter();
+    levels
+        .map(|l| at + l.start as u32..at + l.end as u32)
+        .collect()
 }
 
 #[cfg(test)]

@@ -15,9 +15,6 @@
 //! made: leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
-mod walk;
-
-pub(crate) use walk::{links_of_rows, read};
 
 use crate::work::{Groups, Work, leaves, sum};
 use crate::{BufferName, Counts, Params, Shape, common, kernel};

@@ -1,6 +1,6 @@
 //! What a host must know of a tree's record to run kernels over it.
 
-use crate::{MovingShape, MovingTreeletShape, common};
+use crate::{MovingShape, common};
 use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use std::ops::Range;
@@ -26,8 +26,6 @@ pub struct Shape {
     pub moving: Option<MovingShape>,
     /// With layout `fast`: each level's treelets, those of triangles first.
     pub treelets: Vec<Range<u32>>,
-    /// With layout `fast`: those that move, where the tree came with lists of them.
-    pub moving_treelets: Option<MovingTreeletShape>,
     /// Rows of 16 bytes in the buffer `nodes`.
     pub node_rows: u64,
     /// With layout `fast`: roots of treelets.
@@ -76,7 +74,6 @@ impl Default for Shape {
             levels: Vec::new(),
             moving: None,
             treelets: Vec::new(),
-            moving_treelets: None,
             node_rows: 0,
             root_count: 0,
             begin: (0, 1),
@@ -98,7 +95,7 @@ impl Shape {
             leaf_count: tree.leaf_count() as u32,
             node_count: tree.node_count() as u32,
             levels: levels.filter(|inner| !inner.is_empty()).collect(),
-            moving: tree.moving().map(|m| MovingShape::of(tree, m)),
+            moving: MovingShape::of(tree),
             node_rows: 2 * tree.node_count() as u64,
             ..Self::default()
         }
@@ -148,10 +145,7 @@ impl Shape {
             leaf_count: tree.leaf_count,
             node_count: (2 * tree.leaf_count).saturating_sub(1),
             treelets: tree.levels.clone(),
-            moving_treelets: tree
-                .moving
-                .as_ref()
-                .map(|m| MovingTreeletShape::of(tree, m)),
+            moving: MovingShape::of_treelets(tree),
             node_rows: tree.rows() as u64,
             root_count: tree.root_count,
             begin: tree.few_roots(MANY),

@@ -2,11 +2,9 @@
 
 use crate::Shape;
 use crate::params::{scale, scaled_point};
-use crate::rebuild::{links_of_rows, read};
 use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use geom::{Aabb, Animation, Point};
-use std::collections::VecDeque;
 
 /// What a device holds of the tree in use.
 #[derive(Clone, Copy, Debug)]
@@ -23,13 +21,67 @@ pub struct View<'a> {
     pub animation: &'a Animation,
 }
 
+/// Bits of the word that tells traversal how to go on: a leaf, and with layout `fast` one of two triangles.
+const LEAF: u32 = 1 << 31;
+const TWO: u32 = 1 << 30;
+
+/// A node, by where its box stands.
+#[derive(Clone, Copy)]
+struct Node {
+    bounds: Bounds,
+    below: Below,
+}
+
+#[derive(Clone, Copy)]
+enum Bounds {
+    /// In two rows, of which this is the first.
+    Row(usize),
+    /// Nowhere: it is made anew of the triangle in this place.
+    Triangle(usize),
+    /// Nowhere, as its triangle cannot be hit.
+    Nothing,
+}
+
+#[derive(Clone, Copy)]
+enum Below {
+    /// Two nodes with rows of their own.
+    Rows([usize; 2]),
+    /// Two triangles that share a leaf, from a place on.
+    Two(usize, [Bounds; 2]),
+    /// The triangle in a place.
+    One(usize),
+}
+
 impl View<'_> {
     /// The record of a tree made on the device.
     ///
     /// # Errors
-    /// What the device made is no tree.
+    /// The nodes make no tree over all the leaves.
     pub fn topology(&self) -> Result<Topology, String> {
-        Ok(self.found()?.0)
+        let (nodes, levels) = self.nodes()?;
+        let (mut bits, mut named) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
+        for (i, node) in nodes.iter().enumerate() {
+            if let Below::One(place) = node.below {
+                bits[i / 32] |= 1 << (i % 32);
+                named.push(self.triangles[place]);
+            }
+        }
+        let ranks = bits.iter().scan(0, |sum, word| {
+            let before = *sum;
+            *sum += word.count_ones();
+            Some(before)
+        });
+        let scene = self.animation.triangle_count();
+        let sizes = [scene, self.triangles.len(), levels.len()];
+        let mut words = vec![Topology::MAGIC, Topology::VERSION];
+        words.extend(sizes.map(|size| size as u32));
+        words.extend([0; 3]);
+        words.extend(levels);
+        words.extend(&bits);
+        words.extend(ranks);
+        words.extend(named);
+        let topology = Topology::from_words(words);
+        topology.map_err(|e| format!("the device's tree makes no record: {e}"))
     }
 
     /// One box a node in breadth-first order, in the scene's units, as [`backend::Inspect::boxes`] gives them.
@@ -38,154 +90,183 @@ impl View<'_> {
     /// # Errors
     /// The tree was made on the device and is none.
     pub fn boxes(&self, positions: &[Point]) -> Result<Vec<Aabb>, String> {
-        let found = self.made_on_device.then(|| self.found()).transpose()?;
-        if self.shape.layout == Layout::Fast {
-            let rows: &[[f32; 4]] = bytemuck::cast_slice(self.rows);
-            return Ok(unfold(rows, self.triangles, self.animation, positions));
+        if self.made_on_device {
+            self.topology()?;
+        } else if self.shape.layout == Layout::Bvh2 {
+            let rows = (0..self.rows.len()).step_by(2);
+            return Ok(rows.map(|row| self.at_row(row)).collect());
         }
-        let boxes = self.boxes_of_nodes();
-        Ok(match found {
-            Some((_, places)) => places.iter().map(|&i| boxes[i as usize]).collect(),
-            None => boxes,
+        let bounds = |node: Node| match node.bounds {
+            Bounds::Row(row) => self.at_row(row),
+            Bounds::Triangle(place) => self.around(place, positions),
+            Bounds::Nothing => Aabb::EMPTY,
+        };
+        Ok(self.nodes()?.0.into_iter().map(bounds).collect())
+    }
+
+    /// All nodes in breadth-first order, and how many of each level are inner nodes.
+    fn nodes(&self) -> Result<(Vec<Node>, Vec<u32>), String> {
+        let most = (2 * self.triangles.len()).saturating_sub(1);
+        let (mut nodes, mut levels) = (Vec::with_capacity(most), Vec::new());
+        nodes.extend((most > 0).then(|| self.node(0)).transpose()?);
+        let mut begin = 0;
+        while begin < nodes.len() {
+            let end = nodes.len();
+            for i in begin..end {
+                let node: Node = nodes[i];
+                nodes.extend(self.children(node)?.into_iter().flatten());
+            }
+            if nodes.len() > most {
+                return Err("the device's tree goes on without end".to_owned());
+            }
+            levels.push((nodes.len() - end) as u32 / 2);
+            begin = end;
+        }
+        Ok((nodes, levels))
+    }
+
+    fn children(&self, node: Node) -> Result<Option<[Node; 2]>, String> {
+        Ok(match node.below {
+            Below::Rows([left, right]) => Some([self.node(left)?, self.node(right)?]),
+            Below::Two(first, [a, b]) => {
+                Some([(a, first), (b, first + 1)].map(|(bounds, place)| {
+                    let below = Below::One(place);
+                    Node { bounds, below }
+                }))
+            }
+            Below::One(_) => None,
         })
     }
 
-    /// The tree made on the device, and where each node of its record lies there.
-    fn found(&self) -> Result<(Topology, Vec<u32>), String> {
-        let links = match self.shape.layout {
-            Layout::Bvh2 => self.rows.iter().step_by(2).map(|row| row[3]).collect(),
-            Layout::Fast => links_of_rows(self.rows, self.triangles.len())?,
-        };
-        let scene = self.animation.triangle_count() as u32;
-        read(&links, self.triangles, scene)
-    }
-
-    fn boxes_of_nodes(&self) -> Vec<Aabb> {
-        let unscale = scale(-self.animation.scale_exponent());
-        let point = |row: &[u32; 4]| [0, 1, 2].map(|i| f32::from_bits(row[i]) * unscale);
-        let pairs = self.rows.chunks_exact(2);
-        pairs
-            .map(|pair| Aabb {
-                min: point(&pair[0]),
-                max: point(&pair[1]),
-            })
-            .collect()
-    }
-}
-
-/// Bits of the word that tells traversal how to go on: a leaf, and one of two triangles.
-const LEAF: u32 = 1 << 31;
-const TWO: u32 = 1 << 30;
-
-/// One box a node in breadth-first order and in the scene's units, as [`backend::Inspect::boxes`] gives them.
-///
-/// `nodes` are the buffer's rows; `words` are those of the [`Treelets`] from the triangles on, or the triangles of a tree made on the device.
-/// Boxes of triangles that share a leaf stand nowhere: they are made anew from `positions`.
-fn unfold(
-    nodes: &[[f32; 4]],
-    words: &[u32],
-    animation: &Animation,
-    positions: &[Point],
-) -> Vec<Aabb> {
-    let tree = Tree {
-        nodes,
-        words,
-        animation,
-        positions,
-        exponent: animation.scale_exponent(),
-    };
-    let leaves = animation.live_count();
-    let mut boxes = Vec::with_capacity((2 * leaves).saturating_sub(1));
-    let mut waiting: VecDeque<_> = (leaves > 0).then(|| tree.node(0)).into_iter().collect();
-    while let Some(node) = waiting.pop_front() {
-        boxes.push(tree.unscaled(node.own));
-        waiting.extend(tree.children(node).into_iter().flatten());
-    }
-    boxes
-}
-
-struct Tree<'a> {
-    nodes: &'a [[f32; 4]],
-    words: &'a [u32],
-    animation: &'a Animation,
-    positions: &'a [Point],
-    exponent: i32,
-}
-
-#[derive(Clone, Copy)]
-struct Node {
-    own: Aabb,
-    below: Below,
-}
-
-#[derive(Clone, Copy)]
-enum Below {
-    Inner(usize),
-    Two([Aabb; 2]),
-    Nothing,
-}
-
-impl Tree<'_> {
-    fn children(&self, node: Node) -> Option<[Node; 2]> {
-        let below = Below::Nothing;
-        match node.below {
-            Below::Inner(at) => Some([self.node(4 * at), self.node(4 * at + 2)]),
-            Below::Two(boxes) => Some(boxes.map(|own| Node { own, below })),
-            Below::Nothing => None,
+    /// The node whose box begins with that row.
+    fn node(&self, row: usize) -> Result<Node, String> {
+        let name = self.rows[row][3];
+        let bounds = Bounds::Row(row);
+        if name & LEAF != 0 {
+            let below = self.leaf(name, bounds)?;
+            return Ok(Node { bounds, below });
         }
-    }
-
-    fn node(&self, row: usize) -> Node {
-        let [low, high] = [self.nodes[row], self.nodes[row + 1]];
-        let own = Aabb {
-            min: [low[0], low[1], low[2]],
-            max: [high[0], high[1], high[2]],
+        let first = match self.shape.layout {
+            Layout::Bvh2 => 2 * name as usize,
+            Layout::Fast => 4 * name as usize,
         };
-        let name = low[3].to_bits();
-        let below = match name & LEAF {
-            0 => Below::Inner(name as usize),
-            _ => self.leaf(name, own),
-        };
-        Node { own, below }
+        let below = Below::Rows([first, first + 2]);
+        match first + 4 <= self.rows.len() {
+            true => Ok(Node { bounds, below }),
+            false => Err(format!("the device's tree has a child at node {name}")),
+        }
     }
 
     /// A leaf of two whose other triangle cannot be hit goes by the number of the one that can.
-    fn leaf(&self, name: u32, own: Aabb) -> Below {
+    fn leaf(&self, name: u32, own: Bounds) -> Result<Below, String> {
         let first = (name & !(LEAF | TWO)) as usize;
-        let shares = |leaf: usize| self.words[leaf] & Treelets::SHARED != 0;
-        if name & TWO != 0 {
-            Below::Two([self.triangle(first), self.triangle(first + 1)])
+        let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;
+        let are_two = name & TWO != 0;
+        if first + usize::from(are_two) >= self.triangles.len() {
+            return Err(format!("the device's tree has a leaf {first}"));
+        }
+        Ok(if are_two {
+            Below::Two(first, [first, first + 1].map(Bounds::Triangle))
         } else if shares(first) {
-            Below::Two([own, Aabb::EMPTY])
+            Below::Two(first, [own, Bounds::Nothing])
         } else if first > 0 && shares(first - 1) {
-            Below::Two([Aabb::EMPTY, own])
+            Below::Two(first - 1, [Bounds::Nothing, own])
         } else {
-            Below::Nothing
+            Below::One(first)
+        })
+    }
+
+    fn at_row(&self, row: usize) -> Aabb {
+        let unscale = scale(-self.animation.scale_exponent());
+        let corner = |row: &[u32; 4]| [0, 1, 2].map(|i| f32::from_bits(row[i]) * unscale);
+        Aabb {
+            min: corner(&self.rows[row]),
+            max: corner(&self.rows[row + 1]),
         }
     }
 
-    fn triangle(&self, leaf: usize) -> Aabb {
-        let triangle = self.words[leaf] & !Treelets::SHARED;
-        let corners = self.animation.triangles()[triangle as usize];
-        let corners = corners.map(|v| scaled_point(self.positions[v as usize], self.exponent));
-        let least = |i| corners.iter().map(|c| c[i]).fold(f32::INFINITY, f32::min);
-        let most = |i| {
-            corners
-                .iter()
-                .map(|c| c[i])
-                .fold(f32::NEG_INFINITY, f32::max)
+    /// The box of a triangle, of corners as kernels have them.
+    fn around(&self, place: usize, positions: &[Point]) -> Aabb {
+        let exponent = self.animation.scale_exponent();
+        let triangle = self.triangles[place] & !Treelets::SHARED;
+        let corners = self.animation.triangles()[triangle as usize].map(|v| {
+            let scaled = scaled_point(positions[v as usize], exponent);
+            scaled.map(|x| x * scale(-exponent))
+        });
+        let all = corners.into_iter();
+        all.fold(Aabb::EMPTY, Aabb::with_point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What comes of a tree of that layout over so many leaves, whose nodes have these words.
+    fn read(layout: Layout, names: &[u32], leaves: usize) -> Result<Topology, String> {
+        let each = |&name: &u32| [[0, 0, 0, name], [0; 4]];
+        let rows: Vec<_> = names.iter().flat_map(each).collect();
+        let shape = Shape {
+            layout,
+            ..Shape::default()
         };
-        Aabb {
-            min: [0, 1, 2].map(least),
-            max: [0, 1, 2].map(most),
-        }
+        let view = View {
+            shape: &shape,
+            made_on_device: true,
+            rows: &rows,
+            triangles: &[7, 8, 9, 6][..leaves],
+            animation: &Animation::new(vec![vec![[0.0; 3]]], vec![[0; 3]; 10]).unwrap(),
+        };
+        let topology = view.topology()?;
+        assert_eq!(view.boxes(&[[0.0; 3]])?.len(), topology.node_count());
+        Ok(topology)
     }
 
-    fn unscaled(&self, b: Aabb) -> Aabb {
-        let point = |p: Point| p.map(|x| x * scale(-self.exponent));
-        Aabb {
-            min: point(b.min),
-            max: point(b.max),
+    /// The root's left child is leaf 1, its right child holds leaves 0 and 2.
+    const THREE: [u32; 5] = [1, LEAF | 1, 3, LEAF, LEAF | 2];
+
+    fn levels(tree: &Topology) -> Vec<u32> {
+        tree.levels().map(|l| l.inner.len() as u32).collect()
+    }
+
+    #[test]
+    fn a_tree_is_read_level_by_level() {
+        let tree = read(Layout::Bvh2, &THREE, 3).unwrap();
+        assert_eq!(tree.leaf_triangles(), [8, 7, 9]);
+        assert_eq!(levels(&tree), [1, 1, 0]);
+        assert_eq!(read(Layout::Bvh2, &[], 0).unwrap().leaf_count(), 0);
+        let lone = read(Layout::Bvh2, &[LEAF], 1).unwrap();
+        assert_eq!(lone.leaf_triangles(), [7]);
+    }
+
+    #[test]
+    fn leaves_of_two_become_nodes_over_their_triangles() {
+        let read = |names: &[u32], leaves| read(Layout::Fast, names, leaves);
+        // Inner node 1 is the root, 2 its right child, and its left one a leaf of two.
+        let two = LEAF | TWO | 1;
+        let tree = read(&[1, 0, two, 2, LEAF, LEAF | 3], 4).unwrap();
+        assert_eq!(tree.leaf_triangles(), [8, 9, 7, 6]);
+        assert_eq!(levels(&tree), [1, 2, 0]);
+        let lone = read(&[LEAF, 0], 1).unwrap();
+        assert_eq!(lone.leaf_triangles(), [7]);
+        let refused = |names: &[u32]| read(names, 4).unwrap_err();
+        assert!(refused(&[1, 0, two, 3, LEAF, 0]).ends_with("a child at node 3"));
+        assert!(refused(&[1, 0, two, 1, LEAF, 0]).ends_with("without end"));
+    }
+
+    #[test]
+    fn what_is_no_tree_is_refused() {
+        let broken = |at: usize, link| {
+            let mut nodes = THREE;
+            nodes[at] = link;
+            read(Layout::Bvh2, &nodes, 3).unwrap_err()
+        };
+        assert!(broken(2, 4).ends_with("a child at node 4"));
+        assert!(broken(3, 1).ends_with("without end"));
+        assert!(broken(3, LEAF | 3).ends_with("a leaf 3"));
+        // A triangle twice, and one that is missing.
+        for (at, link) in [(3, LEAF | 1), (2, LEAF)] {
+            assert!(broken(at, link).contains("makes no record: "));
         }
     }
 }

@@ -1,9 +1,10 @@
 //! The stages that follow a tree: records, and boxes level by level.
 
 use super::{Groups, Work, treelets};
-use crate::{Extent, MovingShape, Params, Shape, common, kernel};
+use crate::{Extent, Kernel, MovingShape, Params, Shape, common, kernel};
 use backend::{Layout, Method};
 use std::mem::offset_of;
+use std::ops::Range;
 
 /// Which parts of the tree in use stand on the device since it was adopted.
 ///
@@ -36,15 +37,18 @@ impl Progress {
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {
             work.push(expand(params));
-            work.extend(tree.moving.as_ref().map(|moving| mark(params, moving)));
+            let moving = tree.moving.as_ref();
+            work.extend(moving.map(|m| over(common("mark_moving"), params, &m.inner)));
         }
         let moving = tree.moving.as_ref().filter(|_| self.has_records);
         let (leaves, uncounted) = match moving {
             Some(moving) => {
-                let mut params = params;
-                (params.first, params.listed) = (moving.leaves_at, 1);
+                let params = Params {
+                    listed: 1,
+                    ..params
+                };
                 let preprocess = kernel("preprocess", method);
-                let work = Work::linear(preprocess, params, moving.leaf_count);
+                let work = over(preprocess, params, &moving.leaves);
                 (work, moving.degenerate_elsewhere)
             }
             None => (leaves(method, params, tree), 0),
@@ -97,24 +101,21 @@ fn expand(params: Params) -> Work {
     Work::new(common("expand"), params, groups)
 }
 
-/// Which inner nodes move, into their list.
-fn mark(mut params: Params, moving: &MovingShape) -> Work {
-    params.first = moving.inner_at;
-    Work::linear(common("mark_moving"), params, moving.inner_count)
+/// Over elements of a list, or over nodes by their numbers.
+fn over(kernel: &'static Kernel, mut params: Params, elements: &Range<u32>) -> Work {
+    params.first = elements.start;
+    Work::linear(kernel, params, elements.len() as u32)
 }
 
 fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
-    let levels = tree.levels.iter().map(|l| (l.start, l.len() as u32));
-    let mut work = refit_levels(params, levels.rev());
+    let mut work = refit_levels(params, &tree.levels);
     work.push(sum(params, groups_of(&work), AREAS));
     if let Some(moving) = &tree.moving {
-        let mut params = params;
-        params.first = moving.inner_at;
-        let areas = Work::linear(common("areas_moving"), params, moving.inner_count);
-        let groups = moving.inner_count.div_ceil(areas.kernel.workgroup[0]);
+        let areas = over(common("areas_moving"), params, &moving.inner);
+        let groups = areas.params.count.div_ceil(areas.kernel.workgroup[0]);
         work.extend([areas, sum(params, groups, MOVING_AREAS)]);
     }
     work
@@ -122,25 +123,20 @@ fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
 
 fn refit_moving(mut params: Params, moving: &MovingShape) -> Vec<Work> {
     params.listed = 1;
-    let levels = moving.levels.iter();
-    let levels = levels.map(|l| (moving.inner_at + l.start, l.len() as u32));
-    let mut work = refit_levels(params, levels.rev());
+    let mut work = refit_levels(params, &moving.levels);
     work.push(sum(params, groups_of(&work), MOVING_AREAS));
     work
 }
 
-/// One dispatch a level, each with the first of its nodes and how many they are.
-fn refit_levels(mut params: Params, levels: impl Iterator<Item = (u32, u32)>) -> Vec<Work> {
-    let refit = common("refit");
-    let group = refit.workgroup[0];
+/// One dispatch a level, the last one first.
+fn refit_levels(mut params: Params, levels: &[Range<u32>]) -> Vec<Work> {
     params.first_group = 0;
-    let level = |(first, count): (u32, u32)| {
-        params.first = first;
-        let work = Work::linear(refit, params, count);
-        params.first_group += count.div_ceil(group);
+    let level = |level| {
+        let work = over(common("refit"), params, level);
+        params.first_group += work.params.count.div_ceil(work.kernel.workgroup[0]);
         work
     };
-    levels.map(level).collect()
+    levels.iter().rev().map(level).collect()
 }
 
 /// Workgroups of all levels.
@@ -175,11 +171,9 @@ mod tests {
             node_count: 1001,
             levels: vec![0..1, 1..3, 3..200, 200..500],
             moving: Some(MovingShape {
-                leaves_at: 2_000,
-                leaf_count: 9,
-                inner_at: 2_009,
-                inner_count: 142,
-                levels: vec![0..1, 1..2, 2..140, 140..142],
+                leaves: 2_000..2_009,
+                inner: 2_009..2_151,
+                levels: vec![2_009..2_010, 2_010..2_011, 2_011..2_149, 2_149..2_151],
                 degenerate_elsewhere: 3,
             }),
             ..Shape::default()

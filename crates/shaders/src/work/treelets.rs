@@ -2,7 +2,7 @@
 
 use super::tree::{AREAS, sum, word_of};
 use super::{Groups, Work};
-use crate::{Kernel, MovingTreeletShape, Params, Shape, kernel};
+use crate::{Kernel, MovingShape, Params, Shape, kernel};
 use backend::Method;
 use std::ops::Range;
 
@@ -68,8 +68,8 @@ pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -
 }
 
 /// The lists to go by, if there are some.
-fn listed(tree: &Shape, stand: bool) -> Option<&MovingTreeletShape> {
-    tree.moving_treelets.as_ref().filter(|_| stand)
+fn listed(tree: &Shape, stand: bool) -> Option<&MovingShape> {
+    tree.moving.as_ref().filter(|_| stand)
 }
 
 /// Each level's treelets by number, or where they are listed.
@@ -90,7 +90,7 @@ fn over(kernel: &'static Kernel, mut params: Params, level: Range<u32>) -> Work 
 #[cfg(test)]
 mod tests {
     use crate::work::{Progress, Work};
-    use crate::{Extent, MovingTreeletShape, Params, Shape};
+    use crate::{Extent, MovingShape, Params, Shape};
     use backend::{Layout, Method};
 
     /// Kernel, first element, count, whether listed.
@@ -125,9 +125,10 @@ mod tests {
         let tree = Shape {
             leaf_count: 20_000,
             treelets: vec![0..90, 90..93, 93..94],
-            moving_treelets: Some(MovingTreeletShape {
+            moving: Some(MovingShape {
                 levels: vec![500..507, 507..508, 508..509],
                 degenerate_elsewhere: 4,
+                ..MovingShape::default()
             }),
             ..shape
         };
