@@ -121,7 +121,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         if tree.build.is_none() {
             let kernels = builders(self.method);
             engine.pipelines.prepare(&engine.gpu, kernels)?;
-            tree.make_build(&mut engine.gpu, &animation)?;
+            tree.make_build(&mut engine.gpu)?;
         }
         tree.grow(&mut engine.gpu, &shape)?;
         let scene = (animation.scale_exponent(), animation.vertex_count());
@@ -179,27 +179,23 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let engine = &mut self.engine;
         let recording = engine.frames.recording;
         assert!(!recording, "trees are adopted between submissions");
-        let animation = Arc::clone(&engine.scene().animation);
         let current = self.tree.as_mut().expect("a scene was loaded");
-        current.adopt(&mut engine.gpu, &animation, (tree, generation))?;
+        current.adopt(&mut engine.gpu, (tree, generation))?;
         self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
     }
 
     fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {
-        let engine = &mut self.engine;
-        let animation = Arc::clone(&engine.scene().animation);
         let tree = self.tree.as_mut().expect("a scene was loaded");
-        tree.writer(&mut engine.gpu, animation, generation)
+        tree.writer(&mut self.engine.gpu, generation)
     }
 
     fn bring(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
-        let engine = &mut self.engine;
-        let animation = Arc::clone(&engine.scene().animation);
-        let current = self.tree.as_mut().expect("a scene was loaded");
-        let arrival = current.send(&mut engine.gpu, &animation, (tree, generation))?;
-        engine.gpu.has_been_sent(arrival)
+        let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
+        let current = current.expect("a scene was loaded");
+        let arrival = current.send(gpu, (tree, generation))?;
+        gpu.has_been_sent(arrival)
     }
 
     fn wants_treelets(&self) -> bool {

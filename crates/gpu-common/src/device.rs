@@ -87,17 +87,14 @@ pub struct LentRays<B> {
 /// what is recorded reads what was recorded before. Where copies have queues of their own, the device puts them in order
 /// with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
-    /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuDevice::split).
-    const SPLITS: bool = false;
-
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send;
     /// A kernel ready to be bound.
     type Pipeline: Send + 'static;
     /// Makes kernels ready on any thread, beside the device's owner.
     type Maker: Send + Sync + 'static;
-    /// What one submission needs for itself: commands, parameters, counts, marks of time.
-    type Slot: Send;
+    /// What one submission needs for itself.
+    type Slot: GpuSlot<Self>;
     /// Positions on their way to the host.
     type Copy: Send;
     /// Memory of the host that things are sent from.
@@ -233,29 +230,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// What a submission needs for itself.
     fn slot(&self) -> Result<Self::Slot>;
 
-    /// Begins a recording, with all counts 0 and a mark of time. The slot's last submission must have been finished.
-    fn begin(&self, slot: &mut Self::Slot) -> Result<()>;
-
-    /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
-    /// The first may run beside the last of the call before, if it says so and no stage was ended between.
-    fn dispatch(
-        &self,
-        slot: &mut Self::Slot,
-        all: &[Dispatch<'_, Self>],
-        find: Find<'_, '_, Self::Buffer>,
-    ) -> Result<()>;
-
-    /// Ends a stage: all that was recorded since the last one ended is timed as its work.
-    fn end_stage(&self, slot: &mut Self::Slot, stage: Stage) -> Result<()>;
-
-    /// Records that the first so many bytes of counts are 0 again.
-    fn clear_counts(&self, slot: &mut Self::Slot, bytes: u64) -> Result<()>;
-
-    /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
-    fn split(&self, _slot: &mut Self::Slot) -> Result<()> {
-        Ok(())
-    }
-
     /// Submits a recording. Where `positions` are given with their bytes, has them copied to the host.
     fn submit(
         &mut self,
@@ -298,6 +272,38 @@ pub trait GpuDevice: Send + Sized + 'static {
     ) -> DeviceBytes;
 }
 
+/// Commands, parameters, counts and marks of time of one submission.
+pub trait GpuSlot<D: GpuDevice>: Send {
+    /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuSlot::split).
+    const SPLITS: bool = false;
+
+    /// Begins a recording, with all counts 0 and a mark of time. The last submission must have been finished.
+    ///
+    /// # Errors
+    /// See [`BackendError`]; likewise below.
+    fn begin(&mut self, gpu: &D) -> Result<()>;
+
+    /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
+    /// The first may run beside the last of the call before, if it says so and no stage was ended between.
+    fn dispatch(
+        &mut self,
+        gpu: &D,
+        all: &[Dispatch<'_, D>],
+        find: Find<'_, '_, D::Buffer>,
+    ) -> Result<()>;
+
+    /// Ends a stage: all that was recorded since the last one ended is timed as its work.
+    fn end_stage(&mut self, gpu: &D, stage: Stage) -> Result<()>;
+
+    /// Records that the first so many bytes of counts are 0 again.
+    fn clear_counts(&mut self, gpu: &D, bytes: u64) -> Result<()>;
+
+    /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
+    fn split(&mut self, _gpu: &D) -> Result<()> {
+        Ok(())
+    }
+}
+
 /// Refuses a need above a limit.
 ///
 /// # Errors
@@ -328,6 +334,24 @@ impl<D: GpuDevice> BufferTable<D> {
         };
         let made = sizes.into_iter().map(make);
         made.collect::<Result<_>>().map(Self)
+    }
+
+    /// Buffers of these contents.
+    ///
+    /// # Errors
+    /// Those of [`GpuDevice::buffer`] and [`GpuDevice::upload`].
+    pub(crate) fn filled(gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<Self> {
+        let sizes = contents.iter().map(|&(name, c)| (name, c.len() as u64));
+        let made = Self::new(gpu, sizes)?;
+        made.fill(gpu, contents)?;
+        Ok(made)
+    }
+
+    /// Fills some of them from their beginning.
+    pub(crate) fn fill(&self, gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<()> {
+        let buffer = |name| self.get(name).expect("what is filled is there");
+        let all = contents.iter().map(|&(name, c)| (c, buffer(name)));
+        gpu.upload(&all.collect::<Vec<_>>())
     }
 
     /// The buffer of that name, where there is one.

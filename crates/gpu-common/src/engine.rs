@@ -7,7 +7,7 @@ use backend::{
     BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
     Result, Snapshot, Ticket,
 };
-use geom::{Animation, Point, Pose, Ray};
+use geom::{Animation, Point, Pose};
 use shaders::arithmetic::{self, Findings};
 use shaders::work::{self, Work};
 use shaders::{BufferName, Params};
@@ -96,7 +96,7 @@ impl<D: GpuDevice> Engine<D> {
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
         self.pose = pose;
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.bring_keys(gpu, pose)?;
+        scene.keys.bring(gpu, &scene.animation, pose)?;
         let work = [work::interpolate(params, self.scene().vertices())];
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
@@ -116,7 +116,7 @@ impl<D: GpuDevice> Engine<D> {
         D: 'a,
     {
         let gpu = &self.gpu;
-        self.pipelines.prepare_work(gpu, work)?;
+        self.pipelines.prepare(gpu, work.iter().map(|w| w.kernel))?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let pipelines = &self.pipelines;
         let (key, position) = (self.pose.key, self.position);
@@ -129,16 +129,6 @@ impl<D: GpuDevice> Engine<D> {
             Some(stage) => slot.record(gpu, pipelines, stage, work, &find),
             None => slot.record_untimed(gpu, pipelines, work, &find),
         }
-    }
-
-    /// Makes room for what a query finds, and sends its rays if kernels do not make them.
-    pub fn begin_trace(
-        &mut self,
-        query: &Query<'_>,
-        how: (backend::Intersector, bool),
-        is_extreme: impl Fn(&Ray) -> bool + Sync,
-    ) -> Result<Trace<D>> {
-        self.traces.make(&mut self.gpu, query, how, is_extreme)
     }
 
     /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
@@ -201,7 +191,7 @@ impl<D: GpuDevice> Engine<D> {
         self.traces.submitted(ticket);
         self.snapshots.submitted(ticket, copy);
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.submitted(&mut self.gpu)?;
+        scene.keys.submitted(&mut self.gpu, &scene.animation)?;
         Ok(ticket)
     }
 
@@ -271,14 +261,15 @@ fn test_arithmetic<D: GpuDevice>(
     pipelines: &Pipelines<D>,
 ) -> Result<Findings> {
     let all = arithmetic::operands();
-    let bytes = size_of_val(all.as_slice()) as u64;
+    let operands = bytemuck::cast_slice(&all);
+    let bytes = size_of_val(operands) as u64;
     let sizes = [
         (BufferName::Operands, bytes),
         (BufferName::Results, 2 * bytes),
     ];
     let buffers = BufferTable::new(gpu, sizes)?;
+    buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
     let find = |name| buffers.get(name).expect("it names no other buffer");
-    gpu.upload(&[(bytemuck::cast_slice(&all), find(BufferName::Operands))])?;
     let work = [work::arithmetic(all.len())];
     let slot = frames.record(gpu)?;
     slot.record_untimed(gpu, pipelines, &work, &find)?;

@@ -1,6 +1,6 @@
 //! Submissions: recorded, under way, and the reports of those that are done.
 
-use crate::{Clock, Dispatch, Find, GpuDevice, Pipelines, Stage};
+use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
 use shaders::work::Work;
 use shaders::{Counts, Extents, RasterBackoff, TreeStats};
@@ -73,7 +73,7 @@ impl<D: GpuDevice> Slot<D> {
         self.idle.clear();
         (self.open, self.readback_bytes) = (false, 0);
         self.extents = Extents::default();
-        gpu.begin(&mut self.own)
+        self.own.begin(gpu)
     }
 
     /// Records a stage. What cannot be recorded is refused before anything is. `interpolate` stays open for what may run
@@ -97,7 +97,7 @@ impl<D: GpuDevice> Slot<D> {
             return Ok(());
         }
         if stage == Stage::Preprocess && self.stages.contains(&stage) {
-            gpu.clear_counts(&mut self.own, LEAF_COUNTS)?;
+            self.own.clear_counts(gpu, LEAF_COUNTS)?;
         }
         self.dispatch(gpu, pipelines, work, find)?;
         self.open = stage == Stage::Interpolate;
@@ -152,7 +152,7 @@ impl<D: GpuDevice> Slot<D> {
             })
         });
         let all = each.collect::<Result<Vec<_>>>()?;
-        gpu.dispatch(&mut self.own, &all, find)
+        self.own.dispatch(gpu, &all, find)
     }
 
     /// Ends `interpolate`, if it is open: what follows is not to run beside it.
@@ -165,16 +165,16 @@ impl<D: GpuDevice> Slot<D> {
 
     fn end(&mut self, gpu: &D, stage: Stage) -> Result<()> {
         self.stages.push(stage);
-        gpu.end_stage(&mut self.own, stage)
+        self.own.end_stage(gpu, stage)
     }
 
     /// Notes that positions recorded so far go to the host.
     pub(crate) fn split(&mut self, gpu: &D) -> Result<()> {
-        if !D::SPLITS {
+        if !D::Slot::SPLITS {
             return Ok(());
         }
         self.close(gpu)?;
-        gpu.split(&mut self.own)
+        self.own.split(gpu)
     }
 }
 

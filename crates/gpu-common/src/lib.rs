@@ -30,7 +30,8 @@ mod tree;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, LentRays, Sent, refuse_above,
+    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Sent,
+    refuse_above,
 };
 pub use engine::Engine;
 pub use frames::{Frames, Slot};

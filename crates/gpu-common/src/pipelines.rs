@@ -3,7 +3,6 @@
 use crate::GpuDevice;
 use backend::Result;
 use rayon::prelude::*;
-use shaders::work::Work;
 use shaders::{Code, Kernel, Traits};
 use std::thread::{self, JoinHandle};
 
@@ -85,11 +84,6 @@ impl<D: GpuDevice> Pipelines<D> {
             }
         }
         Ok(())
-    }
-
-    /// Makes what this work needs and is not there yet.
-    pub(crate) fn prepare_work(&mut self, gpu: &D, work: &[Work]) -> Result<()> {
-        self.prepare(gpu, work.iter().map(|w| w.kernel))
     }
 
     fn wait(&mut self, at: usize) -> Result<()> {

@@ -3,7 +3,8 @@
 use crate::key_slots::KeySlots;
 use crate::{BufferPurpose, BufferTable, GpuDevice};
 use backend::{Palette, Result};
-use geom::{Animation, Pose};
+use bytemuck::cast_slice;
+use geom::Animation;
 use shaders::work::Vertices;
 use shaders::{BufferName, RANGE_BYTES};
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 pub struct SceneBuffers<D: GpuDevice> {
     /// What was loaded.
     pub animation: Arc<Animation>,
-    keys: KeySlots<D>,
+    pub(crate) keys: KeySlots<D>,
     /// One, and another from the moment that positions first go to the host: the next frame fills it meanwhile.
     /// Where rows are listed, static vertices stand in both from the start.
     pub positions: Vec<D::Buffer>,
@@ -31,29 +32,16 @@ pub struct SceneBuffers<D: GpuDevice> {
 impl<D: GpuDevice> SceneBuffers<D> {
     pub(crate) fn new(gpu: &mut D, animation: Arc<Animation>) -> Result<Self> {
         let rows = shaders::moving_rows(&animation);
-        let row_bytes = rows.as_ref().map_or(0, |rows| rows.len() as u64 * 4);
-        let triangle_bytes = animation.triangle_count() as u64 * 12;
-        let sizes = [
-            (BufferName::Triangles, triangle_bytes),
-            (BufferName::MovingRows, row_bytes),
-            (BufferName::Range, RANGE_BYTES),
+        let listed = rows.as_deref().unwrap_or_default();
+        let contents = [
+            (BufferName::Triangles, cast_slice(animation.triangles())),
+            (BufferName::MovingRows, cast_slice(listed)),
+            (BufferName::Range, &[0; RANGE_BYTES as usize]),
         ];
-        let others = BufferTable::new(gpu, sizes)?;
-        let keys = KeySlots::new(gpu, &animation)?;
-        let mut contents: Vec<(&[u8], &D::Buffer)> = Vec::new();
-        let other = |name| others.get(name).expect("made just now");
-        if let Some(rows) = &rows {
-            contents.push((bytemuck::cast_slice(rows), other(BufferName::MovingRows)));
-        }
-        let triangles = bytemuck::cast_slice(animation.triangles());
-        contents.push((triangles, other(BufferName::Triangles)));
-        let zeros = [0; RANGE_BYTES as usize];
-        contents.push((&zeros, other(BufferName::Range)));
-        gpu.upload(&contents)?;
         let mut made = Self {
-            keys,
+            others: BufferTable::filled(gpu, &contents)?,
+            keys: KeySlots::new(gpu, &animation)?,
             positions: Vec::new(),
-            others,
             moving_row_count: rows.map(|rows| rows.len()),
             palette: None,
             never_active: (animation.triangle_count() - animation.live_count()) as u64,
@@ -72,7 +60,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         let what = BufferName::Positions.what();
         let made = gpu.buffer(what, self.position_bytes(), BufferPurpose::Storage)?;
         if self.moving_row_count.is_some() {
-            let first = bytemuck::cast_slice(self.animation.first());
+            let first = cast_slice(self.animation.first());
             gpu.upload(&[(first, &made)])?;
         }
         self.positions.push(made);
@@ -82,28 +70,11 @@ impl<D: GpuDevice> SceneBuffers<D> {
     /// Takes what pictures are painted by.
     pub(crate) fn load_palette(&mut self, gpu: &mut D, palette: &Palette) -> Result<()> {
         let contents = [
-            (BufferName::Colours, &palette.colours),
-            (BufferName::Tones, &palette.tones),
+            (BufferName::Colours, cast_slice(&palette.colours)),
+            (BufferName::Tones, cast_slice(&palette.tones)),
         ];
-        let sizes = contents.map(|(name, words)| (name, 4 * words.len() as u64));
-        let made = BufferTable::new(gpu, sizes)?;
-        let all = contents.map(|(name, words)| -> (&[u8], _) {
-            let buffer = made.get(name).expect("made just now");
-            (bytemuck::cast_slice(words), buffer)
-        });
-        gpu.upload(&all)?;
-        self.palette = Some(made);
+        self.palette = Some(BufferTable::filled(gpu, &contents)?);
         Ok(())
-    }
-
-    /// Has the key frames of a pose be there.
-    pub(crate) fn bring_keys(&mut self, gpu: &mut D, pose: Pose) -> Result<()> {
-        self.keys.bring(gpu, &self.animation, pose)
-    }
-
-    /// What was recorded is submitted: sends a key frame that is played soon, if there are such.
-    pub(crate) fn submitted(&mut self, gpu: &mut D) -> Result<()> {
-        self.keys.submitted(gpu, &self.animation)
     }
 
     pub(crate) fn has_palette(&self) -> bool {

@@ -9,6 +9,7 @@ use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub(crate) struct TreeBuffers<D: GpuDevice> {
+    animation: Arc<Animation>,
     /// As the host sent it; none before the first.
     record: Option<D::Buffer>,
     /// The tree to come, and its number to be expected.
@@ -26,9 +27,10 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
 
 impl<D: GpuDevice> TreeBuffers<D> {
     /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
-    pub(crate) fn new(gpu: &D, animation: &Animation, method: Method) -> Result<Self> {
+    pub(crate) fn new(gpu: &D, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         Ok(Self {
+            animation: Arc::clone(animation),
             record: None,
             sent: None,
             written: Arc::default(),
@@ -57,7 +59,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn writer(
         &mut self,
         gpu: &mut D,
-        animation: Arc<Animation>,
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
         {
@@ -72,6 +73,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             written.generation = Generation(0);
         }
         let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
+        let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
                 let mut written = lock(&to);
@@ -87,7 +89,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn send(
         &mut self,
         gpu: &mut D,
-        animation: &Animation,
         (tree, generation): (&Topology, Generation),
     ) -> Result<u64> {
         let (buffer, arrival) = match self.sent.take() {
@@ -101,7 +102,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 // Memory that the tree was not written to is too small: the next one gets other.
                 match written.staging.take().filter(|_| is_written) {
                     Some(staging) => gpu.send_filled(Sent::Tree, staging)?,
-                    None => with_parts(self.shape.layout, tree, animation, |parts| {
+                    None => with_parts(self.shape.layout, tree, &self.animation, |parts| {
                         gpu.send(Sent::Tree, parts)
                     })?,
                 }
@@ -115,16 +116,16 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn adopt(
         &mut self,
         gpu: &mut D,
-        animation: &Animation,
         (tree, generation): (&Topology, Generation),
     ) -> Result<()> {
+        let animation = &self.animation;
         check_tree(tree, animation)?;
         let shape = match self.shape.layout {
             Layout::Bvh2 => Shape::of(tree),
             Layout::Fast => Shape::of_treelets(&tree.to_treelets(animation.static_parts())),
         };
         self.grow(gpu, &shape)?;
-        self.send(gpu, animation, (tree, generation))?;
+        self.send(gpu, (tree, generation))?;
         if let Some((_, record, arrival)) = self.sent.take() {
             gpu.expect(arrival);
             if let Some(old) = self.record.replace(record) {
@@ -152,14 +153,12 @@ impl<D: GpuDevice> TreeBuffers<D> {
     }
 
     /// Makes room to make trees.
-    pub(crate) fn make_build(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
-        let build = BufferTable::new(gpu, rebuild::buffers(animation))?;
-        let contents = rebuild::contents(animation);
-        let all = contents.iter().map(|(name, words)| -> (&[u8], _) {
-            let buffer = build.get(*name).expect("made just now");
-            (bytemuck::cast_slice(words), buffer)
-        });
-        gpu.upload(&all.collect::<Vec<_>>())?;
+    pub(crate) fn make_build(&mut self, gpu: &mut D) -> Result<()> {
+        let build = BufferTable::new(gpu, rebuild::buffers(&self.animation))?;
+        let contents = rebuild::contents(&self.animation);
+        let bytes = contents.iter();
+        let bytes = bytes.map(|(name, words)| (*name, bytemuck::cast_slice(words)));
+        build.fill(gpu, &bytes.collect::<Vec<_>>())?;
         self.build = Some(build);
         Ok(())
     }

@@ -102,7 +102,10 @@ impl Backend for DriverTreeBackend {
         let size = self.launch_size(&query)?;
         let has_tree = self.engine.scene().animation.live_count() > 0;
         let how = (Intersector::Watertight, has_tree);
-        let trace = self.engine.begin_trace(&query, how, |_| false)?;
+        let engine = &mut self.engine;
+        let trace = engine
+            .traces
+            .make(&mut engine.gpu, &query, how, |_| false)?;
         self.launch(&query, &trace, size)?;
         self.engine.traces.pending.push(trace);
         Ok(())

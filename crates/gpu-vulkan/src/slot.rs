@@ -9,7 +9,7 @@ use crate::pipelines::{Layouts, Pipeline};
 use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::Result;
-use gpu_common::{Dispatch, Find, Finished, Stage};
+use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::{BufferName, Counts, Params};
 use std::sync::Arc;
 
@@ -41,56 +41,12 @@ impl Slot {
         })
     }
 
-    /// Starts a new recording. The slot's last submission must be finished.
-    pub(crate) fn begin(&mut self) -> Result<()> {
-        self.launched = false;
-        self.pages.reset()?;
-        self.commands.reset()?;
-        self.commands.begin()?;
-        let all = match self.gpu.traces_rays {
-            true => ALL.and(BUILDS).and(RAYS),
-            false => ALL,
-        };
-        self.commands.barrier(all, all);
-        self.fill_counts(COUNTS);
-        self.marks.begin(self.commands.vk())
-    }
-
     fn fill_counts(&self, bytes: u64) {
         let (vk, commands) = (&self.gpu.vk, self.commands.vk());
         let bytes = bytes.min(self.counts.bytes);
         // SAFETY: the command buffer is being recorded; the buffer belongs to the slot.
         unsafe { vk.cmd_fill_buffer(commands, self.counts.vk, 0, bytes, 0) };
         self.commands.barrier(COPIES, KERNELS);
-    }
-
-    pub(crate) fn clear_counts(&self, bytes: u64) {
-        self.commands.barrier(KERNELS, COPIES);
-        self.fill_counts(bytes);
-    }
-
-    /// Records kernels, each after what those before wrote, unless it reads none of that; but no barrier behind all.
-    pub(crate) fn dispatch(
-        &mut self,
-        all: &[Dispatch<'_, VulkanDevice>],
-        find: Find<'_, '_, Buffer>,
-    ) -> Result<()> {
-        let mut last: Option<Bound> = None;
-        for dispatch in all {
-            if self.launched && !dispatch.work.alongside {
-                self.commands.barrier(KERNELS, KERNELS);
-            }
-            let row = self.pages.row(&dispatch.work.params)?;
-            let counts = &self.counts;
-            let find = |name| match name {
-                BufferName::Counts => counts,
-                other => find(other),
-            };
-            let bound = self.pages.bind(dispatch.pipeline, row, last, find)?;
-            self.launch(dispatch.pipeline, bound.set, row.offset, dispatch.groups);
-            (self.launched, last) = (true, Some(bound));
-        }
-        Ok(())
     }
 
     fn launch(&self, pipeline: &Pipeline, set: vk::DescriptorSet, row: u32, [x, y]: [u32; 2]) {
@@ -131,20 +87,6 @@ impl Slot {
         Ok(())
     }
 
-    /// Ends a stage: what follows reads what its kernels wrote.
-    pub(crate) fn end_stage(&mut self, stage: Stage) -> Result<()> {
-        if std::mem::take(&mut self.launched) {
-            self.commands.barrier(KERNELS, KERNELS);
-        }
-        self.marks.end(self.commands.vk(), stage)
-    }
-
-    /// Ends the first part of the recording, for somebody who waits for that alone, and begins the second.
-    pub(crate) fn split(&mut self) -> Result<()> {
-        self.commands.end()?;
-        self.commands.begin()
-    }
-
     /// Ends the recording.
     pub(crate) fn end(&mut self) -> Result<()> {
         self.commands.barrier(ALL, COPIES);
@@ -167,5 +109,67 @@ impl Slot {
             marks: self.marks.stages.clone(),
             ticks: self.marks.read()?,
         })
+    }
+}
+
+impl GpuSlot<VulkanDevice> for Slot {
+    const SPLITS: bool = true;
+
+    fn begin(&mut self, _: &VulkanDevice) -> Result<()> {
+        self.launched = false;
+        self.pages.reset()?;
+        self.commands.reset()?;
+        self.commands.begin()?;
+        let all = match self.gpu.traces_rays {
+            true => ALL.and(BUILDS).and(RAYS),
+            false => ALL,
+        };
+        self.commands.barrier(all, all);
+        self.fill_counts(COUNTS);
+        self.marks.begin(self.commands.vk())
+    }
+
+    /// Each kernel after what those before wrote, unless it reads none of that; but no barrier behind all.
+    fn dispatch(
+        &mut self,
+        _: &VulkanDevice,
+        all: &[Dispatch<'_, VulkanDevice>],
+        find: Find<'_, '_, Buffer>,
+    ) -> Result<()> {
+        let mut last: Option<Bound> = None;
+        for dispatch in all {
+            if self.launched && !dispatch.work.alongside {
+                self.commands.barrier(KERNELS, KERNELS);
+            }
+            let row = self.pages.row(&dispatch.work.params)?;
+            let counts = &self.counts;
+            let find = |name| match name {
+                BufferName::Counts => counts,
+                other => find(other),
+            };
+            let bound = self.pages.bind(dispatch.pipeline, row, last, find)?;
+            self.launch(dispatch.pipeline, bound.set, row.offset, dispatch.groups);
+            (self.launched, last) = (true, Some(bound));
+        }
+        Ok(())
+    }
+
+    /// What follows reads what its kernels wrote.
+    fn end_stage(&mut self, _: &VulkanDevice, stage: Stage) -> Result<()> {
+        if std::mem::take(&mut self.launched) {
+            self.commands.barrier(KERNELS, KERNELS);
+        }
+        self.marks.end(self.commands.vk(), stage)
+    }
+
+    fn clear_counts(&mut self, _: &VulkanDevice, bytes: u64) -> Result<()> {
+        self.commands.barrier(KERNELS, COPIES);
+        self.fill_counts(bytes);
+        Ok(())
+    }
+
+    fn split(&mut self, _: &VulkanDevice) -> Result<()> {
+        self.commands.end()?;
+        self.commands.begin()
     }
 }

@@ -15,8 +15,7 @@ use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket}
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
-    LentRays, Options, Sent, Stage,
+    BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent,
 };
 use rayon::prelude::*;
 use shaders::{Kernel, Packets};
@@ -112,8 +111,6 @@ impl VulkanDevice {
 }
 
 impl GpuDevice for VulkanDevice {
-    const SPLITS: bool = true;
-
     type Buffer = Buffer;
     type Pipeline = Pipeline;
     type Maker = Arc<Gpu>;
@@ -284,32 +281,6 @@ impl GpuDevice for VulkanDevice {
 
     fn slot(&self) -> Result<Slot> {
         Slot::new(&self.gpu)
-    }
-
-    fn begin(&self, slot: &mut Slot) -> Result<()> {
-        slot.begin()
-    }
-
-    fn dispatch(
-        &self,
-        slot: &mut Slot,
-        all: &[Dispatch<'_, Self>],
-        find: Find<'_, '_, Buffer>,
-    ) -> Result<()> {
-        slot.dispatch(all, find)
-    }
-
-    fn end_stage(&self, slot: &mut Slot, stage: Stage) -> Result<()> {
-        slot.end_stage(stage)
-    }
-
-    fn clear_counts(&self, slot: &mut Slot, bytes: u64) -> Result<()> {
-        slot.clear_counts(bytes);
-        Ok(())
-    }
-
-    fn split(&self, slot: &mut Slot) -> Result<()> {
-        slot.split()
     }
 
     fn submit(

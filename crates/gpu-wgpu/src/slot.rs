@@ -8,7 +8,7 @@ use crate::launches::{Launch, Launches};
 use crate::marks::{self, Marks};
 use crate::wgpu_device::WgpuDevice;
 use backend::{BackendError, Result};
-use gpu_common::{Dispatch, Find, Finished, Stage};
+use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::Counts;
 use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
@@ -71,46 +71,6 @@ impl Slot {
         self.launches.forget();
         self.waiting.clear();
         self.commands.clear();
-    }
-
-    pub(crate) fn begin(&mut self, gpu: &Gpu) {
-        assert!(self.sent.is_none(), "a slot holds one submission at a time");
-        self.launches.begin(gpu);
-        self.waiting.clear();
-        self.commands.clear();
-        self.places = 1;
-        if let Some(marks) = &mut self.marks {
-            marks.stages.clear();
-        }
-        self.clear_counts(COUNTS);
-    }
-
-    /// Records that the first so many bytes of counts are 0, after the stages before.
-    pub(crate) fn clear_counts(&mut self, bytes: u64) {
-        self.commands.push(Command::Clear(bytes));
-    }
-
-    pub(crate) fn dispatch(
-        &mut self,
-        gpu: &Gpu,
-        all: &[Dispatch<'_, WgpuDevice>],
-        find: Find<'_, '_, Buffer>,
-    ) -> Result<()> {
-        let places = all.iter().map(|d| d.work.place + 1).max();
-        self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
-        while self.counts.len() < self.places {
-            self.counts.push(storage(gpu, "counts", COUNTS)?);
-        }
-        let counts = &self.counts[..self.places];
-        let launches = self.launches.make(gpu, counts, all, find)?;
-        gpu.count(|t| t.dispatches += all.len() as u64);
-        self.waiting.extend(launches);
-        Ok(())
-    }
-
-    pub(crate) fn end_stage(&mut self, stage: Stage) {
-        let launches = std::mem::take(&mut self.waiting);
-        self.commands.push(Command::Stage(stage, launches));
     }
 
     /// Writes all that was recorded, and has the report copied.
@@ -250,6 +210,50 @@ impl Slot {
             ticks: marks.is_some().then_some(ticks),
             marks: marks.unwrap_or_default(),
         })
+    }
+}
+
+impl GpuSlot<WgpuDevice> for Slot {
+    fn begin(&mut self, device: &WgpuDevice) -> Result<()> {
+        assert!(self.sent.is_none(), "a slot holds one submission at a time");
+        self.launches.begin(&device.gpu);
+        self.waiting.clear();
+        self.commands.clear();
+        self.places = 1;
+        if let Some(marks) = &mut self.marks {
+            marks.stages.clear();
+        }
+        self.clear_counts(device, COUNTS)
+    }
+
+    fn dispatch(
+        &mut self,
+        device: &WgpuDevice,
+        all: &[Dispatch<'_, WgpuDevice>],
+        find: Find<'_, '_, Buffer>,
+    ) -> Result<()> {
+        let gpu = &device.gpu;
+        let places = all.iter().map(|d| d.work.place + 1).max();
+        self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
+        while self.counts.len() < self.places {
+            self.counts.push(storage(gpu, "counts", COUNTS)?);
+        }
+        let counts = &self.counts[..self.places];
+        let launches = self.launches.make(gpu, counts, all, find)?;
+        gpu.count(|t| t.dispatches += all.len() as u64);
+        self.waiting.extend(launches);
+        Ok(())
+    }
+
+    fn end_stage(&mut self, _: &WgpuDevice, stage: Stage) -> Result<()> {
+        let launches = std::mem::take(&mut self.waiting);
+        self.commands.push(Command::Stage(stage, launches));
+        Ok(())
+    }
+
+    fn clear_counts(&mut self, _: &WgpuDevice, bytes: u64) -> Result<()> {
+        self.commands.push(Command::Clear(bytes));
+        Ok(())
     }
 }
 

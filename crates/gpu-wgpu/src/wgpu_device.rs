@@ -15,8 +15,8 @@ use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket}
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Dispatch, Find, Finished, GpuDevice, KernelCode,
-    KernelForm, LentRays, Options, Sent, Stage, Validation,
+    BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, KernelForm, LentRays,
+    Options, Sent, Validation,
 };
 use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets, Params};
@@ -259,30 +259,6 @@ impl GpuDevice for WgpuDevice {
 
     fn slot(&self) -> Result<Slot> {
         Slot::new(&self.gpu)
-    }
-
-    fn begin(&self, slot: &mut Slot) -> Result<()> {
-        slot.begin(&self.gpu);
-        Ok(())
-    }
-
-    fn dispatch(
-        &self,
-        slot: &mut Slot,
-        all: &[Dispatch<'_, Self>],
-        find: Find<'_, '_, Buffer>,
-    ) -> Result<()> {
-        slot.dispatch(&self.gpu, all, find)
-    }
-
-    fn end_stage(&self, slot: &mut Slot, stage: Stage) -> Result<()> {
-        slot.end_stage(stage);
-        Ok(())
-    }
-
-    fn clear_counts(&self, slot: &mut Slot, bytes: u64) -> Result<()> {
-        slot.clear_counts(bytes);
-        Ok(())
     }
 
     fn submit(

@@ -29,12 +29,14 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let params = self.params();
         let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
         let how = (self.method.intersector, has_tree);
-        let trace = self.engine.begin_trace(query, how, is_extreme)?;
+        let engine = &mut self.engine;
+        let trace = engine
+            .traces
+            .make(&mut engine.gpu, query, how, is_extreme)?;
         let rays = match query.rays {
             Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
             _ => work::Rays::Given(trace.count as u32, trace.extremes),
         };
-        let engine = &mut self.engine;
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
