@@ -1,7 +1,6 @@
 //! What to trace and how, and what comes back.
 
 use geom::{Camera, Hit, Point, Ray};
-use std::fmt;
 use std::str::FromStr;
 
 /// The rays of a query.
@@ -104,26 +103,28 @@ pub struct Hits {
     pub blocked: Vec<u8>,
 }
 
-/// How a ray is tested against a triangle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Intersector {
-    /// Möller, Trumbore 1997, in single precision.
-    MollerTrumbore,
-    /// Woop 2004: an affine transform a triangle, preprocessed each frame. The paper's.
-    Woop,
-    /// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: no leak, no double hit.
-    Watertight,
-    /// The answer of exact arithmetic for every ray.
-    Exact,
+crate::named! {
+    /// How a ray is tested against a triangle. In the order of the manual.
+    pub enum Intersector {
+        /// Möller, Trumbore 1997, in single precision.
+        MollerTrumbore = "moller-trumbore",
+        /// Woop 2004: an affine transform a triangle, preprocessed each frame. The paper's.
+        Woop = "woop",
+        /// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: no leak, no double hit.
+        Watertight = "watertight",
+        /// The answer of exact arithmetic for every ray.
+        Exact = "exact",
+    }
 }
 
-/// How the tree lies in memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Layout {
-    /// The paper's breadth-first binary tree, one triangle a leaf.
-    Bvh2,
-    /// Whatever measured fastest on the device.
-    Fast,
+crate::named! {
+    /// How the tree lies in memory. In the order of the manual.
+    pub enum Layout {
+        /// The paper's breadth-first binary tree, one triangle a leaf.
+        Bvh2 = "bvh2",
+        /// Whatever measured fastest on the device.
+        Fast = "fast",
+    }
 }
 
 /// What decides how a scene is traced, fixed when it is loaded.
@@ -141,51 +142,6 @@ impl Default for Method {
             intersector: Intersector::Watertight,
             layout: Layout::Bvh2,
         }
-    }
-}
-
-impl Intersector {
-    /// All there are, in the order of the manual.
-    pub const ALL: [Self; 4] = [
-        Self::MollerTrumbore,
-        Self::Woop,
-        Self::Watertight,
-        Self::Exact,
-    ];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MollerTrumbore => "moller-trumbore",
-            Self::Woop => "woop",
-            Self::Watertight => "watertight",
-            Self::Exact => "exact",
-        }
-    }
-}
-
-impl Layout {
-    /// All there are, in the order of the manual.
-    pub const ALL: [Self; 2] = [Self::Bvh2, Self::Fast];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bvh2 => "bvh2",
-            Self::Fast => "fast",
-        }
-    }
-}
-
-impl fmt::Display for Intersector {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl fmt::Display for Layout {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
     }
 }
 

@@ -6,38 +6,6 @@
 //! [`leaks`] aims many more rays at closed bodies than a law can. [`stress`] counts wrong answers where
 //! arithmetic is hardest, against [`oracle`], which shares no code with any backend.
 
-/// An enum whose variants have names in tables and files, and a list of them all.
-macro_rules! named {
-    ($(#[$meta:meta])* $vis:vis enum $name:ident {
-        $($(#[$doc:meta])* $variant:ident = $text:literal,)+
-    }) => {
-        $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        $vis enum $name {
-            $($(#[$doc])* $variant,)+
-        }
-
-        impl $name {
-            /// All there are.
-            $vis const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
-
-            /// The name in tables and files.
-            #[must_use]
-            $vis fn name(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $text,)+
-                }
-            }
-        }
-
-        impl std::fmt::Display for $name {
-            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.pad(self.name())
-            }
-        }
-    };
-}
-
 mod compare;
 mod crossings;
 mod generate;

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-named! {
+backend::named! {
     /// What a ray is aimed at.
     pub enum Aim {
         /// A point on an edge, as near as its coordinates can be.

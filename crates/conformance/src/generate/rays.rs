@@ -8,7 +8,7 @@ use geom::{Animation, Point, Ray, Triangle, is_active};
 /// The bits of an exponent.
 const EXPONENT: u64 = 0x7ff << 52;
 
-named! {
+backend::named! {
     /// Where on a triangle to aim.
     pub enum Target {
         /// A point of its inside.
@@ -20,7 +20,7 @@ named! {
     }
 }
 
-named! {
+backend::named! {
     /// What a ray was made for.
     pub enum RayKind {
         /// Through the scene, at nothing in particular.

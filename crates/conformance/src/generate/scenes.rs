@@ -6,7 +6,7 @@ use fastrand::Rng;
 use geom::Point;
 use std::ops::Range;
 
-named! {
+backend::named! {
     /// What scenes are made of. Kinds take turns, so that few cases already see each of them.
     pub(crate) enum SceneKind {
         /// Free triangles.

@@ -5,7 +5,7 @@ use crate::stress::baseline::{is_never, known};
 use crate::stress::bounds::interval;
 use backend::{Arithmetic, Intersector};
 
-named! {
+backend::named! {
     /// What is counted.
     pub enum Measure {
         /// Answers that are not the exact ones.

@@ -36,7 +36,7 @@ impl Default for Plan {
     }
 }
 
-named! {
+backend::named! {
     /// One way in which scenes and rays are hard.
     pub enum Family {
         /// Triangles a thousand to ten million times as long as wide.
