@@ -26,7 +26,7 @@ pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
     let line = line(asked)?;
     let mut best: Option<(Crossing, u32)> = None;
     let mut bound = f64::from(asked.ray.t_max);
-    Beam::of(asked).visit(asked.tree, &mut bound, |triangle, bound| {
+    visit(asked, &mut bound, |triangle, bound| {
         let Some(crossing) = rule.meet(&asked.geometry, &line, triangle) else {
             return false;
         };
@@ -83,7 +83,7 @@ pub fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> b
         return false;
     };
     let mut bound = f64::from(asked.ray.t_max);
-    Beam::of(asked).visit(asked.tree, &mut bound, |triangle, _| {
+    visit(asked, &mut bound, |triangle, _| {
         Some(triangle) != skipped && rule.meet(&asked.geometry, &line, triangle).is_some()
     })
 }
@@ -93,85 +93,68 @@ fn line<N: Tree>(asked: &Asked<'_, N>) -> Option<Line> {
     asked.ray.is_valid().then(|| asked.line())
 }
 
-/// A ray in double precision, and the unit of the tree's boxes.
-struct Beam {
-    ray: Ray,
-    /// Boxes are in units of this.
-    unit: f64,
+/// Shows every triangle in whose box the ray is before `bound`, nearer boxes first, until `see` says that it is enough.
+fn visit<N: Tree>(
+    asked: &Asked<'_, N>,
+    bound: &mut f64,
+    mut see: impl FnMut(u32, &mut f64) -> bool,
+) -> bool {
+    let tree = asked.tree;
+    let unit = f64::from(asked.geometry.scale.k()).exp2();
+    let mut stack = vec![(f64::NEG_INFINITY, Below::ROOT)];
+    while let Some((entered, below)) = stack.pop() {
+        if entered > *bound {
+            continue;
+        }
+        match below {
+            Below::Node(node) => {
+                let first = stack.len();
+                tree.children(node, |bounds, child| {
+                    let entry = entry(&asked.ray, (bounds, unit), *bound);
+                    stack.extend(entry.map(|entry| (entry, child)));
+                });
+                stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+            }
+            Below::Places { first, count } => {
+                let mut places = first..first + count;
+                if places.any(|p| tree.triangle(p).is_some_and(|t| see(t, bound))) {
+                    return true;
+                }
+            }
+        }
+    }
+    false
 }
 
-impl Beam {
-    fn of<N: Tree>(asked: &Asked<'_, N>) -> Self {
-        Self {
-            ray: asked.ray,
-            unit: f64::from(asked.geometry.scale.k()).exp2(),
-        }
+/// A `t` that is at most that of any point of the box on the ray, within its limits; `None` if there is none. The box is in
+/// units of `unit`.
+///
+/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself.
+fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
+    if bounds.is_empty() {
+        return None;
     }
-
-    /// Shows every triangle in whose box the ray is before `bound`, nearer boxes first, until `see` says that it is enough.
-    fn visit<N: Tree>(
-        &self,
-        tree: N,
-        bound: &mut f64,
-        mut see: impl FnMut(u32, &mut f64) -> bool,
-    ) -> bool {
-        let mut stack = vec![(f64::NEG_INFINITY, Below::ROOT)];
-        while let Some((entry, below)) = stack.pop() {
-            if entry > *bound {
-                continue;
+    let (mut low, mut high) = (f64::from(ray.t_min), bound);
+    for axis in 0..3 {
+        let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
+        // A plane at zero may stand for a coordinate that counts as zero: see `Scale`.
+        let plane = |x: f32, outward: f64| match x == 0.0 {
+            true => outward * (-64.0_f64).exp2() * unit,
+            false => f64::from(x) * unit,
+        };
+        let planes = [plane(bounds.min[axis], -1.0), plane(bounds.max[axis], 1.0)];
+        if d == 0.0 {
+            if o < planes[0] || o > planes[1] {
+                return None;
             }
-            match below {
-                Below::Node(node) => {
-                    let first = stack.len();
-                    tree.children(node, |bounds, child| {
-                        let entry = self.entry(bounds, *bound);
-                        stack.extend(entry.map(|entry| (entry, child)));
-                    });
-                    stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
-                }
-                Below::Places { first, count } => {
-                    let mut places = first..first + count;
-                    if places.any(|p| tree.triangle(p).is_some_and(|t| see(t, bound))) {
-                        return true;
-                    }
-                }
-            }
+            continue;
         }
-        false
+        let [p, q] = planes.map(|x: f64| (x - o) / d);
+        let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
+        low = low.max(near - 2.0 * f64::EPSILON * near.abs());
+        high = high.min(far + 2.0 * f64::EPSILON * far.abs());
     }
-
-    /// A `t` that is at most that of any point of the box on the ray, within its limits; `None` if there is none.
-    ///
-    /// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself.
-    fn entry(&self, bounds: &Aabb, bound: f64) -> Option<f64> {
-        if bounds.is_empty() {
-            return None;
-        }
-        let (mut low, mut high) = (f64::from(self.ray.t_min), bound);
-        for axis in 0..3 {
-            let (o, d) = (
-                f64::from(self.ray.origin[axis]),
-                f64::from(self.ray.direction[axis]),
-            );
-            // A plane at zero may stand for a coordinate that counts as zero: see `Scale`.
-            let plane = |x: f32, outward: f64| match x == 0.0 {
-                true => outward * (-64.0_f64).exp2() * self.unit,
-                false => f64::from(x) * self.unit,
-            };
-            let planes = [plane(bounds.min[axis], -1.0), plane(bounds.max[axis], 1.0)];
-            if d == 0.0 {
-                if o < planes[0] || o > planes[1] {
-                    return None;
-                }
-                continue;
-            }
-            let [p, q] = planes.map(|x: f64| (x - o) / d);
-            let (near, far) = if d > 0.0 { (p, q) } else { (q, p) };
-            low = low.max(near - 2.0 * f64::EPSILON * near.abs());
-            high = high.min(far + 2.0 * f64::EPSILON * far.abs());
-        }
-        (low <= high).then_some(low)
-    }
+    (low <= high).then_some(low)
 }
 
 /// The ray from beside a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.

@@ -22,7 +22,7 @@ pub(crate) fn harden_module(module: &mut Module) {
 /// naga emits no NoContraction; without it both known drivers fuse and regroup.
 /// Functions named `loose_…` decide nothing and may be fused.
 fn forbid_contraction(module: &mut Module) {
-    let loose = loose_functions(module);
+    let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
     let decorations: Vec<_> = module
         .functions
@@ -42,18 +42,14 @@ fn forbid_contraction(module: &mut Module) {
     module.annotations.extend(decorations);
 }
 
-fn loose_functions(module: &Module) -> HashSet<u32> {
-    let named = module
-        .debug_names
-        .iter()
-        .filter(|i| i.class.opcode == Op::Name);
-    let loose = named.filter_map(|i| match &i.operands[..] {
-        [Operand::IdRef(id), Operand::LiteralString(name)] => {
-            name.starts_with("loose_").then_some(*id)
-        }
+/// What goes by such a name in WGSL.
+fn named(module: &Module, is_it: impl Fn(&str) -> bool) -> impl Iterator<Item = u32> {
+    let names = module.debug_names.iter();
+    let names = names.filter(|i| i.class.opcode == Op::Name);
+    names.filter_map(move |i| match &i.operands[..] {
+        [Operand::IdRef(id), Operand::LiteralString(name)] => is_it(name).then_some(*id),
         _ => None,
-    });
-    loose.collect()
+    })
 }
 
 /// naga clears every variable; stacks and the room for whole numbers need none of it.
@@ -99,24 +95,12 @@ const MULTIPLY: &str = "multiply_32";
 /// Puts products of two words in one instruction, which WGSL cannot say, in place of what the function holds. (Not sums that
 /// carry: what Mesa 22.3's software driver makes of `OpIAddCarry` is wrong for some.)
 fn widen(module: &mut Module) -> Result<()> {
-    match function(module, MULTIPLY) {
+    let id = named(module, |name| name == MULTIPLY).next();
+    let mut all = module.functions.iter();
+    match all.position(|f| id.is_some() && f.def_id() == id) {
         Some(at) => replace(module, at).context(MULTIPLY),
         None => Ok(()),
     }
-}
-
-/// A function by its name in WGSL.
-fn function(module: &Module, name: &str) -> Option<usize> {
-    let named = |i: &&Instruction| {
-        i.class.opcode == Op::Name
-            && matches!(i.operands.get(1), Some(Operand::LiteralString(n)) if n == name)
-    };
-    let id = match module.debug_names.iter().find(named)?.operands.first()? {
-        Operand::IdRef(id) => *id,
-        _ => return None,
-    };
-    let mut all = module.functions.iter();
-    all.position(|f| f.def_id() == Some(id))
 }
 
 fn replace(module: &mut Module, at: usize) -> Result<()> {

@@ -19,11 +19,9 @@
 pub mod arithmetic;
 mod buffers;
 mod method;
-mod moving;
-mod packets;
 mod params;
+mod pictures;
 mod projection;
-mod rasterization;
 pub mod rebuild;
 mod shape;
 mod tree_stats;
@@ -36,11 +34,9 @@ pub use arithmetic::Traits;
 pub use buffers::{BufferName, RANGE_BYTES, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use method::{occluded_words, record_bytes};
-pub use moving::{MovingShape, moving_rows};
-pub use packets::Packets;
 pub use params::{Counts, Params};
-pub use rasterization::RasterBackoff;
-pub use shape::{Shape, WideShape};
+pub use pictures::{Packets, RasterBackoff};
+pub use shape::{MovingShape, Shape, WideShape, moving_rows};
 pub use tree_stats::{Extent, Extents, TreeStats};
 pub use view::View;
 

@@ -237,20 +237,20 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         return vec![all];
     }
     let sharers = settlers(&params).div_ceil(64);
-    let searchers = searchers(&params);
-    let each = |groups, params, kernel| Work {
-        groups: Groups::Each(groups),
-        ..Work::over(method, rays, params, [kernel; 2])
+    let searchers = SEARCHERS.min(params.first);
+    let open = |kernel, params, groups| over_open(method, rays, kernel, params, groups);
+    let finish = |kernel| open(kernel, params, finishers(&params));
+    let shared = Params {
+        first_group: sharers,
+        ..params
     };
-    let mut shared = params;
-    shared.first_group = sharers;
-    let settle = 2 * sharers + ABREAST * searchers;
+    let settle = Groups::Each(2 * sharers + ABREAST * searchers);
     vec![
         all,
-        each(settle, shared, "resolve_exact_together"),
-        finishing(method, params, rays, HITS[1]),
-        each(searchers, params, "shadow_left"),
-        finishing(method, params, rays, SHADOWS[1]),
+        open("resolve_exact_together", shared, settle),
+        finish(HITS[1]),
+        open("shadow_left", params, Groups::Each(searchers)),
+        finish(SHADOWS[1]),
     ]
 }
 
@@ -270,37 +270,30 @@ fn settlers(params: &Params) -> u32 {
     SETTLERS.min(params.first.saturating_mul(16))
 }
 
-fn searchers(params: &Params) -> u32 {
-    SEARCHERS.min(params.first)
+/// Of those who settle one by one.
+fn finishers(params: &Params) -> Groups {
+    Groups::Linear(16 * params.places)
 }
 
-/// What settles by notes most of the rays that a search left open.
-fn settling(method: Method, params: Params, rays: Rays<'_>, kernel: &str) -> Work {
+/// What goes over rays that a search left open.
+fn over_open(method: Method, rays: Rays<'_>, kernel: &str, params: Params, groups: Groups) -> Work {
     Work {
-        groups: Groups::Linear(settlers(&params)),
+        groups,
         ..Work::over(method, rays, params, [kernel; 2])
     }
 }
 
-/// What settles the rest one by one.
-fn finishing(method: Method, params: Params, rays: Rays<'_>, kernel: &str) -> Work {
-    Work {
-        groups: Groups::Linear(16 * params.places),
-        ..Work::over(method, rays, params, [kernel; 2])
-    }
-}
-
-/// The same after a search, for `exact`.
+/// A search and, for `exact`, what settles by notes most of the rays that it left open, and the rest one by one.
 fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [&str; 2]) -> Vec<Work> {
     let [settle, finish] = stages;
-    match method.intersector {
-        Intersector::Exact => vec![
-            search,
-            settling(method, search.params, rays, settle),
-            finishing(method, search.params, rays, finish),
-        ],
-        _ => vec![search],
+    let params = search.params;
+    let open = |kernel, groups| over_open(method, rays, kernel, params, groups);
+    let mut all = vec![search];
+    if method.intersector == Intersector::Exact {
+        let settlers = Groups::Linear(settlers(&params));
+        all.extend([open(settle, settlers), open(finish, finishers(&params))]);
     }
+    all
 }
 
 #[cfg(test)]

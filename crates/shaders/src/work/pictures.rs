@@ -1,8 +1,9 @@
 //! Pictures for which the order matters in which rays and triangles are brought together: by packets, by rasterization.
 
 use super::{Groups, Trace, Work};
+use crate::pictures::{packets_pay, rasterization_pays};
 use crate::projection::projected;
-use crate::{Params, Traits, common, kernel, packets, rasterization};
+use crate::{Params, Traits, common, kernel};
 use backend::Method;
 use geom::{Camera, Point};
 
@@ -20,7 +21,7 @@ pub(super) fn by_packets(
 ) -> Option<Trace> {
     let how = traits.packets?;
     let seen = params.through(camera);
-    if !packets::pay(method, &seen, how) {
+    if !packets_pay(method, &seen, how) {
         return None;
     }
     let params = projected(seen, camera)?;
@@ -45,7 +46,7 @@ pub(super) fn by_rasterization(
 ) -> Option<Trace> {
     let how = traits.packets.filter(|_| traits.rasterizes)?;
     let seen = params.through(camera);
-    if !rasterization::pay(method, &seen, how) {
+    if !rasterization_pays(method, &seen, how) {
         return None;
     }
     let pixels = camera.width * camera.height;
@@ -57,9 +58,9 @@ pub(super) fn by_rasterization(
     let pairs = pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
-    let rasterize = kernel(rasterization::kernel(how), method);
+    let rasterize = kernel(how.rasterizer(), method);
     let rasterizers = tiles.div_ceil(rasterize.workgroup[0]);
-    let rasterizers = rasterizers.min(rasterization::sharers(how));
+    let rasterizers = rasterizers.min(how.rasterizers());
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),

@@ -1,0 +1,259 @@
+//! Pictures whose rays do not go down the tree one by one: as packets, or by rasterization, which finds first hits triangle by
+//! triangle. Who can, and when it pays.
+
+use crate::{Counts, Params};
+use backend::{Intersector, Layout, Method};
+
+/// How the 32 invocations of a packet tell each other what they find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packets {
+    /// As a subgroup.
+    BySubgroups,
+    /// Through the memory of a workgroup: for software drivers, which have narrower subgroups or none.
+    ByGroups,
+}
+
+/// Pixels that a picture must have for each triangle, to go by packets: what all triangles cover is looked at before any ray is.
+const PIXELS_A_TRIANGLE: u64 = 4;
+/// Pixels up to which a software driver goes by packets, so that their laws are tried there too: each ray by itself is faster.
+const SMALL_PICTURE: u64 = 1 << 14;
+
+impl Packets {
+    /// What a device with subgroups of this size, least and most, or one that is software, takes.
+    pub fn for_device(subgroups: Option<(u32, u32)>, is_software: bool) -> Option<Self> {
+        match subgroups {
+            _ if is_software => Some(Self::ByGroups),
+            Some((32, 32)) => Some(Self::BySubgroups),
+            _ => None,
+        }
+    }
+
+    /// The kernel that traces a picture so.
+    pub(crate) fn kernel(self) -> &'static str {
+        match self {
+            Self::BySubgroups => "trace_packets_by_subgroups",
+            Self::ByGroups => "trace_packets",
+        }
+    }
+
+    pub(crate) fn of_kernel(entry: &str) -> Option<Self> {
+        let all = [Self::BySubgroups, Self::ByGroups];
+        all.into_iter().find(|packets| packets.kernel() == entry)
+    }
+
+    /// The kernel that tests what tiles of a picture may cover.
+    pub(crate) fn rasterizer(self) -> &'static str {
+        match self {
+            Self::BySubgroups => "rasterize_by_subgroups",
+            Self::ByGroups => "rasterize",
+        }
+    }
+
+    /// Workgroups of it that share all tiles: 32 a multiprocessor of an H200, of which some wait while others compute.
+    pub(crate) fn rasterizers(self) -> u32 {
+        match self {
+            Self::BySubgroups => 4224,
+            Self::ByGroups => 64,
+        }
+    }
+
+    /// Pixels of a workgroup's packets, along both axes.
+    pub(crate) fn block(self) -> [u32; 2] {
+        match self {
+            Self::BySubgroups => [16, 8],
+            Self::ByGroups => [8, 4],
+        }
+    }
+}
+
+/// How far it was measured: see `docs/design/visibility-buffer.md`. Five kernels in a row take their time of small pictures, where
+/// trees are small too; of many triangles most cover no pixel, but each is looked at.
+const LEAST_PIXELS: u64 = 1 << 20;
+const MANY_TRIANGLES: u32 = 450_000;
+const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
+const MOST_TRIANGLES: u32 = 1 << 23;
+const MOST_PIXELS: u64 = 1 << 24;
+/// What is hardly a picture is not worth the time that drivers take to make five kernels.
+const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
+
+/// The method that has kernels for either.
+const METHOD: Method = Method {
+    intersector: Intersector::Watertight,
+    layout: Layout::Fast,
+};
+
+/// Triangles and pixels of parameters made for a camera.
+fn sizes(params: &Params) -> (u32, u64) {
+    let pixels = u64::from(params.width) * u64::from(params.height);
+    (params.node_count.div_ceil(2), pixels)
+}
+
+/// Whether a camera's rays, with parameters made for it, go by packets.
+pub(crate) fn packets_pay(method: Method, params: &Params, how: Packets) -> bool {
+    let (triangles, pixels) = sizes(params);
+    method == METHOD
+        && params.wide_root != 0
+        && pixels >= PIXELS_A_TRIANGLE * u64::from(triangles)
+        && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
+}
+
+/// Whether a camera's rays, with parameters made for it, that do not go by packets go by rasterization.
+pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) -> bool {
+    let (triangles, pixels) = sizes(params);
+    let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
+    let is_fast = how == Packets::BySubgroups
+        && triangles <= MOST_TRIANGLES
+        && pixels <= MOST_PIXELS
+        && ((are_dense && pixels >= LEAST_PIXELS)
+            || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
+    // So that laws are tried.
+    let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
+    method == METHOD && (is_fast || is_small)
+}
+
+/// Traces that go without rasterization after one of which it told too little: to find that out takes a tenth of a trace.
+const REST: u32 = 64;
+
+/// Whether to try rasterization: not for a while where it told too little, as where many triangles lie behind each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RasterBackoff {
+    rest: u32,
+}
+
+impl RasterBackoff {
+    /// Takes in what a submission counted.
+    pub fn note(&mut self, counts: &Counts) {
+        if counts.untold != 0 {
+            self.rest = REST;
+        }
+    }
+
+    /// Whether the next trace may be rasterized, where the device `rasterizes`.
+    pub fn allow(&mut self, rasterizes: bool) -> bool {
+        let rests = self.rest > 0;
+        self.rest = self.rest.saturating_sub(1);
+        rasterizes && !rests
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Shape, WideShape};
+
+    #[test]
+    fn devices_take_tiles_by_what_they_have() {
+        let of = Packets::for_device;
+        assert_eq!(of(Some((32, 32)), false), Some(Packets::BySubgroups));
+        for other in [Some((8, 32)), Some((64, 64)), None] {
+            assert_eq!(of(other, false), None);
+        }
+        assert_eq!(of(Some((8, 8)), true), Some(Packets::ByGroups));
+    }
+
+    #[test]
+    fn tiles_pay_where_a_picture_has_pixels_enough() {
+        let params = |triangles: u32| {
+            let shape = Shape {
+                node_count: 2 * triangles - 1,
+                wide: WideShape {
+                    at: 0,
+                    lanes: 1,
+                    root: 1,
+                },
+                ..Shape::default()
+            };
+            Params {
+                width: 64,
+                height: 48,
+                ..Params::of(0, &shape)
+            }
+        };
+        let most = 64 * 48 / 4;
+        for how in [Packets::BySubgroups, Packets::ByGroups] {
+            assert!(packets_pay(METHOD, &params(most), how));
+            assert!(!packets_pay(METHOD, &params(most + 1), how));
+        }
+        let exact = Method {
+            intersector: Intersector::Exact,
+            ..METHOD
+        };
+        assert!(!packets_pay(exact, &params(most), Packets::BySubgroups));
+        let none = Params {
+            wide_root: 0,
+            ..params(most)
+        };
+        assert!(!packets_pay(METHOD, &none, Packets::BySubgroups));
+    }
+
+    fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
+        let shape = Shape {
+            node_count: 2 * triangles - 1,
+            ..Shape::default()
+        };
+        Params {
+            width,
+            height,
+            ..Params::of(0, &shape)
+        }
+    }
+
+    #[test]
+    fn rasters_pay_as_far_as_that_was_measured() {
+        let (large, larger, fewer) = ([1920, 1200], [3840, 2160], MANY_TRIANGLES - 1);
+        for (triangles, size, by_subgroups, by_groups) in [
+            (1_600_000, large, true, false),
+            (MOST_TRIANGLES + 1, large, false, false),
+            (1_600_000, [800, 600], true, false),
+            (1_600_000, [512, 511], false, false),
+            (1_600_000, larger, true, false),
+            (1_600_000, [4097, 4096], false, false),
+            (MANY_TRIANGLES, larger, true, false),
+            (fewer, larger, false, false),
+            (fewer, [1280, 820], true, false),
+            (fewer, [1280, 800], false, false),
+            (10_000, [128, 128], true, true),
+            (4096, [128, 128], false, false),
+            (100, [16, 16], true, true),
+            (100, [16, 15], false, false),
+        ] {
+            let all = [
+                (Packets::BySubgroups, by_subgroups),
+                (Packets::ByGroups, by_groups),
+            ];
+            for (how, pays) in all {
+                let about = format!("{triangles} triangles, {size:?}, {how:?}");
+                let found = rasterization_pays(METHOD, &params(triangles, size), how);
+                assert_eq!(found, pays, "{about}");
+            }
+        }
+        let usual = params(1_600_000, large);
+        let (exact, bvh2) = (Intersector::Exact, Layout::Bvh2);
+        for (intersector, layout) in [(exact, METHOD.layout), (METHOD.intersector, bvh2)] {
+            let other = Method {
+                intersector,
+                layout,
+            };
+            assert!(!rasterization_pays(other, &usual, Packets::BySubgroups));
+        }
+    }
+
+    #[test]
+    fn rasters_rest_after_they_told_too_little_and_are_tried_again() {
+        let mut backoff = RasterBackoff::default();
+        let counts = |untold| Counts {
+            untold,
+            ..Counts::default()
+        };
+        backoff.note(&counts(0));
+        assert!(backoff.allow(true) && backoff.allow(true));
+        backoff.note(&counts(1));
+        // What else was under way says the same a little later, or nothing.
+        assert!(!backoff.allow(true));
+        backoff.note(&counts(1));
+        backoff.note(&counts(0));
+        let rested = (0..1000).position(|_| backoff.allow(true));
+        assert_eq!(rested, Some(REST as usize));
+        assert!(!backoff.allow(false));
+    }
+}
