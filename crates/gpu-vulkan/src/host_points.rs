@@ -84,11 +84,11 @@ impl VulkanDevice {
         let Some(memory) = key.shared::<HostPoints>() else {
             return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
         };
-        let what = (Sent::KeyFrame, &memory.buffer, size_of_val(&key[..]) as u64);
+        let from = (&memory.buffer, size_of_val(&key[..]) as u64);
         let new = bytes_of(&self.lent.others(moving));
         let road = (&mut self.upload, &self.done);
         let sender = &mut self.senders[Sent::KeyFrame as usize];
-        let sent = sender.send_from(&self.gpu, road, what, Some(&new))?;
+        let sent = sender.send_from(road, from, Some(&new))?;
         self.keys_read.note(&self.upload.done, (sent.1, key))?;
         Ok(sent)
     }

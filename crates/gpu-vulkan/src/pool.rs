@@ -98,13 +98,18 @@ fn most_spare(bytes: u64) -> usize {
 }
 
 /// Sends things of one kind, which differ little in size.
-#[derive(Default)]
 pub(crate) struct Sender {
-    free: Pool,
+    what: Sent,
+    gpu: Arc<Gpu>,
+    /// Buffers that are not in use.
+    pub(crate) free: Pool,
     staging: Pool,
     /// Bytes of what was sent last.
     last: u64,
 }
+
+/// Where copies run, and what tells how far submissions are.
+type Road<'a> = (&'a mut Transfer, &'a Timeline);
 
 /// Memory of the host that something is sent from.
 pub struct Staging {
@@ -139,56 +144,53 @@ fn bytes(parts: &[&[u32]]) -> u64 {
 }
 
 impl Sender {
+    /// One a [`Sent`].
+    pub(crate) fn all(gpu: &Arc<Gpu>) -> [Self; 2] {
+        [Sent::Tree, Sent::KeyFrame].map(|what| Self {
+            what,
+            gpu: Arc::clone(gpu),
+            free: Pool::default(),
+            staging: Pool::default(),
+            last: 0,
+        })
+    }
+
     /// Memory to send from, with room for as much as was sent last; none before.
-    pub(crate) fn staging(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        done: Done<'_>,
-        what: Sent,
-    ) -> Result<Option<Staging>> {
+    pub(crate) fn staging(&mut self, done: Done<'_>) -> Result<Option<Staging>> {
         match self.last {
             0 => Ok(None),
-            bytes => self.room(gpu, done, (what, bytes)).map(Some),
+            bytes => self.room(done, bytes).map(Some),
         }
     }
 
-    fn room(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        done: Done<'_>,
-        (what, bytes): (Sent, u64),
-    ) -> Result<Staging> {
+    fn room(&mut self, done: Done<'_>, bytes: u64) -> Result<Staging> {
         let spare = self.staging.take(done, most_spare(bytes))?;
         let buffer = match spare.filter(|b| b.bytes >= bytes) {
             Some(buffer) => buffer,
-            None => Buffer::new(gpu, what.what(), what.room(bytes), BufferUse::Staging)?,
+            None => self.buffer(bytes, BufferUse::Staging)?,
         };
         Ok(Staging { buffer, bytes: 0 })
     }
 
+    fn buffer(&self, bytes: u64, place: BufferUse) -> Result<Buffer> {
+        let (what, room) = (self.what.what(), self.what.room(bytes));
+        Buffer::new(&self.gpu, what, room, place)
+    }
+
     /// Begins to send something part by part. Gives its buffer, and the value of the copy.
-    pub(crate) fn send(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        (road, submissions): (&mut Transfer, &Timeline),
-        (what, parts): (Sent, &[&[u32]]),
-    ) -> Result<(Buffer, u64)> {
-        let done = Done::of(road, submissions);
-        let mut staging = self.room(gpu, done, (what, bytes(parts)))?;
+    pub(crate) fn send(&mut self, road: Road<'_>, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
+        let mut staging = self.room(Done::of(road.0, road.1), bytes(parts))?;
         staging.fill(parts);
-        self.send_filled(gpu, (road, submissions), (what, staging))
+        self.send_filled(road, staging)
     }
 
     /// Likewise, of what is written already.
     pub(crate) fn send_filled(
         &mut self,
-        gpu: &Arc<Gpu>,
-        (road, submissions): (&mut Transfer, &Timeline),
-        (what, staging): (Sent, Staging),
+        road: Road<'_>,
+        Staging { buffer, bytes }: Staging,
     ) -> Result<(Buffer, u64)> {
-        let Staging { buffer, bytes } = staging;
-        let what = (what, &buffer, bytes);
-        let sent = self.send_from(gpu, (road, submissions), what, None)?;
+        let sent = self.send_from(road, (&buffer, bytes), None)?;
         let (filled_at, ticket) = (sent.1, 0);
         self.staging.put(buffer, LastUse { filled_at, ticket });
         self.last = bytes;
@@ -199,9 +201,8 @@ impl Sender {
     /// the bytes that are `new`.
     pub(crate) fn send_from(
         &mut self,
-        gpu: &Arc<Gpu>,
-        (road, submissions): (&mut Transfer, &Timeline),
-        (what, from, bytes): (Sent, &Buffer, u64),
+        (road, submissions): Road<'_>,
+        (from, bytes): (&Buffer, u64),
         new: Option<&[Range<u64>]>,
     ) -> Result<(Buffer, u64)> {
         let done = Done::of(road, submissions);
@@ -210,19 +211,10 @@ impl Sender {
         let spare = self.free.take(done, most_spare(bytes))?;
         let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
             Some(held_another) => (held_another, new.unwrap_or(all)),
-            None => {
-                let room = what.room(bytes);
-                let empty = Buffer::new(gpu, what.what(), room, BufferUse::Device)?;
-                (empty, all)
-            }
+            None => (self.buffer(bytes, BufferUse::Device)?, all),
         };
         let filled_at = road.start_ranges([from, &to], new)?;
         Ok((to, filled_at))
-    }
-
-    /// Takes back a buffer.
-    pub(crate) fn recycle(&mut self, buffer: Buffer, last: LastUse) {
-        self.free.put(buffer, last);
     }
 
     /// Bytes of what is not in use, and of what things are sent from.

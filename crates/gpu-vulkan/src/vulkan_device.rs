@@ -67,7 +67,7 @@ impl VulkanDevice {
             upload: Transfer::new(gpu, gpu.upload)?,
             readback: Transfer::new(gpu, gpu.readback)?,
             window: Window::default(),
-            senders: Default::default(),
+            senders: Sender::all(gpu),
             keys_read: KeysRead::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
@@ -225,12 +225,12 @@ impl GpuDevice for VulkanDevice {
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let road = (&mut self.upload, &self.done);
-        self.senders[what as usize].send(&self.gpu, road, (what, parts))
+        self.senders[what as usize].send(road, parts)
     }
 
     fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
         let done = Done::of(&self.upload, &self.done);
-        self.senders[what as usize].staging(&self.gpu, done, what)
+        self.senders[what as usize].staging(done)
     }
 
     fn fill(staging: &mut Staging, parts: &[&[u32]]) -> bool {
@@ -239,7 +239,7 @@ impl GpuDevice for VulkanDevice {
 
     fn send_filled(&mut self, what: Sent, staging: Staging) -> Result<(Buffer, u64)> {
         let road = (&mut self.upload, &self.done);
-        self.senders[what as usize].send_filled(&self.gpu, road, (what, staging))
+        self.senders[what as usize].send_filled(road, staging)
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
@@ -268,7 +268,7 @@ impl GpuDevice for VulkanDevice {
             ticket: self.submitted.saturating_sub(unused_for),
             ..self.last_use()
         };
-        self.senders[what as usize].recycle(buffer, last);
+        self.senders[what as usize].free.put(buffer, last);
     }
 
     fn pipeline_maker(&self) -> Arc<Gpu> {
@@ -335,7 +335,7 @@ impl GpuDevice for VulkanDevice {
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
-        (self.senders, self.outgrown) = Default::default();
+        (self.senders, self.outgrown) = (Sender::all(&self.gpu), Pool::default());
         self.keys_read = KeysRead::default();
         (self.spares, self.lent) = (Spares::default(), Lent::default());
         (self.arriving, self.overwritten) = (None, None);
