@@ -1,49 +1,48 @@
 //! The loader and the instance.
 
 use crate::loader;
-use crate::validation::{DebugMessenger, EXTENSIONS, LAYER, is_on};
+use crate::validation::{EXTENSIONS, LAYER, is_on, listen};
 use ash::{Entry, Instance, vk};
 use backend::{BackendError, Result};
 use gpu_common::Validation;
 use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An instance and, if asked for, the messenger for its validation layer.
+/// An instance, perhaps under the validation layer.
 pub struct Host {
     /// Its calls.
     pub instance: Instance,
     /// Keeps the loader's library open.
     entry: Entry,
-    /// Taken out before the instance is destroyed; `None` without the layer.
-    pub(crate) messenger: Option<DebugMessenger>,
+    pub(crate) is_validated: bool,
 }
 
-/// The instance without the layer, shared by all and kept until the process
+/// The instances without the layer and with it, shared by all and kept until the process
 /// ends. With the last instance the loader would unload the drivers, and one of
 /// them (NVIDIA's) leaves every thread that destroyed a device a farewell to
 /// run at its end, which must still be there by then.
-static PLAIN: Mutex<Option<Arc<Host>>> = Mutex::new(None);
+static HOSTS: Mutex<[Option<Arc<Host>>; 2]> = Mutex::new([None, None]);
 
 impl Host {
-    /// The instance of this process, or one under the validation layer.
+    /// An instance of this process, under the validation layer or not.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason.
     pub fn new(validation: Validation) -> Result<Arc<Self>> {
-        let plain = Self::plain()?;
+        let plain = Self::kept(false)?;
         match is_on(validation, &plain.entry)? {
-            true => Self::make(true).map(Arc::new),
+            true => Self::kept(true),
             false => Ok(plain),
         }
     }
 
-    fn plain() -> Result<Arc<Self>> {
-        let mut kept = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(host) = kept.as_ref() {
+    fn kept(validated: bool) -> Result<Arc<Self>> {
+        let mut kept = HOSTS.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = &mut kept[usize::from(validated)];
+        if let Some(host) = place {
             return Ok(Arc::clone(host));
         }
-        let made = Arc::new(Self::make(false)?);
-        Ok(Arc::clone(kept.insert(made)))
+        Ok(Arc::clone(place.insert(Arc::new(Self::make(validated)?))))
     }
 
     fn make(validated: bool) -> Result<Self> {
@@ -67,15 +66,14 @@ impl Host {
         // SAFETY: every pointer in `info` outlives the call.
         let instance = unsafe { entry.create_instance(&info, None) }
             .map_err(|e| BackendError::NoDevice(format!("no Vulkan instance: {e}")))?;
-        let mut made = Self {
+        if validated {
+            listen(&entry, &instance)?;
+        }
+        Ok(Self {
             instance,
             entry,
-            messenger: None,
-        };
-        if validated {
-            made.messenger = Some(DebugMessenger::new(&made.entry, &made.instance)?);
-        }
-        Ok(made)
+            is_validated: validated,
+        })
     }
 
     /// Every device, in Vulkan's order.
@@ -120,16 +118,5 @@ impl Host {
         let name =
             |e: &vk::ExtensionProperties| e.extension_name_as_c_str().ok().map(ToOwned::to_owned);
         names.iter().filter_map(name).collect()
-    }
-}
-
-impl Drop for Host {
-    fn drop(&mut self) {
-        if let Some(messenger) = self.messenger.take() {
-            messenger.close();
-        }
-        // SAFETY: everything made from the instance is gone: each `Gpu` holds an `Arc` of its host
-        // and lets go of it last.
-        unsafe { self.instance.destroy_instance(None) };
     }
 }

@@ -5,7 +5,7 @@ use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
 use gpu_common::Validation;
 use std::ffi::{CStr, c_void};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 pub(crate) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -46,64 +46,38 @@ fn is_installed(entry: &Entry) -> bool {
 }
 
 /// What the layer said.
-pub(crate) type Messages = Arc<Mutex<Vec<String>>>;
+static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// Hears the layer of one instance.
-pub(crate) struct DebugMessenger {
-    utils: ext::debug_utils::Instance,
-    messenger: vk::DebugUtilsMessengerEXT,
-    messages: Messages,
+fn messages() -> MutexGuard<'static, Vec<String>> {
+    MESSAGES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl DebugMessenger {
-    pub(crate) fn new(entry: &Entry, instance: &Instance) -> Result<Self> {
-        let messages = Messages::default();
-        let utils = ext::debug_utils::Instance::new(entry, instance);
-        let severity = vk::DebugUtilsMessageSeverityFlagsEXT::ERROR
-            | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;
-        let kind = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
-            | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
-        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
-            .message_severity(severity)
-            .message_type(kind)
-            .pfn_user_callback(Some(hear))
-            .user_data(Arc::as_ptr(&messages).cast_mut().cast());
-        // SAFETY: `messages` lives in the messenger until the messenger is destroyed.
-        let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }
-            .map_err(|e| BackendError::NoDevice(format!("no debug messenger: {e}")))?;
-        Ok(Self {
-            utils,
-            messenger,
-            messages,
-        })
-    }
-
-    /// What was heard so far.
-    pub(crate) fn messages(&self) -> Vec<String> {
-        let messages = self.messages.lock();
-        messages.unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// Stops hearing. The instance must still be alive.
-    pub(crate) fn close(self) {
-        // SAFETY: made by the instance, destroyed once: `self` is given up here.
-        unsafe {
-            self.utils
-                .destroy_debug_utils_messenger(self.messenger, None)
-        };
-    }
+/// Hears the layer of an instance, which is never destroyed.
+pub(crate) fn listen(entry: &Entry, instance: &Instance) -> Result<()> {
+    let severity = vk::DebugUtilsMessageSeverityFlagsEXT::ERROR
+        | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;
+    let kind = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+        | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
+    let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(severity)
+        .message_type(kind)
+        .pfn_user_callback(Some(hear));
+    let utils = ext::debug_utils::Instance::new(entry, instance);
+    // SAFETY: the instance has the extension, and `info` outlives the call.
+    let made = unsafe { utils.create_debug_utils_messenger(&info, None) };
+    made.map(drop)
+        .map_err(|e| BackendError::NoDevice(format!("no debug messenger: {e}")))
 }
 
 impl VulkanDevice {
     /// Whether the validation layer watches.
     pub fn is_validated(&self) -> bool {
-        self.gpu.host.messenger.is_some()
+        self.gpu.host.is_validated
     }
 
-    /// What the validation layer has said so far.
+    /// What the validation layer has said so far, in this process.
     pub fn validation_messages(&self) -> Vec<String> {
-        let messenger = self.gpu.host.messenger.as_ref();
-        messenger.map_or_else(Vec::new, |messenger| messenger.messages())
+        messages().clone()
     }
 }
 
@@ -112,15 +86,12 @@ unsafe extern "system" fn hear(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _kind: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
-    user: *mut c_void,
+    _user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `user` is the `Messages` of the `DebugMessenger`, which outlives the messenger.
-    let messages = unsafe { &*user.cast::<Mutex<Vec<String>>>() };
     // SAFETY: the layer passes valid data for the time of the call.
     let text = unsafe { (*data).message_as_c_str() };
     if let Some(text) = text {
-        let mut messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
-        messages.push(text.to_string_lossy().into_owned());
+        messages().push(text.to_string_lossy().into_owned());
     }
     vk::FALSE
 }

@@ -17,12 +17,11 @@
 
 mod adapters;
 mod buffers;
-mod device_points;
-mod device_rays;
 mod faults;
 mod gpu;
 mod instance;
 mod launches;
+mod lent;
 mod lent_encoder;
 mod limits;
 mod marks;

@@ -2,10 +2,9 @@
 
 use crate::adapters::{driver, kind};
 use crate::buffers::{Window, storage, upload, write};
-use crate::device_points::DevicePoints;
-use crate::device_rays::DeviceRays;
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
+use crate::lent::{DevicePoints, DeviceRays};
 use crate::lent_encoder::LentEncoder;
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::pipelines::Pipeline;
@@ -175,7 +174,7 @@ impl GpuDevice for WgpuDevice {
     fn discard(&mut self, _: Buffer) {}
 
     fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.rays.take()
+        self.rays.due.pop_front()
     }
 
     fn buffers_made(&self) -> u64 {

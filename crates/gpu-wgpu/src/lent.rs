@@ -1,17 +1,19 @@
-//! Positions that the program's own kernels made: they go from buffer to buffer, and no host sees them.
+//! What lies in buffers of the program's own: positions that its kernels made, which go from buffer to buffer, and rays, which
+//! kernels bind as they are. No host sees them.
 
 use crate::buffers::{copy_part, storage};
 use crate::gpu::Gpu;
 use crate::wgpu_device::WgpuDevice;
 use backend::Result;
 use geom::Point;
-use gpu_common::without;
+use gpu_common::{LentRays, without};
+use std::collections::VecDeque;
 use std::ops::Range;
 use wgpu::{Buffer, BufferSlice, CommandEncoder};
 
 const POINT: u64 = size_of::<Point>() as u64;
 
-/// The newest of them.
+/// The newest positions of them.
 #[derive(Default)]
 pub(crate) struct DevicePoints {
     /// Room for all of the scene's.
@@ -30,53 +32,6 @@ struct PointsCopy {
 }
 
 impl DevicePoints {
-    /// Has those from `first` on, of so many, come from the program's buffer.
-    pub(crate) fn bring(
-        &mut self,
-        gpu: &Gpu,
-        [first, vertices]: [usize; 2],
-        from: BufferSlice<'_>,
-    ) -> Result<()> {
-        let count = (from.size() / POINT) as usize;
-        if self.all.is_none() {
-            self.all = Some(storage(gpu, "positions", vertices as u64 * POINT)?);
-        }
-        let all = self.all.clone().expect("made just now");
-        self.copies.push(PointsCopy {
-            from: (from.buffer().clone(), from.offset()),
-            to: (all, first as u64 * POINT),
-            bytes: from.size(),
-        });
-        let run = first..first + count;
-        self.release(&run);
-        let at = self.runs.partition_point(|r| r.start < run.start);
-        self.runs.insert(at, run);
-        Ok(())
-    }
-
-    /// Where a run lies that was brought.
-    pub(crate) fn brought(
-        &mut self,
-        gpu: &Gpu,
-        run: &Range<usize>,
-    ) -> Result<Option<(Buffer, Range<u64>)>> {
-        if !self.runs.contains(run) {
-            return Ok(None);
-        }
-        if !self.copies.is_empty() {
-            let mut encoder = gpu.encoder("positions of the program's")?;
-            self.encode(gpu, &mut encoder)?;
-            gpu.submit([encoder])?;
-        }
-        let all = self.all.clone();
-        Ok(all.map(|all| (all, run.start as u64 * POINT..run.end as u64 * POINT)))
-    }
-
-    /// Has positions come from the host again.
-    pub(crate) fn release(&mut self, run: &Range<usize>) {
-        self.runs = without(&self.runs, std::slice::from_ref(run));
-    }
-
     /// Of these runs the parts that come from the host.
     pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
         without(runs, &self.runs)
@@ -106,6 +61,14 @@ impl DevicePoints {
     }
 }
 
+/// The rays lent last.
+#[derive(Default)]
+pub(crate) struct DeviceRays {
+    lent: Vec<LentRays<Buffer>>,
+    /// For queries to come.
+    pub(crate) due: VecDeque<LentRays<Buffer>>,
+}
+
 impl WgpuDevice {
     /// Has the positions from `first` on, of so many that the scene has, come from a buffer of the program's on this device, in
     /// all key frames to come; the next submission copies them first.
@@ -117,7 +80,21 @@ impl WgpuDevice {
         [first, vertices]: [usize; 2],
         from: BufferSlice<'_>,
     ) -> Result<()> {
-        self.points.bring(&self.gpu, [first, vertices], from)
+        let run = first..first + (from.size() / POINT) as usize;
+        let points = &mut self.points;
+        if points.all.is_none() {
+            points.all = Some(storage(&self.gpu, "positions", vertices as u64 * POINT)?);
+        }
+        let all = points.all.clone().expect("made just now");
+        points.copies.push(PointsCopy {
+            from: (from.buffer().clone(), from.offset()),
+            to: (all, first as u64 * POINT),
+            bytes: from.size(),
+        });
+        self.release_points(&run);
+        let runs = &mut self.points.runs;
+        runs.insert(runs.partition_point(|r| r.start < run.start), run);
+        Ok(())
     }
 
     /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
@@ -125,11 +102,31 @@ impl WgpuDevice {
     /// # Errors
     /// The buffers that they came from cannot be copied.
     pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
-        self.points.brought(&self.gpu, run)
+        let (gpu, points) = (&self.gpu, &mut self.points);
+        if !points.runs.contains(run) {
+            return Ok(None);
+        }
+        if !points.copies.is_empty() {
+            let mut encoder = gpu.encoder("positions of the program's")?;
+            points.encode(gpu, &mut encoder)?;
+            gpu.submit([encoder])?;
+        }
+        let bytes = run.start as u64 * POINT..run.end as u64 * POINT;
+        Ok(points.all.clone().map(|all| (all, bytes)))
     }
 
     /// Has a run of them come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
-        self.points.release(run);
+        self.points.runs = without(&self.points.runs, std::slice::from_ref(run));
+    }
+
+    /// Has the next queries of [`backend::Rays::OnDevice`] trace these, which kernels can bind: each the next of them.
+    pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
+        if self.rays.lent != rays {
+            // Groups keep the others alive until they are made anew.
+            self.gpu.count(|t| t.buffers += 1);
+        }
+        self.rays.due = rays.iter().cloned().collect();
+        self.rays.lent = rays;
     }
 }
