@@ -3,7 +3,6 @@
 pub(crate) mod bodies;
 pub(crate) mod cases;
 pub(crate) mod meshes;
-pub(crate) mod placement;
 pub(crate) mod rays;
 pub(crate) mod scenes;
 pub(crate) mod topologies;

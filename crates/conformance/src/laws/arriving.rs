@@ -150,13 +150,16 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
         let live = Animation::live(first.clone(), &marks, triangles).map(Arc::new)?;
         play(c.subject, (&live, c.method, looks), &frames, &c.case.rays)
     });
-    for ((name, found), (_, expected)) in unseen?.into_iter().zip(seen?) {
-        same(&found, &expected).with_context(|| name.to_owned())?;
+    for ((found, expected), (name, _)) in unseen?.iter().zip(&seen?).zip(&frames) {
+        same(found, expected).with_context(|| (*name).to_owned())?;
     }
     Ok(())
 }
 
-fn same(found: &[(Hits, FrameReport)], expected: &[(Hits, FrameReport)]) -> Result<()> {
+/// Answers to each of two queries.
+type Answers = [(Hits, FrameReport); 2];
+
+fn same(found: &Answers, expected: &Answers) -> Result<()> {
     for ((hits, report), (right, expected)) in found.iter().zip(expected) {
         lists("hit", &hits.closest, &right.closest, same_hit)?;
         ensure!(hits.blocked == right.blocked, "whether rays hit differs");
@@ -164,9 +167,6 @@ fn same(found: &[(Hits, FrameReport)], expected: &[(Hits, FrameReport)]) -> Resu
     }
     Ok(())
 }
-
-/// What is asked of a key frame.
-type Answers = (&'static str, Vec<(Hits, FrameReport)>);
 
 /// Answers to the same queries of each key frame, at which the host looks before or not at all.
 fn play(
@@ -176,7 +176,7 @@ fn play(
     own: &[Ray],
 ) -> Result<Vec<Answers>> {
     open(subject, live, 0.0, method)?;
-    let play = |(name, frame): &Odd| {
+    let play = |(_, frame): &Odd| {
         let time = live.push(frame.clone())?;
         if looks {
             live.range(live.pose(time));
@@ -186,8 +186,7 @@ fn play(
         let rays: Vec<Ray> = some.chain(from_the_middle(frame)).collect();
         let rays = Rays::List(&rays);
         let closest = ask(subject, rays, QueryKind::Closest)?;
-        let any = ask(subject, rays, QueryKind::Any)?;
-        Ok((*name, vec![closest, any]))
+        Ok([closest, ask(subject, rays, QueryKind::Any)?])
     };
     frames.iter().map(play).collect()
 }

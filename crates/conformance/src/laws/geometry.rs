@@ -4,7 +4,10 @@ use super::Check;
 use crate::compare::{lists, same_counts, same_point};
 use crate::stage::{boxes_anew, next_positions, tree_at, vertices};
 use anyhow::{Context, Result, bail, ensure};
-use backend::Generation;
+use backend::{Generation, Ticket};
+use geom::{Animation, Point};
+use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Interpolated positions have the bits of `geom`'s formula.
 pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
@@ -102,4 +105,62 @@ fn record(c: &mut Check<'_>, step: &str) -> backend::Result<()> {
             .subject
             .adopt(&tree_at(&c.case.animation, times[0]), Generation(2)),
     }
+}
+
+/// Key frames of a stream that are played, of which so many are kept.
+const KEYS: usize = 24;
+const WINDOW: usize = 8;
+const FRAMES: usize = 40;
+
+/// Positions of a stream are those of key frames that are held, forward and in leaps, while others are under way.
+pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
+    let triangles = || c.case.animation.triangles().to_vec();
+    // The case's key frames over and over, the first vertex shifted a little more each time.
+    let own = c.case.animation.all_keys()?;
+    let source = move |key: usize| {
+        let mut points = own[key % own.len()].to_vec();
+        if let Some(first) = points.first_mut() {
+            first[0] += key as f32;
+        }
+        Ok(points)
+    };
+    let keys = (0..KEYS).map(&source);
+    let held = Animation::new(keys.collect::<Result<_, _>>()?, triangles())?;
+    let streamed = Arc::new(Animation::streamed(
+        Arc::new(source),
+        [KEYS, WINDOW],
+        triangles(),
+    )?);
+    let times = times(c.case.chance);
+    c.subject.load(Arc::clone(&streamed), c.method)?;
+    let mut expected = VecDeque::new();
+    for (i, &time) in times.iter().enumerate() {
+        streamed.look_ahead(times[i..].iter().copied());
+        c.subject.interpolate(streamed.pose(time))?;
+        c.subject.request_positions()?;
+        expected.push_back((c.subject.submit()?, vertices(&held, time)));
+        if i >= 2 {
+            compare_next(c, &mut expected)?;
+        }
+    }
+    while !expected.is_empty() {
+        compare_next(c, &mut expected)?;
+    }
+    Ok(())
+}
+
+/// When a stream is played: half the times forward, the others anywhere.
+fn times(chance: u64) -> Vec<f64> {
+    let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
+    let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);
+    let forward: Vec<f64> = forward.collect();
+    let anywhere = (0..FRAMES / 2).map(|_| end * rng.f64());
+    forward.into_iter().chain(anywhere).collect()
+}
+
+fn compare_next(c: &mut Check<'_>, expected: &mut VecDeque<(Ticket, Vec<Point>)>) -> Result<()> {
+    let (ticket, wanted) = expected.pop_front().expect("one is under way");
+    let (of, found) = next_positions(c.subject)?;
+    ensure!(of == ticket, "positions of {of:?} came before {ticket:?}");
+    lists("vertex", &found, &wanted, same_point).with_context(|| format!("{ticket:?}"))
 }

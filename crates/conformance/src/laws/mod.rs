@@ -5,7 +5,6 @@ mod arriving;
 mod geometry;
 mod reports;
 mod still;
-mod streamed;
 mod trees;
 mod within;
 
@@ -127,7 +126,7 @@ pub const LAWS: &[Law] = &[
     law("positions_come_back_as_they_were", geometry::read_back),
     law(
         "positions_of_a_stream_are_those_of_held_key_frames",
-        streamed::positions,
+        geometry::streamed,
     ),
     law_of_robust(
         "key_frames_that_arrive_need_no_look_of_the_host",
@@ -169,7 +168,7 @@ pub const OWN_TREE_LAWS: &[Law] = &[
     law("positions_come_back_as_they_were", geometry::read_back),
     law(
         "positions_of_a_stream_are_those_of_held_key_frames",
-        streamed::positions,
+        geometry::streamed,
     ),
     law_of_methods("a_camera_is_its_rays", within::camera_is_rays),
     law("closest_hits_lie_within_rounding", within::closest),

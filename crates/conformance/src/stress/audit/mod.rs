@@ -5,11 +5,10 @@
 //! [`Batch`] also holds the oracle's answers, found once and held against any number of backends.
 
 mod batch;
-mod bounds;
 #[cfg(test)]
 mod tests;
 
-use crate::generate::placement::Placement;
+use crate::generate::cases::Placement;
 use crate::generate::rays::{Aims, turn};
 use crate::generate::scenes::{SceneKind, scene};
 use crate::generate::{mixed, shares};
