@@ -4,9 +4,11 @@ use crate::gpu::Gpu;
 use crate::limits::span;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
+use geom::Point;
 use gpu_common::refuse_above;
+use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
-use wgpu::{Buffer, BufferUsages, CommandEncoder};
+use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder};
 
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
 const PIECE: u64 = 512 << 10;
@@ -193,4 +195,42 @@ pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
 
 pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
     BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
+}
+
+/// Positions on their way to the builder.
+pub struct PositionsCopy {
+    pub(crate) buffer: Buffer,
+    pub(crate) mapping: Mapping,
+}
+
+/// Positions that have arrived, and the buffer that is mapped for them until it is used again.
+pub(crate) struct Arrived {
+    view: BufferView,
+    buffer: Buffer,
+    vertices: usize,
+}
+
+impl Deref for Arrived {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        bytemuck::cast_slice(&self.view[..self.vertices * size_of::<Point>()])
+    }
+}
+
+impl Arrived {
+    pub(crate) fn new(copy: PositionsCopy, vertices: usize) -> Result<Self> {
+        let buffer = copy.buffer;
+        Ok(Self {
+            view: buffer.get_mapped_range(..).map_err(unreadable)?,
+            buffer,
+            vertices,
+        })
+    }
+
+    /// The buffer, unless it is gone with its device. No view may look at a buffer that is unmapped.
+    pub(crate) fn unmapped(self, device: &wgpu::Device) -> Option<Buffer> {
+        drop(self.view);
+        unmap(device, &self.buffer).then_some(self.buffer)
+    }
 }

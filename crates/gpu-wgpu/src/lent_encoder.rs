@@ -1,8 +1,7 @@
 //! Commands that go into an encoder of the program's, which submits it itself.
 
-use crate::buffers::{Mapping, copy, readback};
+use crate::buffers::{Mapping, PositionsCopy, copy, readback};
 use crate::gpu::Gpu;
-use crate::positions::PositionsCopy;
 use crate::slot::Slot;
 use crate::wgpu_device::WgpuDevice;
 use backend::{Result, Ticket};
@@ -68,8 +67,10 @@ impl WgpuDevice {
             let mut encoder = self.gpu.encoder("a frame")?;
             let copied = self.encode(&mut encoder, slot, positions)?;
             slot.submit(&self.gpu, encoder)?;
-            let ask =
-                |buffer| Mapping::ask(&self.gpu, &buffer).map(|m| PositionsCopy::new(buffer, m));
+            let ask = |buffer| {
+                let mapping = Mapping::ask(&self.gpu, &buffer)?;
+                Ok(PositionsCopy { buffer, mapping })
+            };
             return copied.map(ask).transpose();
         };
         let encoded = self.encode(&mut encoder, slot, positions);
@@ -77,7 +78,7 @@ impl WgpuDevice {
             slot.leave(&encoder);
             copied.map(|buffer| {
                 let mapping = Mapping::on_submit(&encoder, &buffer);
-                PositionsCopy::new(buffer, mapping)
+                PositionsCopy { buffer, mapping }
             })
         });
         self.encoder

@@ -28,7 +28,6 @@ mod marks;
 mod modules;
 mod pipeline_cache;
 mod pipelines;
-mod positions;
 mod shader_module;
 mod slot;
 mod wgpu_device;

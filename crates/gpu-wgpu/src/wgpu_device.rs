@@ -1,14 +1,13 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Window, storage, upload, write};
+use crate::buffers::{Arrived, PositionsCopy, Window, storage, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
 use crate::lent_encoder::LentEncoder;
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::pipelines::Pipeline;
-use crate::positions::{Arrived, PositionsCopy};
 use crate::slot::Slot;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
