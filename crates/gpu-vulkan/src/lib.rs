@@ -12,7 +12,6 @@
 //! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`VulkanDevice`]. What `gpu-vulkan-rt`
 //! needs of that is public: buffers, commands, the device.
 
-mod adapters;
 pub mod commands;
 pub mod errors;
 pub mod external;
@@ -35,8 +34,8 @@ pub mod transfer;
 mod validation;
 mod vulkan_device;
 
-pub use adapters::{adapters, all};
 pub use gpu_common::LentRays;
+pub use instance::{adapters, all};
 pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use slot::Slot;
 pub use vulkan_device::{VulkanBackend, VulkanDevice};

@@ -1,9 +1,8 @@
 //! What Vulkan does for a backend.
 
-use crate::adapters::all;
 use crate::gpu::Gpu;
 use crate::host_points::{HostPoints, KeysRead, PositionsCopy};
-use crate::instance::Host;
+use crate::instance::{Host, all};
 use crate::lent::Lent;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
