@@ -86,14 +86,15 @@ impl Params {
     }
 
     /// The same at a moment whose coordinates reach so far; `None` where a device has to find out.
-    pub fn at_range(self, range: Option<Range>) -> Self {
+    pub fn at_range(mut self, range: Option<Range>) -> Self {
         match range {
-            Some(range) => self.within(range),
-            None => Self {
-                extreme: Self::UNKNOWN,
-                ..self
-            },
+            Some(range) => {
+                self.clearance = range.clearance * scale(self.scale_exponent);
+                (self.extreme, self.tiny) = (range.extreme.into(), range.tiny.into());
+            }
+            None => self.extreme = Self::UNKNOWN,
         }
+        self
     }
 
     /// The same where rays are extreme by themselves alone.
@@ -111,13 +112,6 @@ impl Params {
 
     /// Of [`Params::extreme`]: whether rays are extreme is written in [`crate::BufferName::Range`].
     pub(crate) const UNKNOWN: u32 = 2;
-
-    /// The same at a moment whose coordinates reach so far.
-    pub fn within(mut self, range: Range) -> Self {
-        self.clearance = range.clearance * scale(self.scale_exponent);
-        (self.extreme, self.tiny) = (range.extreme.into(), range.tiny.into());
-        self
-    }
 
     /// Whether a ray from `origin`, in the scene's units, is extreme.
     pub fn is_extreme(&self, origin: Point) -> bool {
