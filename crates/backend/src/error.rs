@@ -55,8 +55,19 @@ pub enum BackendError {
 impl BackendError {
     /// A backend was told of no rays on its device.
     pub fn no_rays_on_device(backend: &'static str) -> Self {
-        let what = "rays that lie on the device".into();
+        Self::unsupported(backend, "rays that lie on the device")
+    }
+
+    /// [`BackendError::Unsupported`] by a backend of that name.
+    pub fn unsupported(backend: &'static str, what: impl Into<String>) -> Self {
+        let what = what.into();
         Self::Unsupported { backend, what }
+    }
+
+    /// [`BackendError::Rejected`] for that reason.
+    pub fn rejected(what: impl Into<String>, why: impl Into<String>) -> Self {
+        let (what, why) = (what.into(), why.into());
+        Self::Rejected { what, why }
     }
 }
 

@@ -234,10 +234,8 @@ pub trait Backend: Send + Any {
     /// Records: several traces of one submission, in the place of its one. Small ones end sooner than by themselves, since
     /// none waits for the slowest rays of another. Asked where [`Backend::traces_together`] says so.
     fn trace_together(&mut self, _queries: &[Query<'_>]) -> Result<()> {
-        Err(BackendError::Unsupported {
-            backend: self.device().backend,
-            what: "several traces of one submission".into(),
-        })
+        let (backend, what) = (self.device().backend, "several traces of one submission");
+        Err(BackendError::unsupported(backend, what))
     }
 
     /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:
@@ -326,10 +324,7 @@ pub trait Inspect {
 }
 
 fn no_trees(backend: &'static str) -> BackendError {
-    BackendError::Unsupported {
-        backend,
-        what: "trees made on the device".into(),
-    }
+    BackendError::unsupported(backend, "trees made on the device")
 }
 
 /// Refuses a tree that does not hold exactly the animation's live triangles.

@@ -77,10 +77,7 @@ impl CpuBackend {
         new_tree: impl Fn(Layout) -> Box<dyn Accelerator> + Send + 'static,
     ) -> Result<Self> {
         if threads == Some(0) {
-            return Err(BackendError::Unsupported {
-                backend: NAME,
-                what: "0 threads".to_owned(),
-            });
+            return Err(BackendError::unsupported(NAME, "0 threads"));
         }
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads.unwrap_or(0))

@@ -18,10 +18,7 @@ pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendE
             }
         }
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(what.to_owned()),
-        _ => BackendError::Rejected {
-            what: what.to_owned(),
-            why: code.to_string(),
-        },
+        _ => BackendError::rejected(what, code.to_string()),
     }
 }
 

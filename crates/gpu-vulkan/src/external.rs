@@ -35,14 +35,6 @@ pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'stati
     [MEMORY, SEMAPHORE].into_iter().filter(is_offered).collect()
 }
 
-/// What is refused because of how it was asked for.
-pub(crate) fn rejected(what: &str, why: impl Into<String>) -> BackendError {
-    BackendError::Rejected {
-        what: what.into(),
-        why: why.into(),
-    }
-}
-
 /// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.
 pub struct ExternalMemory {
     pub(crate) vk: vk::Buffer,
@@ -166,7 +158,10 @@ impl Gpu {
             true => Ok(()),
             false => {
                 let name = name.to_string_lossy();
-                Err(rejected(what, format!("the device exports none by {name}")))
+                Err(BackendError::rejected(
+                    what,
+                    format!("the device exports none by {name}"),
+                ))
             }
         }
     }

@@ -1,12 +1,12 @@
 //! What the device's owner has there: positions, rays, room for answers, and semaphores that tell when.
 
-use crate::external::{ExternalMemory, rejected};
+use crate::external::ExternalMemory;
 use crate::memory::{Buffer, BufferUse};
 use crate::pool::LastUse;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::vulkan_device::VulkanDevice;
 use ash::vk;
-use backend::Result;
+use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{LentRays, without};
@@ -95,7 +95,7 @@ impl VulkanDevice {
         (from, offset): (&Arc<ExternalMemory>, u64),
     ) -> Result<()> {
         if offset % 4 != 0 {
-            return Err(rejected(
+            return Err(BackendError::rejected(
                 "an offset of vertices",
                 "it is of no whole floats",
             ));
@@ -208,7 +208,10 @@ impl VulkanDevice {
         [wait, signal]: [u64; 2],
     ) -> Result<()> {
         if !Arc::ptr_eq(&timeline.gpu, &self.gpu) {
-            return Err(rejected("a semaphore", "it is another device's"));
+            return Err(BackendError::rejected(
+                "a semaphore",
+                "it is another device's",
+            ));
         }
         let mut open = Vec::new();
         for step in self.lent.steps.drain(..) {
@@ -222,7 +225,7 @@ impl VulkanDevice {
         let before = before.map(|step| step.signal).max().unwrap_or(0);
         if signal <= wait.max(before) || timeline.has_reached(signal)? {
             let why = format!("{signal} is not above what it waits for, has or is to reach");
-            return Err(rejected("a semaphore's value", why));
+            return Err(BackendError::rejected("a semaphore's value", why));
         }
         self.lent.steps.push(Step {
             timeline: Arc::clone(timeline),

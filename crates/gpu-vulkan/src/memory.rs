@@ -1,7 +1,7 @@
 //! Buffers: made, mapped and given back.
 
 use crate::errors::failed_for;
-use crate::external::{ExternalMemory, rejected};
+use crate::external::ExternalMemory;
 use crate::gpu::Gpu;
 use crate::instance::Host;
 use ash::ext::memory_budget;
@@ -254,11 +254,11 @@ impl Buffer {
     pub fn lent(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
         let what = "an external buffer";
         if !Arc::ptr_eq(&memory.gpu, gpu) {
-            return Err(rejected(what, "it is another device's"));
+            return Err(BackendError::rejected(what, "it is another device's"));
         }
         if memory.bytes < bytes {
             let why = format!("it has {} bytes, not {bytes}", memory.bytes);
-            return Err(rejected(what, why));
+            return Err(BackendError::rejected(what, why));
         }
         Ok(Self {
             vk: memory.vk,

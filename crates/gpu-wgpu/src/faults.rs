@@ -46,10 +46,7 @@ impl Faults {
                 bytes,
             },
             wgpu::Error::Validation { .. } | wgpu::Error::Internal { .. } => {
-                BackendError::Rejected {
-                    what: what.to_owned(),
-                    why: error.to_string(),
-                }
+                BackendError::rejected(what, error.to_string())
             }
         }
     }

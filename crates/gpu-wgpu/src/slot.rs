@@ -189,7 +189,8 @@ impl Slot {
                 gpu.wait_idle()?;
                 if !mapping.poll(gpu)? {
                     self.sent = Some((submitted, mapping));
-                    return Err(not_submitted());
+                    let why = "the encoder that the step is in was not submitted";
+                    return Err(BackendError::rejected("what a step found", why));
                 }
             }
         }
@@ -254,12 +255,5 @@ impl GpuSlot<WgpuDevice> for Slot {
     fn clear_counts(&mut self, _: &WgpuDevice, bytes: u64) -> Result<()> {
         self.commands.push(Command::Clear(bytes));
         Ok(())
-    }
-}
-
-fn not_submitted() -> BackendError {
-    BackendError::Rejected {
-        what: "what a step found".into(),
-        why: "the encoder that the step is in was not submitted".into(),
     }
 }
