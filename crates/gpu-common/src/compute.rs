@@ -3,7 +3,7 @@
 mod trace;
 
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, Options, Pipelines, Stage, are_given};
+use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -26,15 +26,6 @@ pub struct ComputeBackend<D: GpuDevice> {
     progress: Progress,
     /// Whether the device knows how far the coordinates reach of the key frame that arrived last.
     measured: bool,
-}
-
-/// What must run before a trace.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Stale {
-    Positions,
-    Records,
-    Boxes,
-    Fresh,
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {

@@ -13,6 +13,19 @@ use shaders::work::{self, Work};
 use shaders::{BufferName, Params};
 use std::sync::Arc;
 
+/// What must run before a trace.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stale {
+    /// `interpolate`, and all that follows.
+    Positions,
+    /// `preprocess`, likewise.
+    Records,
+    /// `refit`.
+    Boxes,
+    /// Nothing.
+    Fresh,
+}
+
 /// A device with a scene, its positions, submissions and traces. What trees are and how rays go down them is for the owner
 /// to say.
 ///

@@ -33,7 +33,7 @@ pub use device::{
     BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Sent,
     refuse_above,
 };
-pub use engine::Engine;
+pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
 pub use options::{KernelForm, Options, Validation};
 pub use pipelines::{KernelCode, Pipelines};

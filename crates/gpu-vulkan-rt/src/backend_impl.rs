@@ -2,14 +2,14 @@
 
 use crate::scene::DriverScene;
 use crate::tree::triangles_of;
-use crate::{DriverTreeBackend, Stale, check};
+use crate::{DriverTreeBackend, check};
 use backend::{
     Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
     Intersector, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
-use gpu_common::{GpuDevice, Stage, Trace, are_given, refuse_above};
+use gpu_common::{GpuDevice, Stage, Stale, Trace, are_given, refuse_above};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::commands::{KERNELS, RAYS};
 use gpu_vulkan::memory::Buffer;
@@ -42,10 +42,8 @@ impl Backend for DriverTreeBackend {
     }
 
     fn adopt(&mut self, _: &Topology, _: Generation) -> Result<()> {
-        Err(BackendError::Unsupported {
-            backend: self.prefer.backend(),
-            what: "trees made by others".to_owned(),
-        })
+        let (backend, what) = (self.prefer.backend(), "trees made by others");
+        Err(BackendError::unsupported(backend, what))
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
@@ -58,14 +56,14 @@ impl Backend for DriverTreeBackend {
             ..self.params()
         };
         self.engine.interpolate(pose, params)?;
-        (self.stale, self.uncounted) = (Stale::Vertices, false);
+        (self.stale, self.uncounted) = (Stale::Records, false);
         Ok(())
     }
 
     /// Has work only for scenes with vertices that are not finite.
     fn preprocess(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Vertices, "positions come first");
-        if self.stale > Stale::Vertices {
+        assert!(self.stale >= Stale::Records, "positions come first");
+        if self.stale > Stale::Records {
             return Ok(());
         }
         let (params, triangles) = (self.params(), self.triangles());
@@ -76,7 +74,7 @@ impl Backend for DriverTreeBackend {
         let engine = &mut self.engine;
         engine.run(Some(Stage::Preprocess), work.as_slice(), own)?;
         engine.frames.record(&engine.gpu)?.extents.uncounted = Some(0);
-        (self.stale, self.uncounted) = (Stale::Tree, true);
+        (self.stale, self.uncounted) = (Stale::Boxes, true);
         Ok(())
     }
 
@@ -87,7 +85,7 @@ impl Backend for DriverTreeBackend {
 
     /// Nothing after a [`Backend::rebuild`] at the same positions.
     fn refit(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Tree, "vertices come first");
+        assert!(self.stale >= Stale::Boxes, "vertices come first");
         if self.stale == Stale::Fresh {
             return Ok(());
         }
@@ -126,7 +124,7 @@ impl Backend for DriverTreeBackend {
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Vertices, "positions come first");
+        assert!(self.stale >= Stale::Records, "positions come first");
         self.engine.request_positions()
     }
 
@@ -294,9 +292,7 @@ impl Inspect for DriverTreeBackend {
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        Err(BackendError::Unsupported {
-            backend: self.prefer.backend(),
-            what: "a look into the driver's tree".to_owned(),
-        })
+        let (backend, what) = (self.prefer.backend(), "a look into the driver's tree");
+        Err(BackendError::unsupported(backend, what))
     }
 }

@@ -16,7 +16,7 @@ mod tree;
 pub use support::ray_adapters;
 
 use backend::{BackendError, Method, Result};
-use gpu_common::{Engine, Options, Pipelines};
+use gpu_common::{Engine, Options, Pipelines, Stale};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -56,15 +56,6 @@ pub struct DriverTreeBackend {
     /// Whether the recording has positions at which triangles are to be counted.
     uncounted: bool,
     rays: RayPipeline,
-}
-
-/// What must run before a trace.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Stale {
-    Positions,
-    Vertices,
-    Tree,
-    Fresh,
 }
 
 /// Refuses, in the name of `backend`, all but the usual method.

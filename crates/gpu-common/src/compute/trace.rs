@@ -1,7 +1,7 @@
 //! Traces, and where their hits lie.
 
-use super::{ComputeBackend, Stale};
-use crate::{GpuDevice, Stage, are_given};
+use super::ComputeBackend;
+use crate::{GpuDevice, Stage, Stale, are_given};
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays, Result, Ticket};
 use geom::Ray;
 use shaders::work;
