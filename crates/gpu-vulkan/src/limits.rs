@@ -54,16 +54,14 @@ impl Limits {
     /// # Errors
     /// [`backend::BackendError::Limit`]; likewise below.
     pub(crate) fn admit(&self, what: &str, bytes: u64) -> Result<()> {
-        refuse_above(
-            || format!("{what} (bytes, maxStorageBufferRange)"),
-            bytes,
-            self.storage_range,
-        )?;
-        refuse_above(
-            || format!("{what} (bytes, maxMemoryAllocationSize)"),
-            bytes,
-            self.allocation,
-        )
+        let limits = [
+            ("maxStorageBufferRange", self.storage_range),
+            ("maxMemoryAllocationSize", self.allocation),
+        ];
+        let mut all = limits.into_iter();
+        all.try_for_each(|(name, most)| {
+            refuse_above(|| format!("{what} (bytes, {name})"), bytes, most)
+        })
     }
 
     /// Refuses a device that one of the kernels asked for does not fit.

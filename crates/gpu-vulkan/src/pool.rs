@@ -18,29 +18,16 @@ pub(crate) struct LastUse {
 }
 
 /// What tells how far uploads and submissions are.
-#[derive(Clone, Copy)]
-pub(crate) struct Done<'a> {
-    uploads: &'a Timeline,
-    submissions: &'a Timeline,
-}
+type Done<'a> = (&'a Transfer, &'a Timeline);
 
-impl<'a> Done<'a> {
-    pub(crate) fn of(road: &'a Transfer, submissions: &'a Timeline) -> Self {
-        let uploads = &road.done;
-        Self {
-            uploads,
-            submissions,
-        }
+impl LastUse {
+    fn has_passed(self, (uploads, submissions): Done<'_>) -> Result<bool> {
+        Ok(submissions.has_reached(self.ticket)? && uploads.done.has_reached(self.filled_at)?)
     }
 
-    fn has_passed(self, last: LastUse) -> Result<bool> {
-        Ok(self.submissions.has_reached(last.ticket)?
-            && self.uploads.has_reached(last.filled_at)?)
-    }
-
-    fn wait(self, last: LastUse) -> Result<()> {
-        self.submissions.wait(last.ticket)?;
-        self.uploads.wait(last.filled_at)
+    fn wait(self, (uploads, submissions): Done<'_>) -> Result<()> {
+        submissions.wait(self.ticket)?;
+        uploads.done.wait(self.filled_at)
     }
 }
 
@@ -56,7 +43,7 @@ impl Pool {
     /// A buffer that nothing uses, of whatever size; waits for one only if there are `most`.
     pub(crate) fn take(&mut self, done: Done<'_>, most: usize) -> Result<Option<Buffer>> {
         for i in 0..self.0.len() {
-            if done.has_passed(self.0[i].0)? {
+            if self.0[i].0.has_passed(done)? {
                 return Ok(Some(self.0.remove(i).1));
             }
         }
@@ -65,7 +52,7 @@ impl Pool {
         let Some((i, &(last, _))) = first.filter(|_| self.0.len() >= most) else {
             return Ok(None);
         };
-        done.wait(last)?;
+        last.wait(done)?;
         Ok(Some(self.0.remove(i).1))
     }
 
@@ -73,7 +60,7 @@ impl Pool {
     pub(crate) fn prune(&mut self, done: Done<'_>) -> Result<()> {
         let mut kept = Vec::new();
         for (last, buffer) in self.0.drain(..) {
-            if !done.has_passed(last)? {
+            if !last.has_passed(done)? {
                 kept.push((last, buffer));
             }
         }
@@ -179,7 +166,7 @@ impl Sender {
 
     /// Begins to send something part by part. Gives its buffer, and the value of the copy.
     pub(crate) fn send(&mut self, road: Road<'_>, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
-        let mut staging = self.room(Done::of(road.0, road.1), bytes(parts))?;
+        let mut staging = self.room((road.0, road.1), bytes(parts))?;
         staging.fill(parts);
         self.send_filled(road, staging)
     }
@@ -205,10 +192,9 @@ impl Sender {
         (from, bytes): (&Buffer, u64),
         new: Option<&[Range<u64>]>,
     ) -> Result<(Buffer, u64)> {
-        let done = Done::of(road, submissions);
         let all = 0..bytes;
         let all = std::slice::from_ref(&all);
-        let spare = self.free.take(done, most_spare(bytes))?;
+        let spare = self.free.take((road, submissions), most_spare(bytes))?;
         let (to, new) = match spare.filter(|b| b.bytes >= bytes) {
             Some(held_another) => (held_another, new.unwrap_or(all)),
             None => (self.buffer(bytes, BufferUse::Device)?, all),

@@ -6,7 +6,7 @@ use crate::instance::{Host, all};
 use crate::lent::Lent;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::pool::{Done, LastUse, Pool, Sender, Staging};
+use crate::pool::{LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Copy, Transfer, Window, load};
@@ -105,7 +105,7 @@ impl VulkanDevice {
         (self.arriving, self.overwritten) = (None, None);
         self.lent.are_awaited();
         self.submitted = ticket.0;
-        self.outgrown.prune(Done::of(&self.upload, &self.done))
+        self.outgrown.prune((&self.upload, &self.done))
     }
 }
 
@@ -228,7 +228,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
-        let done = Done::of(&self.upload, &self.done);
+        let done = (&self.upload, &self.done);
         self.senders[what as usize].staging(done)
     }
 
