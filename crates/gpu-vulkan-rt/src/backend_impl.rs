@@ -225,9 +225,10 @@ impl DriverTreeBackend {
             }
         };
         let what = || "rays (of one launch, maxRayDispatchInvocationCount)".to_owned();
-        refuse_above(what, size[0], bounds.along[0])?;
-        refuse_above(what, size[1], bounds.along[1])?;
-        refuse_above(what, size[0] * size[1], bounds.rays)?;
+        let [x, y] = bounds.along;
+        for (need, most) in [(size[0], x), (size[1], y), (size[0] * size[1], bounds.rays)] {
+            refuse_above(what, need, most)?;
+        }
         Ok(size.map(|n| n as u32))
     }
 

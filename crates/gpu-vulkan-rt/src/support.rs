@@ -98,8 +98,7 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
             Some(what) => reasons.push(format!("{} lacks {what}", adapter.name)),
             None => {
                 let bounds = Bounds::of(host, device);
-                let name = khr::ray_query::NAME.to_owned();
-                let queries = match host.extensions(device).contains(&name) {
+                let queries = match host.offers(device, khr::ray_query::NAME) {
                     true => "yes",
                     false => "no",
                 };
@@ -120,11 +119,8 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
 
 /// What a device lacks of extensions and features; `None` if it is able.
 fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
-    let offered = host.extensions(device);
-    let missing = RAY_EXTENSIONS
-        .into_iter()
-        .find(|&name| !offered.iter().any(|o| o.as_c_str() == name));
-    if let Some(name) = missing {
+    let mut needed = RAY_EXTENSIONS.into_iter();
+    if let Some(name) = needed.find(|name| !host.offers(device, name)) {
         return Some(name.to_string_lossy().into_owned());
     }
     let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();

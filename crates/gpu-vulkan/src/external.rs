@@ -30,9 +30,8 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 
 /// Extensions by which a device exports, those of them that it offers.
 pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    let offered = host.extensions(device);
-    let is_offered = |name: &&CStr| offered.iter().any(|o| o.as_c_str() == *name);
-    [MEMORY, SEMAPHORE].into_iter().filter(is_offered).collect()
+    let both = [MEMORY, SEMAPHORE].into_iter();
+    both.filter(|name| host.offers(device, name)).collect()
 }
 
 /// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.

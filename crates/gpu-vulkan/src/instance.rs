@@ -7,7 +7,7 @@ use crate::validation::{EXTENSIONS, LAYER, is_on, listen};
 use ash::{Entry, Instance, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::Validation;
-use std::ffi::{CStr, CString};
+use std::ffi::CStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An instance, perhaps under the validation layer.
@@ -112,14 +112,12 @@ impl Host {
         unsafe { self.instance.get_physical_device_features2(device, chain) };
     }
 
-    /// Names of all extensions that a device offers.
-    pub fn extensions(&self, device: vk::PhysicalDevice) -> Vec<CString> {
+    /// Whether a device offers an extension.
+    pub fn offers(&self, device: vk::PhysicalDevice, name: &CStr) -> bool {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
-        let names = offered.unwrap_or_default();
-        let name =
-            |e: &vk::ExtensionProperties| e.extension_name_as_c_str().ok().map(ToOwned::to_owned);
-        names.iter().filter_map(name).collect()
+        let all = offered.unwrap_or_default();
+        all.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
     }
 }
 

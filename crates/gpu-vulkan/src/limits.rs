@@ -112,8 +112,7 @@ impl Extras {
         let mut core = vk::PhysicalDeviceVulkan12Features::default();
         let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
         let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut core);
-        let name = pipeline_robustness::NAME.to_owned();
-        if host.extensions(device).contains(&name) {
+        if host.offers(device, pipeline_robustness::NAME) {
             have = have.push_next(&mut robustness);
         }
         host.read_features(device, &mut have);

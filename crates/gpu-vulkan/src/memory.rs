@@ -67,9 +67,7 @@ impl Memory {
     /// Bytes of the largest heap of the device's own that this process may still have: all of it, unless the driver
     /// tells how much others use.
     pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
-        let tells = host
-            .extensions(self.physical)
-            .contains(&memory_budget::NAME.to_owned());
+        let tells = host.offers(self.physical, memory_budget::NAME);
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut found = vk::PhysicalDeviceMemoryProperties2::default();
         if tells {

@@ -51,13 +51,12 @@ impl OtherDevice {
         let all = host.physical_devices().unwrap();
         let physical = all.into_iter().find(is_same).unwrap();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let offered = host.extensions(physical);
         let wanted = [
             khr::external_memory_fd::NAME,
             khr::external_semaphore_fd::NAME,
         ];
-        let is_offered = |name: &&CStr| offered.iter().any(|o| o.as_c_str() == *name);
-        let names = wanted.into_iter().filter(is_offered);
+        let offered = wanted.into_iter();
+        let names = offered.filter(|name| host.offers(physical, name));
         let names: Vec<_> = names.map(CStr::as_ptr).collect();
         let mut timelines = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
         let info = vk::DeviceCreateInfo::default()
