@@ -14,7 +14,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     record: Option<D::Buffer>,
     /// The tree to come, and its number to be expected.
     sent: Option<(Generation, D::Buffer, u64)>,
-    written: Arc<Mutex<Written<D>>>,
+    /// Where the next tree can be written, to be sent from there.
+    written: Arc<Mutex<Option<Written<D>>>>,
     /// Nodes and costs are as large as the trees so far asked for.
     pub(crate) buffers: BufferTable<D>,
     /// What making trees here takes; none before the first.
@@ -61,24 +62,27 @@ impl<D: GpuDevice> TreeBuffers<D> {
         gpu: &mut D,
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
-        {
-            // Held elsewhere only while a tree is written, of which there is one at a time.
-            let mut written = lock(&self.written);
-            if written.staging.is_none() {
-                written.staging = gpu.staging(Sent::Tree)?;
-            }
-            if written.staging.is_none() {
-                return Ok(None);
-            }
-            written.generation = Generation(0);
-        }
+        // Held elsewhere only while a tree is written, of which there is one at a time.
+        let mut written = lock(&self.written);
+        let staging = match written.take() {
+            Some(spare) => Some(spare.staging),
+            None => gpu.staging(Sent::Tree)?,
+        };
+        let Some(staging) = staging else {
+            return Ok(None);
+        };
+        *written = Some(Written {
+            staging,
+            generation: Generation(0),
+        });
+        drop(written);
         let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
         let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
-                let mut written = lock(&to);
-                let staging = written.staging.as_mut();
-                if staging.is_some_and(|staging| D::fill(staging, parts)) {
+                if let Some(written) = lock(&to).as_mut()
+                    && D::fill(&mut written.staging, parts)
+                {
                     written.generation = generation;
                 }
             });
@@ -97,11 +101,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 if let Some((_, buffer, _)) = left {
                     gpu.recycle(Sent::Tree, buffer, 0);
                 }
-                let mut written = lock(&self.written);
-                let is_written = written.generation == generation;
+                let written = lock(&self.written).take();
                 // Memory that the tree was not written to is too small: the next one gets other.
-                match written.staging.take().filter(|_| is_written) {
-                    Some(staging) => gpu.send_filled(Sent::Tree, staging)?,
+                match written.filter(|written| written.generation == generation) {
+                    Some(written) => gpu.send_filled(Sent::Tree, written.staging)?,
                     None => with_parts(self.shape.layout, tree, &self.animation, |parts| {
                         gpu.send(Sent::Tree, parts)
                     })?,
@@ -175,18 +178,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
 
 /// A tree where it can be sent from.
 struct Written<D: GpuDevice> {
-    staging: Option<D::Staging>,
+    staging: D::Staging,
     /// The tree that is written there; 0 if none is.
     generation: Generation,
-}
-
-impl<D: GpuDevice> Default for Written<D> {
-    fn default() -> Self {
-        Self {
-            staging: None,
-            generation: Generation(0),
-        }
-    }
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
