@@ -20,16 +20,6 @@ pub(crate) struct LentEncoder {
 }
 
 impl LentEncoder {
-    pub(crate) fn take(&mut self) -> Option<CommandEncoder> {
-        self.encoder.take()
-    }
-
-    /// Gives the encoder back, with a submission in it if there is a ticket.
-    fn give_back(&mut self, encoder: CommandEncoder, ticket: Option<Ticket>) {
-        self.encoder = Some(encoder);
-        self.under_way.extend(ticket.map(|ticket| (ticket, None)));
-    }
-
     /// Whether a buffer is to be held that comes back now.
     pub(crate) fn holds(&mut self, what: Sent, buffer: &Buffer) -> bool {
         let newest = self.under_way.back();
@@ -63,7 +53,7 @@ impl WgpuDevice {
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
-        let Some(mut encoder) = self.encoder.take() else {
+        let Some(mut encoder) = self.take_encoder() else {
             let mut encoder = self.gpu.encoder("a frame")?;
             let copied = self.encode(&mut encoder, slot, positions)?;
             slot.submit(&self.gpu, encoder)?;
@@ -81,8 +71,9 @@ impl WgpuDevice {
                 PositionsCopy { buffer, mapping }
             })
         });
-        self.encoder
-            .give_back(encoder, copy.is_ok().then_some(ticket));
+        self.encoder.encoder = Some(encoder);
+        let under_way = copy.is_ok().then_some((ticket, None));
+        self.encoder.under_way.extend(under_way);
         copy
     }
 
@@ -133,7 +124,7 @@ impl WgpuDevice {
 
     /// The encoder lent last, unless it was taken back.
     pub fn take_encoder(&mut self) -> Option<CommandEncoder> {
-        self.encoder.take()
+        self.encoder.encoder.take()
     }
 
     /// Whether encoders with submissions are not seen to be done.
