@@ -51,6 +51,18 @@ impl Moving {
             still_nodes: None,
         }
     }
+
+    /// Nodes with blocks that move.
+    fn blocks(&self) -> Chosen<'_> {
+        (Which::Listed(&self.block_nodes), Some(&self.lanes))
+    }
+
+    /// Of each level the nodes with inner children that move.
+    fn fit_nodes(&self, tree: &mut Wide) -> f64 {
+        let levels = self.levels.iter();
+        let listed = levels.map(|level| Which::Listed(&self.inner_nodes[level.clone()]));
+        tree.fit_nodes(listed, Some(&self.lanes))
+    }
 }
 
 /// For each node, a bit for each lane with a moving triangle below, deepest level first.
@@ -81,20 +93,6 @@ fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
 /// The lanes whose bits are set.
 fn chosen(lanes: u8) -> impl Iterator<Item = usize> {
     (0..LANES).filter(move |lane| lanes >> lane & 1 == 1)
-}
-
-impl Moving {
-    /// Nodes with blocks that move.
-    fn blocks(&self) -> Chosen<'_> {
-        (Which::Listed(&self.block_nodes), Some(&self.lanes))
-    }
-
-    /// Of each level the nodes with inner children that move.
-    fn fit_nodes(&self, tree: &mut Wide) -> f64 {
-        let levels = self.levels.iter();
-        let listed = levels.map(|level| Which::Listed(&self.inner_nodes[level.clone()]));
-        tree.fit_nodes(listed, Some(&self.lanes))
-    }
 }
 
 impl Wide {

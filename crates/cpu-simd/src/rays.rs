@@ -173,9 +173,7 @@ impl<L: Lanes> Group<L> {
             back: back.store(),
         }
     }
-}
 
-impl<L: Lanes> Group<L> {
     /// `kz`, where all lanes hold a prepared ray and have the same.
     #[inline(always)]
     pub(crate) fn main_of_all(&self) -> Option<usize> {

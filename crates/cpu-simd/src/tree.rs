@@ -125,9 +125,7 @@ impl Wide {
             moving: None,
         }
     }
-}
 
-impl Wide {
     /// Makes the record of each lane for tests that ask for one, after the corners.
     fn make_records<T: TriangleTest>(&mut self) {
         self.records
