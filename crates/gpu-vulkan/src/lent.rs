@@ -20,7 +20,8 @@ const POINT: u64 = size_of::<Point>() as u64;
 #[derive(Default)]
 pub(crate) struct Lent {
     points: LentPoints,
-    rays: Option<LentRays<Buffer>>,
+    /// Rays for the next query.
+    pub(crate) rays: Option<LentRays<Buffer>>,
     steps: Vec<Step>,
 }
 
@@ -57,10 +58,6 @@ impl Lent {
         without(runs, &self.points.runs)
     }
 
-    pub(crate) fn take_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.rays.take()
-    }
-
     /// What has to be reached before anything lent is read or written.
     pub(crate) fn waits(&self) -> impl Iterator<Item = Moment> {
         let open = self.steps.iter().filter(|step| !step.is_awaited);
@@ -69,9 +66,9 @@ impl Lent {
 
     /// A submission waits for all, and so does what follows it.
     pub(crate) fn are_awaited(&mut self) {
-        self.steps
-            .iter_mut()
-            .for_each(|step| step.is_awaited = true);
+        for step in &mut self.steps {
+            step.is_awaited = true;
+        }
     }
 }
 
@@ -258,10 +255,9 @@ impl VulkanDevice {
         let batches: Vec<_> = batches.collect();
         submit(&self.gpu, self.gpu.compute, &batches)?;
         self.lent.are_awaited();
-        self.lent
-            .steps
-            .iter_mut()
-            .for_each(|step| step.is_signalled = true);
+        for step in &mut self.lent.steps {
+            step.is_signalled = true;
+        }
         Ok(())
     }
 }

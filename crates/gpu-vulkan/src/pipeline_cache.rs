@@ -23,13 +23,9 @@ impl PipelineCache {
     ) -> Self {
         // SAFETY: the device belongs to the instance, which is alive.
         let p = unsafe { host.instance.get_physical_device_properties(physical) };
-        let uuid: String = p
-            .pipeline_cache_uuid
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect();
+        let uuid = u128::from_be_bytes(p.pipeline_cache_uuid);
         let name = format!(
-            "vulkan-{:x}-{:x}-{:x}-{uuid}",
+            "vulkan-{:x}-{:x}-{:x}-{uuid:032x}",
             p.vendor_id, p.device_id, p.driver_version
         );
         let mut file = folder.map(|folder| CacheFile::new(folder, &name));

@@ -186,7 +186,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.lent.take_rays()
+        self.lent.rays.take()
     }
 
     fn buffers_made(&self) -> u64 {
