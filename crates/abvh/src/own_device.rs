@@ -184,6 +184,9 @@ pub struct RayBuffers<'a> {
 impl RayBuffers<'_> {
     fn check(&self, query: Query) -> Result<()> {
         use wgpu::BufferUsages as Usage;
+        if self.answers == Some(self.rays) {
+            return Err(Error::Device("answers would be written over rays".into()));
+        }
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
         let answers = |buffer| {
             (

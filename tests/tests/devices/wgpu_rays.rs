@@ -122,7 +122,8 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
     let (list, adapter) = (all_kinds(), adapter());
     let open = || Own::on(&adapter, scene(), &list, HOW[0]);
     let (mut own, other) = (open(), open());
-    let [rays, copied] = [BufferUsages::STORAGE, BufferUsages::COPY_SRC]
+    let all = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+    let [rays, copied, both] = [BufferUsages::STORAGE, BufferUsages::COPY_SRC, all]
         .map(|usage| filled(&own.device, bytemuck::cast_slice(&list), usage));
     let count = own.count;
     let asked = RayBuffers {
@@ -136,6 +137,7 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
         (&copied, count, None),
         (&rays, count, Some(&copied)),
         (&rays, count, Some(&rays)),
+        (&both, count, Some(&both)),
         (&rays, usize::MAX, None),
     ] {
         let asked = RayBuffers {
