@@ -168,7 +168,7 @@ impl Work<'_> {
         let truth = accuracy::GroundTruth::of(&animation, self.args)?;
         self.progress.step(&format!("{name} exact answers"));
         for (way, point) in points {
-            truth.judge(&animation, &way.ask)?.enter(point);
+            truth.judge(&animation, &way.ask, point)?;
             self.progress.step(&format!("{name} judged {way}"));
         }
         Ok(())

@@ -15,9 +15,9 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 #[derive(Debug)]
 pub(crate) enum Stop {
     /// It was asked for something that cannot be: exit code 2.
-    Bad(anyhow::Error),
+    Bad(String),
     /// It ran and failed: exit code 1.
-    Failed(anyhow::Error),
+    Failed(String),
     /// A signal asked it to end: exit code 128 and that.
     Signal(u8),
     /// Help or version was asked for and shown: exit code 0.
@@ -26,11 +26,11 @@ pub(crate) enum Stop {
 
 impl Stop {
     pub(crate) fn bad(message: impl Display) -> Self {
-        Self::Bad(anyhow::anyhow!("{message}"))
+        Self::Bad(unwrapped(&message.to_string()))
     }
 
     pub(crate) fn failed(message: impl Display) -> Self {
-        Self::Failed(anyhow::anyhow!("{message}"))
+        Self::Failed(unwrapped(&message.to_string()))
     }
 
     pub(crate) fn code(&self) -> ExitCode {
@@ -47,26 +47,13 @@ impl fmt::Display for Stop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Shown | Self::Signal(_) => Ok(()),
-            Self::Bad(e) | Self::Failed(e) => f.write_str(&one_line(e)),
+            Self::Bad(text) | Self::Failed(text) => f.write_str(text),
         }
     }
-}
-
-/// The error and its causes on one line; causes that the text already names are left out.
-fn one_line(error: &anyhow::Error) -> String {
-    let mut line = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if line.is_empty() {
-            line = cause;
-        } else if !line.contains(&cause) {
-            line = format!("{line}: {cause}");
-        }
-    }
-    unwrapped(&line)
 }
 
 /// Lines that go on indented, as parsers wrap them, as one. Whatever else is in a text, such as a name, stays.
-pub(crate) fn unwrapped(text: &str) -> String {
+fn unwrapped(text: &str) -> String {
     let mut lines = text.trim_end().split("\n  ");
     let first = lines.next().unwrap_or_default().to_owned();
     lines.fold(first, |all, next| all + " " + next.trim_start())
@@ -75,21 +62,21 @@ pub(crate) fn unwrapped(text: &str) -> String {
 /// Whatever is wrong with a scene is wrong with the input.
 impl From<SceneError> for Stop {
     fn from(e: SceneError) -> Self {
-        Self::Bad(e.into())
+        Self::bad(e)
     }
 }
 
 /// Likewise for rays, and for what an earlier run left.
 impl From<OutputError> for Stop {
     fn from(e: OutputError) -> Self {
-        Self::Bad(e.into())
+        Self::bad(e)
     }
 }
 
 /// A file that could not be written while running. Checks made before call [`Stop::bad`].
 impl From<WriteError> for Stop {
     fn from(e: WriteError) -> Self {
-        Self::Failed(e.into())
+        Self::failed(e)
     }
 }
 
@@ -99,8 +86,8 @@ impl From<BackendError> for Stop {
         match e {
             BackendError::NoDevice(_)
             | BackendError::Unsupported { .. }
-            | BackendError::Limit { .. } => Self::Bad(e.into()),
-            _ => Self::Failed(e.into()),
+            | BackendError::Limit { .. } => Self::bad(e),
+            _ => Self::failed(e),
         }
     }
 }
@@ -109,8 +96,8 @@ impl From<PipelineError> for Stop {
     fn from(e: PipelineError) -> Self {
         match e {
             PipelineError::Backend(e) => e.into(),
-            PipelineError::Threads(_) => Self::Bad(e.into()),
-            e => Self::Failed(e.into()),
+            PipelineError::Threads(_) => Self::bad(e),
+            e => Self::failed(e),
         }
     }
 }
@@ -177,13 +164,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_are_named_once_and_on_one_line() {
-        let e = anyhow::anyhow!("disk full").context("cannot write a:\n  disk full");
-        assert_eq!(one_line(&e), "cannot write a: disk full");
-        let e = anyhow::anyhow!("b").context("a");
-        assert_eq!(one_line(&e), "a: b");
-        let e = anyhow::anyhow!("'a  b\n.obj' is no file");
-        assert_eq!(one_line(&e), "'a  b\n.obj' is no file");
+    fn a_message_is_one_line() {
+        let stop = Stop::failed("cannot write a:\n  disk full");
+        assert_eq!(stop.to_string(), "cannot write a: disk full");
+        let stop = Stop::bad("'a  b\n.obj' is no file");
+        assert_eq!(stop.to_string(), "'a  b\n.obj' is no file");
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub(crate) struct ConformArgs {
     pub(crate) oracle_batch: Option<u64>,
     /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
     #[arg(long, value_name = "INTERSECTOR",
-        value_parser = PossibleValuesParser::new(["watertight", "exact"]).map(|name| intersector(&name)))]
+        value_parser = PossibleValuesParser::new(["watertight", "exact"]).try_map(|name| name.parse::<Intersector>()))]
     pub(crate) intersector: Option<Intersector>,
 }
 
@@ -94,12 +94,4 @@ pub(crate) struct StabilityArgs {
 fn law_names() -> BTreeSet<&'static str> {
     let all = LAWS.iter().chain(OWN_TREE_LAWS);
     all.map(|l| l.name).collect()
-}
-
-/// Those that leak nowhere.
-fn intersector(name: &str) -> Intersector {
-    match name {
-        "exact" => Intersector::Exact,
-        _ => Intersector::Watertight,
-    }
 }

@@ -9,7 +9,7 @@ use crate::stop::Stop;
 use backend::{Hits, QueryKind};
 use conformance::oracle::Oracle;
 use geom::{Animation, Hit, Point, Ray};
-use output::plot::{self, Aimed, TError};
+use output::plot::{self, TError};
 use rayon::prelude::*;
 use std::iter;
 use std::sync::Arc;
@@ -69,15 +69,19 @@ impl GroundTruth {
         Ok(truth)
     }
 
-    /// Traces all rays one way.
+    /// Traces all rays one way, and counts in its point how often that is wrong.
     pub(super) fn judge(
         &self,
         animation: &Arc<Animation>,
         ask: &Ask<'_>,
-    ) -> Result<AnswerCounts, Stop> {
-        let mut counts = AnswerCounts::default();
-        self.trace(animation, ask, |sheet, hits| counts.add(sheet, &hits))?;
-        Ok(counts)
+        point: &mut plot::Point,
+    ) -> Result<(), Stop> {
+        let mut errors = Vec::new();
+        self.trace(animation, ask, |sheet, hits| {
+            errors.extend(count(sheet, &hits, point));
+        })?;
+        point.t_error_ulp = spread(errors);
+        Ok(())
     }
 
     /// Traces all one way, whose first tree is of the motion's begin.
@@ -103,51 +107,38 @@ impl GroundTruth {
     }
 }
 
-#[derive(Debug, Default)]
-pub(super) struct AnswerCounts {
-    tested: u64,
-    wrong: u64,
-    wrong_shadow: u64,
-    aimed: Aimed,
-    /// Of `t`, in units in the last place, where the triangle is right.
-    errors: Vec<f64>,
-}
-
-impl AnswerCounts {
-    fn add(&mut self, sheet: &Sheet, hits: &Hits) {
-        let truth = sheet.closest.iter().zip(&sheet.blocked);
-        let answers = hits.closest.iter().zip(&hits.blocked);
-        for ((truth, in_shadow), (hit, blocked)) in truth.zip(answers) {
-            let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-            let (tested, wrong) = match sheet.is_aimed {
-                true => (&mut self.aimed.rays, &mut self.aimed.wrong),
-                false => (&mut self.tested, &mut self.wrong),
-            };
-            *tested += 1;
-            *wrong += u64::from(!right);
-            if right && !sheet.is_aimed {
-                self.wrong_shadow += u64::from(blocked != in_shadow);
-                self.errors.extend(truth.map(|(_, t)| off(hit, t)));
-            }
+/// Counts wrong answers. How far off `t` is in units in the last place, wherever the triangle is right.
+fn count(sheet: &Sheet, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
+    let mut errors = Vec::new();
+    let truth = sheet.closest.iter().zip(&sheet.blocked);
+    let answers = hits.closest.iter().zip(&hits.blocked);
+    for ((truth, in_shadow), (hit, blocked)) in truth.zip(answers) {
+        let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
+        let (tested, wrong) = match sheet.is_aimed {
+            true => (&mut point.aimed.rays, &mut point.aimed.wrong),
+            false => (&mut point.rays_tested, &mut point.wrong),
+        };
+        *tested += 1;
+        *wrong += u64::from(!right);
+        if right && !sheet.is_aimed {
+            point.wrong_shadow += u64::from(blocked != in_shadow);
+            errors.extend(truth.map(|(_, t)| off(hit, t)));
         }
     }
+    errors
+}
 
-    pub(super) fn enter(mut self, point: &mut plot::Point) {
-        point.rays_tested = self.tested;
-        point.wrong = self.wrong;
-        point.wrong_shadow = self.wrong_shadow;
-        point.aimed = self.aimed;
-        self.errors.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| {
-            let rank = (self.errors.len() as f64 * share).ceil() as usize;
-            self.errors.get(rank.saturating_sub(1)).copied()
-        };
-        point.t_error_ulp = (!self.errors.is_empty()).then(|| TError {
-            median: at(0.5),
-            p999: at(0.999),
-            worst: at(1.0),
-        });
-    }
+fn spread(mut errors: Vec<f64>) -> Option<TError> {
+    errors.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| {
+        let rank = (errors.len() as f64 * share).ceil() as usize;
+        errors.get(rank.saturating_sub(1)).copied()
+    };
+    (!errors.is_empty()).then(|| TError {
+        median: at(0.5),
+        p999: at(0.999),
+        worst: at(1.0),
+    })
 }
 
 /// How far a hit's `t` is from the exact one, in units in the last place of that, rounded to f32.
@@ -190,16 +181,15 @@ mod tests {
             hit(1, 1.0),
             hit(2, 1.0),
         ];
-        let mut counts = AnswerCounts::default();
         let truth = [Some(1), Some(1), None, None, Some(1)];
-        counts.add(&sheet(false, &truth), &found(&plain));
-        counts.add(&sheet(true, &[Some(1), None]), &found(&[Hit::MISS; 2]));
         let mut point = plot::Point::default();
-        counts.enter(&mut point);
+        let errors = count(&sheet(false, &truth), &found(&plain), &mut point);
+        let aimed = sheet(true, &[Some(1), None]);
+        assert!(count(&aimed, &found(&[Hit::MISS; 2]), &mut point).is_empty());
         assert_eq!((point.rays_tested, point.wrong), (5, 2));
         assert_eq!(point.wrong_shadow, 1);
-        assert_eq!(point.aimed, Aimed { rays: 2, wrong: 1 });
-        let t = point.t_error_ulp.unwrap();
+        assert_eq!((point.aimed.rays, point.aimed.wrong), (2, 1));
+        let t = spread(errors).unwrap();
         assert_eq!((t.median, t.worst), (Some(0.0), Some(1.0)));
     }
 
