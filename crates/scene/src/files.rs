@@ -1,8 +1,8 @@
 //! Paths as words; and the files that a scene is made of, found without reading its meshes.
 
-use crate::SceneError;
 use crate::join::inputs;
 use crate::source::{entries, exists, extension, matches};
+use crate::{Result, SceneError};
 use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::fmt::Write;
@@ -62,7 +62,7 @@ pub(crate) fn path(word: &str) -> Cow<'_, Path> {
 ///
 /// # Errors
 /// [`SceneError`]: an input cannot be found or read.
-pub fn files(spec: &str) -> Result<Vec<PathBuf>, SceneError> {
+pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {
         if !input.spec.starts_with("demo:") {
@@ -74,7 +74,7 @@ pub fn files(spec: &str) -> Result<Vec<PathBuf>, SceneError> {
     Ok(all)
 }
 
-fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
+fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
     let path = &*path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => in_folder(path, all),
@@ -89,7 +89,7 @@ fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
     }
 }
 
-fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
+fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     for file in entries(folder)?.into_iter().filter(|f| f.is_file()) {
         match extension(&file).as_str() {
             "obj" | "ply" => with_companions(&file, all)?,
@@ -101,7 +101,7 @@ fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
 }
 
 /// A file and those that it names.
-fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<(), SceneError> {
+fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     let unreadable = |e| SceneError::unreadable(file, e);
     all.push(file.to_owned());
     if !file.is_file() {

@@ -5,7 +5,7 @@
 //! key frame stands still and is repeated.
 
 use crate::mesh::{check_keys, joined_triangles, within};
-use crate::{Facts, Options, Scene, SceneError, source, stream};
+use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
 use geom::{Animation, Point};
 use std::sync::Arc;
 
@@ -40,10 +40,7 @@ const AS_IT_IS: Placement = Placement {
 ///
 /// # Errors
 /// What follows `@` is no place.
-pub(crate) fn inputs<'a>(
-    spec: &'a str,
-    exists: &dyn Fn(&str) -> bool,
-) -> Result<Vec<Input<'a>>, SceneError> {
+pub(crate) fn inputs<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
     let mut inputs = Vec::new();
     let mut rest = spec;
     loop {
@@ -70,7 +67,7 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
     (&spec[..end], spec.get(end + 1..))
 }
 
-fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>, SceneError> {
+fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> {
     if let Some((spec, at)) = text.rsplit_once(AT).filter(|_| !exists(text)) {
         let place = parse(at);
         if place.is_some() {
@@ -103,11 +100,7 @@ fn parse(text: &str) -> Option<Placement> {
 ///
 /// # Errors
 /// Those of each, or inputs that move have different numbers of key frames.
-pub(crate) fn open(
-    spec: &str,
-    inputs: &[Input<'_>],
-    options: &Options,
-) -> Result<Scene, SceneError> {
+pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
     if !inputs.iter().any(|i| source::has_clips(i.spec)) {
         source::refuse_clip(spec, options)?;
     }
@@ -148,7 +141,7 @@ pub(crate) fn open(
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
-fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, SceneError> {
+fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation> {
     let moving = || {
         scenes
             .iter()
@@ -171,7 +164,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation, S
 }
 
 /// Key frames of all: those of any input that has more than one.
-fn key_count(scenes: &[Scene]) -> Result<usize, SceneError> {
+fn key_count(scenes: &[Scene]) -> Result<usize> {
     let count = |scene: &Scene| scene.animation.key_count();
     let mut moving = scenes.iter().filter(|s| count(s) > 1);
     let Some(first) = moving.next() else {

@@ -99,6 +99,9 @@ impl Default for Options {
 #[error("{0}")]
 pub struct SceneError(pub(crate) String);
 
+/// What comes of reading a scene.
+pub type Result<T, E = SceneError> = std::result::Result<T, E>;
+
 /// Where in a file something is wrong: a line counted from 1, or a byte or an item of a list counted from 0.
 pub(crate) type Location = (&'static str, usize);
 

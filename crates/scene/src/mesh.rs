@@ -1,7 +1,7 @@
 //! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
 
 use crate::ply::Pattern;
-use crate::{Options, Rgb, SceneError, stream};
+use crate::{Options, Result, Rgb, SceneError, stream};
 use geom::{Animation, Point};
 use host::Free;
 use std::fmt::Display;
@@ -80,23 +80,16 @@ impl Topology {
     }
 
     /// Checks that everything can be numbered and that there is a triangle.
-    pub(crate) fn check(&self, path: &Path) -> Result<(), SceneError> {
-        let triangles = self.triangle_count();
-        within(path, "vertices", self.vertices, u32::MAX as usize)?;
-        within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
-        if triangles > 0 {
-            return Ok(());
-        }
-        let though = match self.vertices {
+    pub(crate) fn check(&self, path: &Path) -> Result<()> {
+        let hint = match self.vertices {
             0 => String::new(),
             n => format!(", though there are {n} vertices"),
         };
-        let cause = format!("no triangles{though}");
-        Err(SceneError::unusable(path.display(), cause))
+        check_counts(path, [self.vertices, self.triangle_count()], &hint)
     }
 
     /// Checks that the key frame in `path` has the topology of the `first`.
-    pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<(), SceneError> {
+    pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<()> {
         let (first, expected) = (first.0.display(), first.1);
         let bad = |cause: String| {
             let cause = format!("{cause}; all key frames must have the same topology");
@@ -157,12 +150,7 @@ pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
 }
 
 /// Refuses what cannot be numbered.
-pub(crate) fn within(
-    path: &Path,
-    what: &str,
-    found: usize,
-    limit: usize,
-) -> Result<(), SceneError> {
+pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Result<()> {
     if found <= limit {
         return Ok(());
     }
@@ -170,12 +158,27 @@ pub(crate) fn within(
     Err(SceneError::unusable(path.display(), cause))
 }
 
+/// Refuses vertices and triangles that cannot be numbered, and a scene without triangles.
+pub(crate) fn check_counts(
+    path: &Path,
+    [vertices, triangles]: [usize; 2],
+    hint: &str,
+) -> Result<()> {
+    within(path, "vertices", vertices, u32::MAX as usize)?;
+    within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
+    if triangles == 0 {
+        let cause = format!("no triangles{hint}");
+        return Err(SceneError::unusable(path.display(), cause));
+    }
+    Ok(())
+}
+
 /// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
 pub(crate) fn check_keys(
     place: impl Display,
     (keys, vertices, triangles): (usize, usize, usize),
     options: &Options,
-) -> Result<(), SceneError> {
+) -> Result<()> {
     let held = stream::held(keys, vertices, options);
     let bytes = (held as u64)
         .saturating_mul(vertices as u64)
@@ -201,11 +204,7 @@ pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 
 }
 
 /// Refuses a mesh whose reading memory does not hold.
-pub(crate) fn check_mesh(
-    path: &Path,
-    [vertices, faces]: [usize; 2],
-    bytes: usize,
-) -> Result<(), SceneError> {
+pub(crate) fn check_mesh(path: &Path, [vertices, faces]: [usize; 2], bytes: usize) -> Result<()> {
     let what = format!("reading {vertices} vertices and {faces} faces");
     host::check(bytes as u64)
         .map_err(|e| SceneError::unusable(path.display(), format_args!("{what}: {e}")))
@@ -217,7 +216,7 @@ pub(crate) fn check_memory(
     what: String,
     bytes: u64,
     options: &Options,
-) -> Result<(), SceneError> {
+) -> Result<()> {
     let by = "limit given";
     let checked = match options.memory {
         Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),

@@ -3,7 +3,7 @@
 use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
 use crate::ply::Pattern;
 use crate::source::extension;
-use crate::{Facts, Options, Rgb, Scene, SceneError, obj, ply, stream};
+use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::Point;
 use host::Folder;
 use serde::Deserialize;
@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::SystemTime;
 
 /// Reads one key frame.
-fn read(path: &Path) -> Result<Mesh, SceneError> {
+fn read(path: &Path) -> Result<Mesh> {
     match extension(path).as_str() {
         "obj" => obj::read(path),
         _ => ply::read(path),
@@ -24,11 +24,7 @@ fn read(path: &Path) -> Result<Mesh, SceneError> {
 }
 
 /// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
-pub(crate) fn open(
-    name: String,
-    files: Vec<PathBuf>,
-    options: &Options,
-) -> Result<Scene, SceneError> {
+pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = &files[0];
     let Mesh {
         points,
@@ -97,7 +93,7 @@ struct Sequence {
 type Stamp = (u64, Option<SystemTime>);
 
 impl Sequence {
-    fn read(&self, key: usize) -> Result<Vec<Point>, SceneError> {
+    fn read(&self, key: usize) -> Result<Vec<Point>> {
         let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(points) = first.take_if(|_| key == 0) {
             return Ok(points);
@@ -128,7 +124,7 @@ impl Sequence {
     }
 
     /// What was learnt of a file holds as long as it is the same.
-    fn check_unchanged(&self, key: usize) -> Result<(), SceneError> {
+    fn check_unchanged(&self, key: usize) -> Result<()> {
         let path = &self.files[key];
         let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
         let found = (about.len(), about.modified().ok());
@@ -181,7 +177,7 @@ struct Frame {
 }
 
 /// Gives the key frames of a directory the times that are written there, if any are.
-pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene, SceneError> {
+pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
     let path = directory.join("times.json");
     let bytes = match host::read(&path) {
         Ok(bytes) => bytes,

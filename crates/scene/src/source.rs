@@ -1,7 +1,7 @@
 //! From the word that names a scene to the files that make it.
 
 use crate::join::{self, Input};
-use crate::{Options, Scene, SceneError, clip, demo, files, sequence};
+use crate::{Options, Result, Scene, SceneError, clip, demo, files, sequence};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// See [`SceneError`].
-pub fn open(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+pub fn open(spec: &str, options: &Options) -> Result<Scene> {
     match join::inputs(spec, &exists)?.as_slice() {
         [Input { spec, place: None }] => open_one(spec, options),
         inputs => join::open(spec, inputs, options),
@@ -30,7 +30,7 @@ pub(crate) fn has_clips(spec: &str) -> bool {
 }
 
 /// Opens one input.
-pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
         return demo::open(name, options);
@@ -45,7 +45,7 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene, SceneErro
 }
 
 /// Refuses options that name a clip, for a source without clips.
-pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<(), SceneError> {
+pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<()> {
     let Some(asked) = &options.clip else {
         return Ok(());
     };
@@ -68,7 +68,7 @@ fn stem(path: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
-fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
+fn file(path: &Path, options: &Options) -> Result<Scene> {
     match extension(path).as_str() {
         "gltf" | "glb" => clip::open(stem(path), path, options),
         "obj" | "ply" => {
@@ -83,7 +83,7 @@ fn file(path: &Path, options: &Options) -> Result<Scene, SceneError> {
 }
 
 /// What lies in a directory.
-pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>, SceneError> {
+pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |e| SceneError::unreadable(directory, e);
     let all = fs::read_dir(directory).map_err(unreadable)?;
     let paths = all.map(|entry| entry.map(|e| e.path()));
@@ -91,12 +91,12 @@ pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>, SceneError> {
 }
 
 /// What a pattern matches.
-pub(crate) fn matches(pattern: &str) -> Result<glob::Paths, SceneError> {
+pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
     let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
     glob::glob(pattern).map_err(bad)
 }
 
-fn directory(path: &Path, options: &Options) -> Result<Scene, SceneError> {
+fn directory(path: &Path, options: &Options) -> Result<Scene> {
     // Hidden files are no key frames: some systems leave "._1.obj" beside "1.obj".
     let hidden = |f: &Path| {
         let name = f.file_name().unwrap_or_default();
@@ -117,7 +117,7 @@ fn directory(path: &Path, options: &Options) -> Result<Scene, SceneError> {
     sequence::apply_times(path, scene)
 }
 
-fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
+fn pattern(spec: &str, options: &Options) -> Result<Scene> {
     let mut files = Vec::new();
     for found in matches(spec)? {
         let found = found.map_err(|e| {
@@ -140,12 +140,7 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene, SceneError> {
 }
 
 /// Key frames from the meshes among `files`, in natural order: `2.obj` before `10.obj`.
-fn frames(
-    name: String,
-    place: &str,
-    mut files: Vec<PathBuf>,
-    options: &Options,
-) -> Result<Scene, SceneError> {
+fn frames(name: String, place: &str, mut files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
     let (obj, ply) = (of("obj"), of("ply"));
     let kind = match (obj, ply) {

@@ -1,6 +1,6 @@
 //! Key frames of any source as an animation: held in memory, or read while they are played.
 
-use crate::{Options, SceneError};
+use crate::{Options, Result, SceneError};
 use geom::{Animation, KeyFrameError, Point};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub(crate) fn animation(
     (keys, vertices): (usize, usize),
     triangles: Vec<[u32; 3]>,
     options: &Options,
-) -> Result<Animation, SceneError> {
+) -> Result<Animation> {
     let window = held(keys, vertices, options);
     if window < keys {
         let source = Arc::new(source);

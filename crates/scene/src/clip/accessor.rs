@@ -1,7 +1,7 @@
 //! Numbers out of accessors, every range checked before it is read.
 
 use super::document::File;
-use crate::SceneError;
+use crate::{Result, SceneError};
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::View;
@@ -10,7 +10,7 @@ use gltf::buffer::View;
 pub(super) fn floats<const N: usize>(
     file: &File,
     accessor: &Accessor<'_>,
-) -> Result<Vec<[f32; N]>, SceneError> {
+) -> Result<Vec<[f32; N]>> {
     let dimensions = match N {
         1 => Dimensions::Scalar,
         3 => Dimensions::Vec3,
@@ -43,8 +43,16 @@ pub(super) fn floats<const N: usize>(
     })
 }
 
+/// Likewise, of an accessor that may be left out; nothing then.
+pub(super) fn listed<const N: usize>(
+    file: &File,
+    accessor: Option<Accessor<'_>>,
+) -> Result<Vec<[f32; N]>> {
+    accessor.map_or(Ok(Vec::new()), |accessor| floats(file, &accessor))
+}
+
 /// Reads a scalar accessor of unsigned integers.
-pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>, SceneError> {
+pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>> {
     expect(file, accessor, Dimensions::Scalar)?;
     match accessor.data_type() {
         kind @ (DataType::U8 | DataType::U16 | DataType::U32) => {
@@ -55,7 +63,7 @@ pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>, 
 }
 
 /// How many elements there are, once they are known to be there.
-pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize, SceneError> {
+pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize> {
     find(file, accessor).map_err(|e| wrong(file, accessor, e))?;
     Ok(accessor.count())
 }
@@ -70,7 +78,7 @@ fn unexpected(file: &File, accessor: &Accessor<'_>, what: &str) -> SceneError {
     wrong(file, accessor, cause)
 }
 
-fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Result<(), SceneError> {
+fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Result<()> {
     if accessor.dimensions() == dimensions {
         return Ok(());
     }
@@ -176,7 +184,7 @@ fn elements<T: Clone>(
     file: &File,
     accessor: &Accessor<'_>,
     read: impl Fn(&[u8]) -> T,
-) -> Result<Vec<T>, SceneError> {
+) -> Result<Vec<T>> {
     let (own, replaced) = find(file, accessor).map_err(|e| wrong(file, accessor, e))?;
     let count = accessor.count();
     let mut elements = host::room(count).map_err(|e| wrong(file, accessor, e))?;

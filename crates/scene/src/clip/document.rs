@@ -1,7 +1,7 @@
 //! A file whose every index leads somewhere, and its buffers.
 
 use crate::Location;
-use crate::SceneError;
+use crate::{Result, SceneError};
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -52,7 +52,7 @@ impl File {
             .collect()
     }
 
-    pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self, SceneError> {
+    pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let malformed = |cause: &str| SceneError::malformed(path, None, cause);
         check_container(&bytes).map_err(|cause| malformed(&cause))?;
@@ -70,7 +70,7 @@ impl File {
         Ok(file)
     }
 
-    fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>, SceneError> {
+    fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>> {
         let load = |buffer: buffer::Buffer<'_>| {
             let place = ("buffer", buffer.index());
             let data = match buffer.source() {

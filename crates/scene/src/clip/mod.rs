@@ -10,11 +10,10 @@ mod motion;
 mod part;
 mod rig;
 
-use crate::mesh::{check_keys, joined_triangles, within};
+use crate::mesh::{check_counts, check_keys, joined_triangles, within};
 use crate::source::extension;
-use crate::{Facts, MAX_FPS, Options, Scene, SceneError, stream};
+use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
 use document::File;
-use geom::Animation;
 use motion::Motion;
 use part::Part;
 use rig::Rig;
@@ -27,7 +26,7 @@ const MAX_KEYS: usize = 1 << 16;
 const MAX_POSITIONS: usize = 1 << 32;
 
 /// Opens a `.gltf` or `.glb` file.
-pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene, SceneError> {
+pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene> {
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
         return Err(SceneError(format!(
@@ -88,7 +87,7 @@ fn choose<'a>(
     file: &'a File,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<Option<gltf::Animation<'a>>, SceneError> {
+) -> Result<Option<gltf::Animation<'a>>> {
     let mut clips = file.document.animations();
     let all: Vec<_> = clips.clone().map(|clip| clip_name(&clip)).collect();
     let Some(asked) = &options.clip else {
@@ -116,7 +115,7 @@ fn choose<'a>(
 }
 
 /// Times in seconds from end to end of the clip, evenly spaced, `fps` a second or a little more.
-fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>, SceneError> {
+fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>> {
     // The allowance keeps rounding from adding a key: 2.0000001 s are two.
     let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;
     within(path, "key frames", steps.saturating_add(1), MAX_KEYS)?;
@@ -137,19 +136,13 @@ fn check_sizes(
     (keys, vertices): (usize, usize),
     notes: &[String],
     options: &Options,
-) -> Result<(), SceneError> {
+) -> Result<()> {
     let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
     check_keys(path.display(), (keys, vertices, count), options)?;
-    within(path, "vertices", vertices, u32::MAX as usize)?;
     let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
-    within(path, "triangles", count, Animation::MAX_TRIANGLES)?;
-    if count == 0 {
-        let hint = notes.first().map(|note| format!("; {note}"));
-        let cause = format!("no triangles{}", hint.unwrap_or_default());
-        return Err(SceneError::unusable(path.display(), cause));
-    }
-    Ok(())
+    let hint = notes.first().map(|note| format!("; {note}"));
+    check_counts(path, [vertices, count], &hint.unwrap_or_default())
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::accessor::floats;
 use super::document::File;
 use super::rig::{Parts, unit};
-use crate::SceneError;
+use crate::Result;
 use glam::DVec3;
 use gltf::animation::{Channel, Interpolation, Property};
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Reads all channels of a clip.
-    pub(super) fn of(file: &File, clip: &gltf::Animation<'_>) -> Result<Self, SceneError> {
+    pub(super) fn of(file: &File, clip: &gltf::Animation<'_>) -> Result<Self> {
         let mut motion = Self::default();
         for channel in clip.channels() {
             motion.add(file, &channel)?;
@@ -62,7 +62,7 @@ impl Motion {
         self.span.unwrap_or_default()
     }
 
-    fn add(&mut self, file: &File, channel: &Channel<'_>) -> Result<(), SceneError> {
+    fn add(&mut self, file: &File, channel: &Channel<'_>) -> Result<()> {
         let sampler = channel.sampler();
         let (output, how) = (sampler.output(), sampler.interpolation());
         let place = ("accessor", output.index());
@@ -93,10 +93,7 @@ impl Motion {
 }
 
 /// Numbers of elements of N, one element after the other.
-fn numbers<const N: usize>(
-    file: &File,
-    accessor: &gltf::Accessor<'_>,
-) -> Result<Vec<f64>, SceneError> {
+fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result<Vec<f64>> {
     let elements = floats::<N>(file, accessor)?;
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
@@ -109,7 +106,7 @@ fn targets(node: &gltf::Node<'_>) -> usize {
 }
 
 /// Finite times that never fall.
-fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>, SceneError> {
+fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>> {
     let times = numbers::<1>(file, input)?;
     let wrong = |cause: &str| Err(file.wrong(("accessor", input.index()), cause));
     if times.iter().any(|t| !t.is_finite()) {

@@ -1,11 +1,11 @@
 //! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
 
-use super::accessor::{count, floats, indices};
+use super::accessor::{count, floats, indices, listed};
 use super::document::File;
 use super::motion::Motion;
 use super::rig::{self, Pose, Rig, vector};
 use crate::mesh::{check_memory, compact, from_linear};
-use crate::{Options, Rgb, SceneError};
+use crate::{Options, Result, Rgb};
 use geom::Point;
 use glam::{DMat4, DVec3, Mat4};
 use gltf::mesh::Mode;
@@ -29,11 +29,7 @@ pub(super) struct Part {
 }
 
 /// All primitives of triangles in the scene, in the order of its nodes.
-pub(super) fn all(
-    file: &File,
-    rig: &Rig,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Part>, SceneError> {
+pub(super) fn all(file: &File, rig: &Rig, notes: &mut Vec<String>) -> Result<Vec<Part>> {
     let nodes: Vec<_> = file.document.nodes().collect();
     let mut parts = Vec::new();
     let mut skipped = BTreeMap::new();
@@ -58,7 +54,7 @@ pub(super) fn all(
 }
 
 /// Refuses meshes that memory does not hold: a small file may show one of them many times.
-pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<(), SceneError> {
+pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<()> {
     let nodes: Vec<_> = file.document.nodes().collect();
     let mut bytes = 0_u64;
     for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
@@ -73,7 +69,7 @@ pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<()
 }
 
 /// Bytes that what is kept of a primitive takes.
-fn kept(file: &File, primitive: &Primitive<'_>) -> Result<u64, SceneError> {
+fn kept(file: &File, primitive: &Primitive<'_>) -> Result<u64> {
     let count = |a: Option<gltf::Accessor<'_>>| a.map_or(Ok(0), |a| count(file, &a));
     let vertices = count(primitive.get(&Semantic::Positions))?;
     let mut points = vertices;
@@ -94,10 +90,9 @@ impl Part {
         node: &Node<'_>,
         primitive: &Primitive<'_>,
         notes: &mut Vec<String>,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self> {
         // The document was checked to have positions everywhere.
-        let positions = primitive.get(&Semantic::Positions);
-        let positions = positions.map_or(Ok(Vec::new()), |a| floats::<3>(file, &a))?;
+        let positions = listed(file, primitive.get(&Semantic::Positions))?;
         let mut triangles = triangles(file, primitive, positions.len(), notes)?;
         let mut moved = Vec::new();
         for (number, target) in primitive.morph_targets().enumerate() {
@@ -166,12 +161,7 @@ impl Part {
 }
 
 /// Refuses an accessor that has not one element a vertex.
-fn check_count(
-    file: &File,
-    accessor: usize,
-    found: usize,
-    vertices: usize,
-) -> Result<(), SceneError> {
+fn check_count(file: &File, accessor: usize, found: usize, vertices: usize) -> Result<()> {
     if found == vertices {
         return Ok(());
     }
@@ -185,7 +175,7 @@ fn triangles(
     primitive: &Primitive<'_>,
     vertices: usize,
     notes: &mut Vec<String>,
-) -> Result<Vec<[u32; 3]>, SceneError> {
+) -> Result<Vec<[u32; 3]>> {
     let accessor = primitive.indices();
     let list = match &accessor {
         Some(accessor) => indices(file, accessor)?,
@@ -235,7 +225,7 @@ impl Skin {
         skin: &gltf::Skin<'_>,
         primitive: &Primitive<'_>,
         vertices: usize,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self> {
         let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
         let binds = match skin.inverse_bind_matrices() {
             Some(accessor) => {
@@ -292,7 +282,7 @@ fn add_holds(
     holds: &mut [Vec<(usize, f64)>],
     joints: usize,
     (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
-) -> Result<(), SceneError> {
+) -> Result<()> {
     let place = ("accessor", numbers.index());
     let (found, weight) = (floats::<4>(file, numbers)?, floats::<4>(file, weights)?);
     check_count(file, numbers.index(), found.len(), holds.len())?;

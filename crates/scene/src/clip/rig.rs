@@ -1,9 +1,9 @@
 //! The tree of nodes: where each stands at a time, and the copies of a mesh at one node (`EXT_mesh_gpu_instancing`).
 
-use super::accessor::floats;
+use super::accessor::listed;
 use super::document::File;
 use super::motion::Motion;
-use crate::SceneError;
+use crate::Result;
 use glam::{DMat4, DQuat, DVec3, Mat4};
 use gltf::scene::Transform;
 use gltf::{Accessor, Node};
@@ -40,7 +40,7 @@ impl Pose {
 
 impl Rig {
     /// Sorts the nodes; they must make up trees.
-    pub(super) fn new(file: &File) -> Result<Self, SceneError> {
+    pub(super) fn new(file: &File) -> Result<Self> {
         let joint = |node: Node<'_>| Joint {
             parent: None,
             rest: rest(node.transform()),
@@ -125,11 +125,6 @@ pub(super) fn vector(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }
 
-/// Doubles of many.
-pub(super) fn vectors(all: &[[f32; 3]]) -> Vec<DVec3> {
-    all.iter().copied().map(vector).collect()
-}
-
 /// The rotation a quaternion (x, y, z, w) stands for; none if it is zero.
 pub(super) fn unit(quaternion: &[f64]) -> DQuat {
     let q = DQuat::from_slice(quaternion);
@@ -162,7 +157,7 @@ const NAME: &str = "EXT_mesh_gpu_instancing";
 pub(super) fn instances<'a>(
     file: &'a File,
     node: &Node<'_>,
-) -> Result<(usize, [Option<Accessor<'a>>; 3]), SceneError> {
+) -> Result<(usize, [Option<Accessor<'a>>; 3])> {
     let wrong = |cause| file.wrong(("node", node.index()), cause);
     let all = node.extension_value(NAME).and_then(|e| e.get("attributes"));
     let accessor = |name: &str| {
@@ -189,20 +184,16 @@ pub(super) fn instances<'a>(
 }
 
 /// Where each copy stands, seen from the node.
-pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>, SceneError> {
+pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>> {
     let (count, [translations, rotations, scales]) = instances(file, node)?;
-    let read = |accessor: Option<Accessor<'_>>| {
-        let read = accessor.map(|a| floats::<3>(file, &a)).transpose();
-        read.map(|v| vectors(&v.unwrap_or_default()))
-    };
-    let (translations, scales) = (read(translations)?, read(scales)?);
-    let rotations = rotations.map(|a| floats::<4>(file, &a)).transpose()?;
-    let rotations = rotations.unwrap_or_default();
+    let translations = listed::<3>(file, translations)?;
+    let rotations = listed::<4>(file, rotations)?;
+    let scales = listed::<3>(file, scales)?;
     let place = |i: usize| {
         let rotation = rotations.get(i);
         let rotation = rotation.map_or(DQuat::IDENTITY, |q| unit(&q.map(f64::from)));
-        let scale = scales.get(i).copied().unwrap_or(DVec3::ONE);
-        let translation = translations.get(i).copied().unwrap_or(DVec3::ZERO);
+        let scale = scales.get(i).map_or(DVec3::ONE, |&v| vector(v));
+        let translation = translations.get(i).map_or(DVec3::ZERO, |&v| vector(v));
         DMat4::from_scale_rotation_translation(scale, rotation, translation)
     };
     Ok((0..count).map(place).collect())

@@ -15,7 +15,7 @@ mod stage;
 mod twist;
 
 use crate::mesh::{check_memory, with_more};
-use crate::{Facts, Options, Scene, SceneError};
+use crate::{Facts, Options, Result, Scene, SceneError};
 use stage::{Part, assemble};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ const DEMOS: [Demo; 5] = [
 ];
 
 /// The demo named by what follows `demo:`, such as `shatter` or `grove:5000`.
-pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
+pub(crate) fn open(name: &str, options: &Options) -> Result<Scene> {
     let mut parts = name.splitn(2, ':');
     let (name, asked) = (parts.next().unwrap_or_default(), parts.next());
     let Some(&(name, build, default, keys)) = DEMOS.iter().find(|d| d.0 == name) else {
@@ -65,7 +65,7 @@ pub(crate) fn open(name: &str, options: &Options) -> Result<Scene, SceneError> {
     })
 }
 
-fn triangles(demo: &str, text: &str) -> Result<usize, SceneError> {
+fn triangles(demo: &str, text: &str) -> Result<usize> {
     let count = text.parse().ok();
     let count = count.filter(|n| (1..=MOST_TRIANGLES).contains(n));
     count.ok_or_else(|| {
@@ -79,7 +79,7 @@ fn triangles(demo: &str, text: &str) -> Result<usize, SceneError> {
 mod tests {
     use super::*;
 
-    fn open(name: &str) -> Result<Scene, SceneError> {
+    fn open(name: &str) -> Result<Scene> {
         super::open(name, &Options::default())
     }
 

@@ -4,7 +4,7 @@
 use super::chance::noise;
 use super::shapes::{Mesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
-use crate::{Options, Rgb, SceneError, stream};
+use crate::{Options, Result, Rgb, stream};
 use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -85,7 +85,7 @@ pub(super) fn assemble(
     parts: Vec<Part>,
     keys: u32,
     options: &Options,
-) -> Result<(Animation, Vec<Rgb>), SceneError> {
+) -> Result<(Animation, Vec<Rgb>)> {
     let vertices = parts.iter().map(|p| p.mesh.points.len()).sum();
     let meshes = parts.iter().map(|p| &p.mesh);
     let triangles = joined_triangles(meshes.map(|m| (&m.triangles[..], m.points.len())));

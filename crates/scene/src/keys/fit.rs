@@ -192,25 +192,6 @@ pub struct Fit {
     pub rms: f64,
 }
 
-/// The blend of `kept` frames at the time of an original `frame`; [`Pose::key`] counts kept frames.
-///
-/// # Panics
-/// If `kept` is empty, or `frame` is beyond its ends and it is not alone.
-#[must_use]
-pub fn pose(kept: &[usize], frame: usize) -> Pose {
-    let key = kept.partition_point(|&k| k <= frame).saturating_sub(1);
-    let alone = kept.len() == 1 || kept[key] == frame;
-    let alpha = if alone {
-        0.0
-    } else {
-        weight(kept[key], frame, kept[key + 1])
-    };
-    Pose {
-        key: key as u32,
-        alpha,
-    }
-}
-
 /// Measures `kept` against all of `keys`.
 ///
 /// # Panics
@@ -223,8 +204,11 @@ pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
         ascending && (kept.len() == 1 || ends == (Some(&0), Some(&(keys.len() - 1)))),
         "kept frames ascend from the first to the last"
     );
+    let times: Vec<f64> = kept.iter().map(|&k| k as f64).collect();
+    let pose = |frame: usize| Pose::among(frame as f64, &times);
     let frames = (0..keys.len()).into_par_iter();
-    let tallies: Vec<_> = frames.map(|frame| tally(keys, kept, frame)).collect();
+    let tallies = frames.map(|frame| tally(keys, kept, (frame, pose(frame))));
+    let tallies: Vec<_> = tallies.collect();
     let mut fit = Fit {
         max_error: 0.0,
         worst: None,
@@ -245,8 +229,11 @@ pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
 }
 
 /// Of one frame: the largest square and its vertex, the sum of all squares, and how many vertices are finite.
-fn tally(keys: &[KeyFrame], kept: &[usize], frame: usize) -> ((f64, usize), f64, usize) {
-    let pose = pose(kept, frame);
+fn tally(
+    keys: &[KeyFrame],
+    kept: &[usize],
+    (frame, pose): (usize, Pose),
+) -> ((f64, usize), f64, usize) {
     let from = &keys[kept[pose.key as usize]];
     // At weight 0 the later frame is not read.
     let to = kept.get(pose.key as usize + 1).map_or(from, |&k| &keys[k]);

@@ -20,7 +20,7 @@
 
 mod fit;
 
-pub use fit::{Fit, Reducer, measure, pose};
+pub use fit::{Fit, Reducer, measure};
 
 impl Reducer<'_> {
     /// The frames to keep, ascending, for an error of `tolerance` at most, in scene units.

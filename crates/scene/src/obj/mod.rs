@@ -8,14 +8,14 @@
 mod materials;
 
 use crate::mesh::{Mesh, Paint, Topology, check_mesh, from_display};
-use crate::{Rgb, SceneError};
+use crate::{Result, Rgb, SceneError};
 pub(crate) use materials::paint;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
 /// Reads one file.
-pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
+pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_memory(path, &bytes)?;
     let found = Statements::scan(&bytes)
@@ -242,7 +242,7 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
 }
 
 /// Refuses a text whose mesh memory does not hold: a copy for `tobj`, its lists, and ours.
-fn check_memory(path: &Path, text: &[u8]) -> Result<(), SceneError> {
+fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
     const VERTEX: usize = 60;
     const FACE: usize = 24;
     const TRIANGLE: usize = 48;

@@ -8,7 +8,7 @@ mod pattern;
 
 use crate::Location;
 use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
-use crate::{Rgb, SceneError};
+use crate::{Result, Rgb, SceneError};
 use element::{Element, numbers, whole_header};
 use geom::Point;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -20,7 +20,7 @@ use std::path::Path;
 pub(crate) use pattern::Pattern;
 
 /// Reads one file.
-pub(crate) fn read(path: &Path) -> Result<Mesh, SceneError> {
+pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = File::open(path, &bytes)?;
     let (counts, need) = file.need();
@@ -87,7 +87,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
+    fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let malformed = |cause: &str| SceneError::malformed(path, None, cause);
         let Some(head) = whole_header(bytes) else {
             return Err(malformed("not a whole PLY header: no line 'end_header'"));
@@ -174,7 +174,7 @@ impl<'a> File<'a> {
     }
 
     /// There must be vertices with a place, and faces with a list of whole numbers.
-    fn check_header(&self) -> Result<(), SceneError> {
+    fn check_header(&self) -> Result<()> {
         let coordinate = |axis: &str| {
             let vertex = self.header.elements.get("vertex")?;
             Some(&vertex.properties.get(axis)?.data_type)
@@ -198,7 +198,7 @@ impl<'a> File<'a> {
     }
 
     /// Reads all elements of one kind.
-    fn element(&mut self, definition: &ElementDef) -> Result<(), SceneError> {
+    fn element(&mut self, definition: &ElementDef) -> Result<()> {
         let ascii = self.header.encoding == Encoding::Ascii;
         // Everything else takes a byte at least, so that no count can outlast the file.
         if definition.properties.is_empty() && !ascii {
@@ -218,7 +218,7 @@ impl<'a> File<'a> {
         Ok(())
     }
 
-    fn ascii(&mut self, definition: &ElementDef, index: usize) -> Result<Element, SceneError> {
+    fn ascii(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
         if self.rest.is_empty() {
             let (name, count) = (&definition.name, definition.count);
             let cause =
@@ -237,7 +237,7 @@ impl<'a> File<'a> {
         })
     }
 
-    fn binary(&mut self, definition: &ElementDef, index: usize) -> Result<Element, SceneError> {
+    fn binary(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
         let parser = Parser::<Element>::new();
         let read = match self.header.encoding {
             Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.rest, definition),
@@ -255,12 +255,7 @@ impl<'a> File<'a> {
         })
     }
 
-    fn take(
-        &mut self,
-        definition: &ElementDef,
-        index: usize,
-        element: Element,
-    ) -> Result<(), SceneError> {
+    fn take(&mut self, definition: &ElementDef, index: usize, element: Element) -> Result<()> {
         match definition.name.as_str() {
             "vertex" => {
                 self.points.push(element.point);
@@ -291,7 +286,7 @@ impl<'a> File<'a> {
         Ok(())
     }
 
-    fn finish(mut self) -> Result<Mesh, SceneError> {
+    fn finish(mut self) -> Result<Mesh> {
         let vertices = self.points.len();
         self.topology.vertices = vertices;
         for (face, corners) in self.topology.faces().enumerate() {

@@ -1,7 +1,7 @@
 //! What the key frames of a sequence have in common, so that their topology is compared without being read.
 
 use super::{File, size};
-use crate::SceneError;
+use crate::{Result, SceneError};
 use geom::Point;
 use ply_rs_bw::ply::{Encoding, Header, PropertyType, ScalarType};
 use std::io::{self, Read};
@@ -45,7 +45,7 @@ impl Pattern {
     ///
     /// # Errors
     /// It cannot be read.
-    pub(crate) fn read(&self, path: &Path) -> Result<Option<Vec<Point>>, SceneError> {
+    pub(crate) fn read(&self, path: &Path) -> Result<Option<Vec<Point>>> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let rest = bytes.strip_prefix(&self.head[..]);
         let rest = rest.and_then(|rest| rest.strip_suffix(&self.tail[..]));
@@ -59,7 +59,7 @@ impl Pattern {
     ///
     /// # Errors
     /// It cannot be read.
-    pub(crate) fn read_again(&self, path: &Path) -> Result<Vec<Point>, SceneError> {
+    pub(crate) fn read_again(&self, path: &Path) -> Result<Vec<Point>> {
         let read = || -> io::Result<Vec<u8>> {
             let mut file = host::open(path)?;
             file.read_exact(&mut vec![0; self.head.len()])?;
@@ -71,7 +71,7 @@ impl Pattern {
         self.points(path, &rows)
     }
 
-    fn points(&self, path: &Path, rows: &[u8]) -> Result<Vec<Point>, SceneError> {
+    fn points(&self, path: &Path, rows: &[u8]) -> Result<Vec<Point>> {
         let kept = self.kept.iter().map(|&v| v as usize);
         if let Some(floats) = &self.floats {
             return Ok(kept.map(|v| floats.point(rows, v)).collect());
