@@ -170,8 +170,8 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
     let (layout, why_layout) = layout_on(backend.device.kind, ask.method.layout);
     let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
         Some(run) => {
-            let chosen = facts(backend, &run)?.choose();
-            (chosen.update, Some(chosen.why))
+            let (update, why) = facts(backend, &run)?.choose();
+            (update, Some(why))
         }
         None => {
             let (update, why) = ask.update();

@@ -4,9 +4,9 @@ use crate::args::MergeArgs;
 use crate::conflicts::Files;
 use crate::stop::Stop;
 use crate::{resume, talk};
-use output::{Finished, FrameStats, Manifest};
+use output::{Finished, Manifest};
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -56,13 +56,7 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     talk::print(&format!("all {} frames are there, whole\n", rows.len()))
 }
 
-/// What a file of statistics says of its run.
-#[derive(Deserialize)]
-struct Alone {
-    run: Option<Run>,
-    frames: Vec<FrameStats>,
-}
-
+/// What statistics say of a run that wrote nothing else.
 #[derive(Deserialize)]
 struct Run {
     manifest: Manifest,
@@ -74,15 +68,17 @@ fn read_stats(file: &Path) -> Result<(Manifest, Finished), Stop> {
     let name = file.display();
     let bytes = host::read(file).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
     let no_stats = |e| Stop::bad(format!("{name} is no file of statistics: {e}"));
-    let Alone { run, frames } = serde_json::from_slice(&bytes).map_err(no_stats)?;
+    let mut stats: Map<String, Value> = serde_json::from_slice(&bytes).map_err(no_stats)?;
+    let frames = stats.remove("frames").unwrap_or_default();
+    let frames = serde_json::from_value(frames).map_err(no_stats)?;
+    let run = stats.get("run").cloned().unwrap_or_default();
+    let run: Option<Run> = serde_json::from_value(run).map_err(no_stats)?;
     let Some(Run { manifest, list }) = run else {
         return Err(Stop::bad(format!(
             "{name} is of a run that wrote other files too: name their folders"
         )));
     };
-    let mut stats: Value = serde_json::from_slice(&bytes).map_err(no_stats)?;
-    stats["frames"].take();
-    Ok((manifest, Finished::of_stats(list, frames, stats)))
+    Ok((manifest, Finished::of_stats(list, frames, stats.into())))
 }
 
 fn read_folder(folder: &Path) -> Result<(Manifest, Finished), Stop> {

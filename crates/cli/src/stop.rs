@@ -9,7 +9,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fmt::{self, Display};
 use std::io;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::atomic::{AtomicI32, Ordering};
 
 /// The end of a command that did not do what was asked.
 #[derive(Debug)]
@@ -102,11 +102,10 @@ impl From<PipelineError> for Stop {
     }
 }
 
-/// The signal that came, 0 if none did.
-static CAME: AtomicI32 = AtomicI32::new(0);
-
-/// Whether the next one ends the program at once.
-static ENDS: AtomicBool = AtomicBool::new(true);
+/// The signal that came; [`WAITS`] if none did, or [`ENDS`] where it is not waited for.
+static CAME: AtomicI32 = AtomicI32::new(ENDS);
+const WAITS: i32 = 0;
+const ENDS: i32 = -1;
 
 /// From here on, a signal ends the program with its exit code. Where nobody can listen, the system's own handlers stay, and
 /// files that are half written stay until a later run finds them.
@@ -132,11 +131,10 @@ fn listen() -> io::Result<()> {
 fn answer(mut signals: signal_hook::iterator::Signals) {
     for signal in signals.forever() {
         // A second one does not wait for what is asked to end.
-        if ENDS.swap(true, Ordering::Relaxed) {
+        if CAME.swap(signal, Ordering::Relaxed) != WAITS {
             let _held = output::remove_unfinished();
             signal_hook::low_level::exit(128 + signal);
         }
-        CAME.store(signal, Ordering::Relaxed);
     }
 }
 
@@ -147,14 +145,14 @@ fn listen() -> io::Result<()> {
 
 /// From here on, the first signal waits for [`check_signals`].
 pub(crate) fn let_signals_wait() {
-    ENDS.store(false, Ordering::Relaxed);
+    CAME.store(WAITS, Ordering::Relaxed);
 }
 
 /// # Errors
 /// [`Stop::Signal`] if a signal came.
 pub(crate) fn check_signals() -> Result<(), Stop> {
     match CAME.load(Ordering::Relaxed) {
-        0 => Ok(()),
+        WAITS | ENDS => Ok(()),
         signal => Err(Stop::Signal(signal as u8)),
     }
 }

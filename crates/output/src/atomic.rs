@@ -69,34 +69,31 @@ pub fn remove_unfinished() -> impl Sized {
     files
 }
 
-/// A file that another program writes under a temporary name beside its final one.
+/// A file under a temporary name beside its final one.
 #[derive(Debug)]
 pub(crate) struct UnfinishedFile {
     path: PathBuf,
-    known: UnfinishedName,
-    file: NamedTempFile,
+    // Dropping it on the way out of an error removes it.
+    temporary: (UnfinishedName, NamedTempFile),
 }
 
 impl UnfinishedFile {
     /// Begins the file `path`, which appears when it is finished.
-    pub(crate) fn beside(path: &Path) -> Result<Self, WriteError> {
-        let (known, file) =
-            temporary_in(host::parent(path)).map_err(|e| WriteError::new(path, e))?;
+    pub(crate) fn beside(path: &Path) -> io::Result<Self> {
+        let temporary = temporary_in(host::parent(path))?;
         let path = path.to_owned();
-        Ok(Self { path, known, file })
+        Ok(Self { path, temporary })
     }
 
     /// Where it lies meanwhile.
     pub(crate) fn path(&self) -> &Path {
-        self.file.path()
+        self.temporary.1.path()
     }
 
     /// Gives it its final name, which keeps what it had where that fails.
-    pub(crate) fn finish(self) -> Result<(), WriteError> {
-        let Self { path, known, file } = self;
-        let named = file.persist(&path).map(drop);
-        drop(known);
-        named.map_err(|e| WriteError::new(&path, e.error))
+    pub(crate) fn finish(self) -> io::Result<()> {
+        let (_known, file) = self.temporary;
+        file.persist(&self.path).map(drop).map_err(|e| e.error)
     }
 }
 
@@ -199,14 +196,12 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
 }
 
 fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    // Dropping the temporary file on the way out of an error removes it.
-    let (_known, mut file) = temporary_in(host::parent(path))?;
-    let mut out = BufWriter::with_capacity(BUFFER, file.as_file_mut());
+    let mut file = UnfinishedFile::beside(path)?;
+    let mut out = BufWriter::with_capacity(BUFFER, file.temporary.1.as_file_mut());
     fill(&mut out)?;
     out.flush()?;
     drop(out);
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
+    file.finish()
 }
 
 /// Removes what runs that were killed left in `dir`: temporary files that no living process holds.

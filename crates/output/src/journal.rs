@@ -50,7 +50,7 @@ impl Finished {
                 match serde_json::from_slice(&line.map_err(cannot)?) {
                     Ok(JournalLine::Run { list, stats }) => {
                         done.list.extend(list);
-                        done.stats = Some(stats).filter(|s| !s.is_null()).or(done.stats);
+                        done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
                     Ok(JournalLine::Frame { files, row })
                         if files.iter().all(|(n, _)| is_ours(n)) =>

@@ -178,8 +178,9 @@ impl Sink {
         if path.as_os_str() == "-" {
             return Self::begin(path, wanted, (FULL, Box::new(io::stdout())));
         }
-        let file = UnfinishedFile::beside(path)?;
-        let out = File::create(file.path()).map_err(|e| cannot_write(path.display(), e))?;
+        let cannot = |e| cannot_write(path.display(), e);
+        let file = UnfinishedFile::beside(path).map_err(cannot)?;
+        let out = File::create(file.path()).map_err(cannot)?;
         Ok(Self {
             file: Some(file),
             ..Self::begin(path, wanted, (FULL, Box::new(out)))?
@@ -188,7 +189,7 @@ impl Sink {
 
     fn encoded(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
         let format = format_of(path)?;
-        let file = UnfinishedFile::beside(path)?;
+        let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(path.display(), e))?;
         let (encoder, pipe) = Encoder::start(format, file.path())?;
         Ok(Self {
             encoder: Some(encoder),
@@ -228,10 +229,11 @@ impl Sink {
     fn end(self) -> Result<()> {
         drop(self.video);
         self.encoder.map_or(Ok(()), Encoder::end)?;
-        match self.file {
-            Some(file) => Ok(file.finish()?),
-            None => (io::stdout().flush()).map_err(|e| cannot_write(&self.name, e)),
-        }
+        let ended = match self.file {
+            Some(file) => file.finish(),
+            None => io::stdout().flush(),
+        };
+        ended.map_err(|e| cannot_write(&self.name, e))
     }
 }
 

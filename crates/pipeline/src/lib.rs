@@ -28,7 +28,7 @@ pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted, Warmed, 
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use memory::{ExpectedMemory, TREE_BYTES, trees_bytes};
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
-pub use policy::{Choice, RunFacts};
+pub use policy::RunFacts;
 pub use schedule::{Pace, Update};
 pub use threads::Threads;
 pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};

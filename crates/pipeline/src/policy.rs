@@ -32,15 +32,6 @@ pub struct RunFacts {
     pub builder_threads: usize,
 }
 
-/// A policy, and the reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Choice {
-    /// The policy.
-    pub update: Update,
-    /// Why, in one line.
-    pub why: String,
-}
-
 /// Key frames between frames from which on the tree of an earlier frame is of no use.
 const FAR_APART: f64 = 2.0;
 /// The first tree is as good as a fresh one up to so many times its cost.
@@ -49,28 +40,22 @@ const LASTS: f64 = 1.05;
 const TIE: f64 = 1.05;
 
 impl RunFacts {
-    /// The policy that is expected to finish the run first.
-    pub fn choose(&self) -> Choice {
-        let choice = |update, why: &str| Choice {
-            update,
-            why: why.to_owned(),
-        };
-        if !self.moves {
+    /// The policy that is expected to finish the run first, and why, in one line.
+    pub fn choose(&self) -> (Update, String) {
+        let (update, why) = if !self.moves {
             let why = "the scene does not move, so its first tree stays the best";
-            return choice(Update::Refit, why);
-        }
-        if self.frames <= 1 {
-            return choice(Update::Refit, "one frame needs one tree");
-        }
-        if self.step >= FAR_APART {
+            (Update::Refit, why)
+        } else if self.frames <= 1 {
+            (Update::Refit, "one frame needs one tree")
+        } else if self.step >= FAR_APART {
             let why = "the frames lie key frames apart: the tree of one is of no use to the next";
-            return choice(self.rebuild(), why);
-        }
-        if self.decay.worst <= LASTS {
-            let why = "the first tree stays as good as a fresh one";
-            return choice(Update::Refit, why);
-        }
-        self.least()
+            (self.rebuild(), why)
+        } else if self.decay.worst <= LASTS {
+            (Update::Refit, "the first tree stays as good as a fresh one")
+        } else {
+            return self.least();
+        };
+        (update, why.to_owned())
     }
 
     /// A new tree for each frame.
@@ -82,22 +67,20 @@ impl RunFacts {
     }
 
     /// The first policy whose estimate is about the least.
-    fn least(&self) -> Choice {
+    fn least(&self) -> (Update, String) {
         let all = self.estimates();
         let least = all.iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
         let taken = all.iter().find(|e| e.1 <= TIE * least).unwrap_or(&all[0]);
         let words = all
             .iter()
             .map(|e| format!("{} {:.2}", e.0.name(), e.1 * 1e-3));
-        Choice {
-            update: taken.0,
-            why: format!(
-                "estimated seconds for {} frames: {}; refitted, the first tree costs {:.2} times a fresh one",
-                self.frames,
-                words.collect::<Vec<_>>().join(", "),
-                self.decay.mean
-            ),
-        }
+        let why = format!(
+            "estimated seconds for {} frames: {}; refitted, the first tree costs {:.2} times a fresh one",
+            self.frames,
+            words.collect::<Vec<_>>().join(", "),
+            self.decay.mean
+        );
+        (taken.0, why)
     }
 
     /// Milliseconds of the whole run by each policy that may win.

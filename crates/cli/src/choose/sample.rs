@@ -92,13 +92,12 @@ fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
 
 /// Rays of which two traces say different things.
 fn differing(a: &Hits, b: &Hits) -> u64 {
-    let triangles = a.closest.iter().zip(&b.closest);
-    let shadows = a.blocked.iter().zip(&b.blocked);
-    let mut triangles = triangles.map(|(a, b)| a.triangle != b.triangle);
-    let mut shadows = shadows.map(|(a, b)| a != b);
-    let differ = |_| triangles.next().unwrap_or(false) | shadows.next().unwrap_or(false);
+    let at = |of: &Hits, i: usize| {
+        let triangle = of.closest.get(i).map(|hit| hit.triangle);
+        (triangle, of.blocked.get(i).copied())
+    };
     let rays = a.closest.len().max(a.blocked.len());
-    (0..rays).map(differ).filter(|&d| d).count() as u64
+    (0..rays).filter(|&i| at(a, i) != at(b, i)).count() as u64
 }
 
 #[cfg(test)]

@@ -56,36 +56,19 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     let (centre, size) = centre_and_size(&bounds);
     let tan_y = (f64::from(fov_degrees).to_radians() * 0.5).tan() * FILL;
     let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
-    let basis = Basis::new();
-    let fit = Fit::of(animation, centre, &basis, [tan_x, tan_y]);
-    let (shift, back) = fit.eye([tan_x, tan_y], size);
-    let middle = centre + (basis.right * shift[0] + basis.up * shift[1]);
-    let aside = basis.right * -0.62 + (UP * 0.95 + basis.back * 0.80);
+    let back = unit(TO_EYE);
+    let right = unit(UP.cross(back));
+    let up = back.cross(right);
+    let fit = Fit::of(animation, centre, [right, up, back], [tan_x, tan_y]);
+    let (shift, distance) = fit.eye([tan_x, tan_y], size);
+    let middle = centre + (right * shift[0] + up * shift[1]);
+    let aside = right * -0.62 + (UP * 0.95 + back * 0.80);
     View {
-        eye: narrow(middle + basis.back * back),
+        eye: narrow(middle + back * distance),
         look_at: narrow(middle),
         up: narrow(UP),
         fov_degrees,
         light: narrow(centre + unit(aside) * (1.15 * size)),
-    }
-}
-
-/// The camera's axes.
-struct Basis {
-    right: DVec3,
-    up: DVec3,
-    back: DVec3,
-}
-
-impl Basis {
-    fn new() -> Self {
-        let back = unit(TO_EYE);
-        let right = unit(UP.cross(back));
-        Self {
-            right,
-            up: back.cross(right),
-            back,
-        }
     }
 }
 
@@ -106,11 +89,12 @@ impl Fit {
         near: f64::NEG_INFINITY,
     };
 
-    fn of(animation: &Animation, centre: DVec3, basis: &Basis, tan: [f64; 2]) -> Self {
+    /// With the camera's axes: right, up and back.
+    fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: [f64; 2]) -> Self {
         let of_point = |p: &Point| {
             let p = wide(*p) - centre;
-            let z = p.dot(basis.back);
-            let side = [p.dot(basis.right), p.dot(basis.up)];
+            let [x, y, z] = axes.map(|axis| p.dot(axis));
+            let side = [x, y];
             Self {
                 high: std::array::from_fn(|i| side[i] + z * tan[i]),
                 low: std::array::from_fn(|i| -side[i] + z * tan[i]),

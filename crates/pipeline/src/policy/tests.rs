@@ -95,7 +95,7 @@ fn the_choice_takes_at_most_a_third_longer_than_the_best_measured() {
     for (table, device, cores, rays) in tables {
         for measured in table {
             let ((name, ..), _, seconds) = *measured;
-            let Choice { update, why } = facts(measured, device, cores, rays).choose();
+            let (update, why) = facts(measured, device, cores, rays).choose();
             let taken = seconds[match update {
                 Update::Refit => 0,
                 Update::Async(_) => 1,
@@ -137,7 +137,7 @@ fn runs_of_a_kind_have_the_policy_that_suits_them() {
         (on_host, Update::Rebuild),
         (long, Update::TSah),
     ] {
-        assert_eq!(facts.choose().update, update, "{facts:?}");
+        assert_eq!(facts.choose().0, update, "{facts:?}");
     }
-    assert!(long.choose().why.contains("20000 frames"));
+    assert!(long.choose().1.contains("20000 frames"));
 }
