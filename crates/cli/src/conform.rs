@@ -14,7 +14,7 @@ use crate::talk::Progress;
 use backend::{Intersector, Method};
 use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Law, Reference, hold, laws_of};
-use results::{PropertyRow, Report};
+use results::{PropertyRow, Report, leak_row};
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -52,9 +52,11 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
     let laws = |s: &Subject| laws_of(s.backend.as_ref()).iter().filter(named);
     let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
-    if args.cases == 0 && args.case.is_none() {
-        return Ok(Vec::new());
-    }
+    let cases = match (args.case, args.cases) {
+        (Some(case), _) => case..=case,
+        (None, 0) => return Ok(Vec::new()),
+        (None, cases) => 0..=cases - 1,
+    };
     let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
@@ -62,10 +64,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
         for law in laws(subject) {
             let begun = Instant::now();
             let backend = subject.backend.as_mut();
-            let held = match args.case {
-                Some(case) => hold(law, backend, &mut reference, args.seed, [case]),
-                None => hold(law, backend, &mut reference, args.seed, 0..args.cases),
-            };
+            let held = hold(law, backend, &mut reference, args.seed, cases.clone());
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
@@ -126,7 +125,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         told = steps;
     })?;
     drop(progress);
-    let rows = found.rows.into_iter().map(|row| (subject.name, row));
+    let rows = found.rows.iter().map(|row| leak_row(subject.name, row));
     report.leaks.extend(rows);
     let rays = args.leak_rays;
     let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");

@@ -141,7 +141,7 @@ pub struct Adopted {
     pub latency_frames: u64,
     /// Milliseconds from vertices to binary tree.
     pub build_ms: f64,
-    /// Milliseconds from binary tree to record.
+    /// Milliseconds from binary tree to record, and to lists of what moves.
     pub convert_ms: f64,
     /// Bytes of the record.
     pub upload_bytes: u64,

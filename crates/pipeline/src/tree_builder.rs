@@ -40,10 +40,6 @@ pub struct Built {
     /// Its cost at the vertices it was built from: see [`sah_cost`]. Of a tree
     /// for a whole animation, the cost of one for the first frame alone, there.
     pub cost: f64,
-    /// Milliseconds from vertices to binary tree.
-    pub build_ms: f64,
-    /// Milliseconds from binary tree to record, and to lists of what moves.
-    pub convert_ms: f64,
     /// How it was made.
     pub strategy: BuildStrategy,
     /// How the next one will be made.
@@ -316,8 +312,6 @@ impl TreeBuilder {
         Built {
             topology,
             cost,
-            build_ms: (built - begun).as_secs_f64() * 1e3,
-            convert_ms: (ended - weighed).as_secs_f64() * 1e3,
             strategy,
             next: self.degradation.strategy(),
             moments: BuildMoments {

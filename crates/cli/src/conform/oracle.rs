@@ -104,11 +104,7 @@ fn ask(
         ..Method::default()
     };
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
-    let most = if intersector == Intersector::Exact {
-        TOLD
-    } else {
-        0
-    };
+    let most = usize::from(intersector == Intersector::Exact) * TOLD;
     for subject in subjects {
         let begins = format!("{}: ", subject.name);
         for batch in batches {

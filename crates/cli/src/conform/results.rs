@@ -4,8 +4,8 @@ use super::oracle::{self, OracleRow};
 use crate::subjects::Tested;
 use crate::table::{grouped, of_rows, table};
 use conformance::leaks;
-use serde::{Serialize, Serializer};
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Value, json};
 
 #[derive(Default, Serialize)]
 pub(super) struct Report {
@@ -16,8 +16,8 @@ pub(super) struct Report {
     pub(super) cases: u32,
     pub(super) leak_rays: u64,
     pub(super) rows: Vec<PropertyRow>,
-    #[serde(serialize_with = "leak_rows")]
-    pub(super) leaks: Vec<LeakRow>,
+    /// Rays of one sort at one body, by one backend.
+    pub(super) leaks: Vec<Value>,
     /// The first rays that were wrong, each with the command that finds them again.
     pub(super) leak_examples: Vec<String>,
     pub(super) oracle_rays: u64,
@@ -25,9 +25,6 @@ pub(super) struct Report {
     /// Likewise, rays whose answers are not the oracle's.
     pub(super) oracle_examples: Vec<String>,
 }
-
-/// Rays of one sort at one body, by one backend.
-pub(super) type LeakRow = (&'static str, leaks::LeakRow);
 
 #[derive(Serialize)]
 pub(super) struct PropertyRow {
@@ -41,41 +38,36 @@ pub(super) struct PropertyRow {
     pub(super) seconds: f64,
 }
 
-/// What rays of one sort are aimed at, and from where.
-fn sort(row: &leaks::LeakRow) -> [&'static str; 2] {
+/// What is told of rays of one sort at one body, in the file and in a table.
+const LEAKS: &str = "backend body aim side offset rays leaks counted miscounts";
+
+pub(super) fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
     let aim = match row.aim {
         leaks::Aim::Edge => "edge",
         leaks::Aim::Vertex => "vertex",
         leaks::Aim::Random => "random",
     };
-    [aim, if row.inside { "inside" } else { "outside" }]
-}
-
-/// Rows of bodies, as they stand in the file.
-fn leak_rows<S: Serializer>(rows: &[LeakRow], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_seq(rows.iter().map(|(backend, row)| {
-        let [aim, side] = sort(row);
-        // As few digits as single precision needs.
-        let offset: Option<f64> = row.offset.to_string().parse().ok();
-        json!({
-            "backend": backend,
-            "body": row.body,
-            "offset": offset,
-            "aim": aim,
-            "side": side,
-            "rays": row.rays,
-            "leaks": row.leaks,
-            "counted": row.counted,
-            "miscounts": row.miscounts,
-        })
-    }))
+    // As few digits as single precision needs.
+    let offset: Option<f64> = row.offset.to_string().parse().ok();
+    json!({
+        "backend": backend,
+        "body": row.body,
+        "offset": offset,
+        "aim": aim,
+        "side": if row.inside { "inside" } else { "outside" },
+        "rays": row.rays,
+        "leaks": row.leaks,
+        "counted": row.counted,
+        "miscounts": row.miscounts,
+    })
 }
 
 impl Report {
     /// Laws broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
     pub(super) fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
-        let leaky = self.leaks.iter().filter(|(_, r)| r.leaks + r.miscounts > 0);
+        let leaks = |r: &&Value| r["leaks"] != 0 || r["miscounts"] != 0;
+        let leaky = self.leaks.iter().filter(leaks);
         let unlike = self.oracle.iter().filter(|r| r.is_failure());
         broken.count() + leaky.count() + unlike.count()
     }
@@ -126,22 +118,18 @@ impl Report {
     }
 
     fn leak_table(&self) -> String {
-        let row = |(backend, r): &LeakRow| {
-            let [aim, side] = sort(r);
-            let count = |n: u64| grouped(n as usize);
-            vec![
-                ("backend", (*backend).to_owned()),
-                ("body", r.body.to_owned()),
-                ("aim", aim.to_owned()),
-                ("side", side.to_owned()),
-                ("offset", r.offset.to_string()),
-                ("rays", count(r.rays)),
-                ("leaks", count(r.leaks)),
-                ("counted", count(r.counted)),
-                ("miscounts", count(r.miscounts)),
-            ]
+        let text = |value: &Value| match value {
+            Value::String(text) => text.clone(),
+            Value::Number(n) if n.is_u64() => grouped(n.as_u64().unwrap_or(0) as usize),
+            other => other.as_f64().unwrap_or(f64::NAN).to_string(),
         };
-        of_rows(&self.leaks.iter().map(row).collect::<Vec<_>>(), 4)
+        let cells = |row: &Value| {
+            LEAKS
+                .split(' ')
+                .map(|name| (name, text(&row[name])))
+                .collect()
+        };
+        of_rows(&self.leaks.iter().map(cells).collect::<Vec<_>>(), 4)
     }
 }
 
@@ -204,8 +192,8 @@ mod tests {
             miscounts: 0,
             doubled: 0,
         };
-        bad.leaks.push(("x", leaks::LeakRow { leaks: 0, ..leak }));
-        bad.leaks.push(("x", leak));
+        let tight = leaks::LeakRow { leaks: 0, ..leak };
+        bad.leaks = [tight, leak].map(|row| leak_row("x", &row)).to_vec();
         assert_eq!(bad.failures(), 2);
         assert!(bad.text().contains("inside"));
     }

@@ -326,7 +326,7 @@ impl Driver {
     fn adopt(&mut self, built: Built, pending: &PendingBuild) -> Result<(), PipelineError> {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, pending.generation)?;
-        let adopted = Instant::now();
+        let (adopted, moments) = (Instant::now(), built.moments);
         self.tree = Some(Tree {
             generation: pending.generation,
             frame: pending.frame,
@@ -337,8 +337,8 @@ impl Driver {
         let (arrived, snapshot_bytes) = pending.arrived.expect("a tree is built from vertices");
         self.record.adopted = Some(Adopted {
             latency_frames: pending.latency.unwrap_or(0),
-            build_ms: built.build_ms,
-            convert_ms: built.convert_ms,
+            build_ms: ms(moments.built - moments.begun),
+            convert_ms: ms(moments.ended - moments.weighed),
             upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes,
             triangles: built.topology.leaf_count(),
@@ -346,7 +346,7 @@ impl Driver {
             moments: TreeMoments {
                 asked: pending.asked,
                 arrived,
-                build: built.moments,
+                build: moments,
                 taken,
                 adopted,
             },

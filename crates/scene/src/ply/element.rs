@@ -9,9 +9,8 @@ use std::borrow::Cow;
 #[derive(Debug, Default)]
 pub(super) struct Element {
     pub(super) point: Point,
-    pub(super) colour: Rgb,
-    /// One bit for each of red, green and blue that is there.
-    pub(super) colour_parts: u8,
+    /// Red, green and blue, as far as they are there.
+    colour: [Option<u8>; 3],
     /// The vertices of a face; nothing if one of them is negative.
     pub(super) corners: Option<Vec<u32>>,
 }
@@ -22,38 +21,31 @@ impl PropertyAccess for Element {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        match name {
-            "x" => self.set_coordinate(0, &property),
-            "y" => self.set_coordinate(1, &property),
-            "z" => self.set_coordinate(2, &property),
-            "red" | "r" | "diffuse_red" => self.set_colour(0, &property),
-            "green" | "g" | "diffuse_green" => self.set_colour(1, &property),
-            "blue" | "b" | "diffuse_blue" => self.set_colour(2, &property),
-            "vertex_indices" | "vertex_index" => {
-                self.corners = property.to_u32_list();
-                PropertyAccessResult::Set
-            }
-            _ => PropertyAccessResult::Ignored,
+        match self.set(name, &property) {
+            Some(()) => PropertyAccessResult::Set,
+            None => PropertyAccessResult::Ignored,
         }
     }
 }
 
 impl Element {
-    fn set_coordinate(&mut self, axis: usize, property: &Property) -> PropertyAccessResult {
-        match property.to_f32_lossy() {
-            Some(x) => self.point[axis] = x,
-            None => return PropertyAccessResult::Ignored,
-        }
-        PropertyAccessResult::Set
+    pub(super) fn colour(&self) -> Option<Rgb> {
+        let [r, g, b] = self.colour;
+        Some([r?, g?, b?])
     }
 
-    fn set_colour(&mut self, part: usize, property: &Property) -> PropertyAccessResult {
-        match property.to_u8_color_lossy() {
-            Some(c) => self.colour[part] = c,
-            None => return PropertyAccessResult::Ignored,
+    fn set(&mut self, name: &str, property: &Property) -> Option<()> {
+        match name {
+            "x" => self.point[0] = property.to_f32_lossy()?,
+            "y" => self.point[1] = property.to_f32_lossy()?,
+            "z" => self.point[2] = property.to_f32_lossy()?,
+            "red" | "r" | "diffuse_red" => self.colour[0] = Some(property.to_u8_color_lossy()?),
+            "green" | "g" | "diffuse_green" => self.colour[1] = Some(property.to_u8_color_lossy()?),
+            "blue" | "b" | "diffuse_blue" => self.colour[2] = Some(property.to_u8_color_lossy()?),
+            "vertex_indices" | "vertex_index" => self.corners = property.to_u32_list(),
+            _ => return None,
         }
-        self.colour_parts |= 1 << part;
-        PropertyAccessResult::Set
+        Some(())
     }
 }
 

@@ -259,28 +259,22 @@ impl<'a> File<'a> {
         match definition.name.as_str() {
             "vertex" => {
                 self.points.push(element.point);
-                if element.colour_parts == 0b111 {
-                    self.colours.push(element.colour);
+                self.colours.extend(element.colour());
+            }
+            "face" => {
+                self.face_colours.extend(element.colour());
+                let wrong = |cause: String| Err(self.wrong(("face", index), cause));
+                match element.corners {
+                    Some(corners) if corners.len() >= 3 => self.topology.push(corners),
+                    Some(corners) => {
+                        let found = corners.len();
+                        return wrong(format!(
+                            "a face of {found} vertices, where 3 or more are expected"
+                        ));
+                    }
+                    None => return wrong("a vertex index is negative".to_owned()),
                 }
             }
-            "face" => match element.corners {
-                Some(corners) if corners.len() >= 3 => {
-                    self.topology.push(corners);
-                    if element.colour_parts == 0b111 {
-                        self.face_colours.push(element.colour);
-                    }
-                }
-                Some(corners) => {
-                    let cause = format!(
-                        "a face of {} vertices, where 3 or more are expected",
-                        corners.len()
-                    );
-                    return Err(self.wrong(("face", index), cause));
-                }
-                None => {
-                    return Err(self.wrong(("face", index), "a vertex index is negative"));
-                }
-            },
             _ => {}
         }
         Ok(())
