@@ -11,7 +11,6 @@
 mod accuracy;
 mod hard;
 mod plan;
-mod rays;
 
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};

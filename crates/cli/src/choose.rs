@@ -4,19 +4,18 @@
 //! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
 //! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
 
-mod sample;
-
 use crate::args::{
     BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, word,
 };
 use crate::open::has_own_trees;
-use crate::session::ReusedBackend;
+use crate::session::{ReusedBackend, trace_lists};
 use crate::stop::Stop;
-use backend::{DeviceKind, Intersector, Layout, Method, Query};
+use backend::{DeviceKind, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
+use fastrand::Rng;
+use geom::Ray;
 use output::Taken;
 use output::plot::Rate;
 use pipeline::{Frame, Pace, RefitDecay, RunFacts, Threads, Update};
-use sample::Sample;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -219,7 +218,7 @@ fn settle_intersector(
     let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
         return Ok((usual, why.map(str::to_owned)));
     };
-    let Some(rays) = sample::needed(ask.tolerance) else {
+    let Some(rays) = needed(ask.tolerance) else {
         let why = "to show so small a tolerance would take too many rays".to_owned();
         return Ok((Intersector::Exact, Some(why)));
     };
@@ -239,6 +238,94 @@ fn settle_intersector(
     }
     let why = format!("no other is within the tolerance ({})", found.join(", "));
     Ok((Intersector::Exact, Some(why)))
+}
+
+/// Frames of the run whose rays are asked.
+const MOMENTS: usize = 3;
+/// The most rays of a sample.
+const MOST: f64 = (1 << 20) as f64;
+/// Rays of a run and what exact arithmetic says of them. A ray is wrong where
+/// another triangle is named, or another shadow.
+struct Sample {
+    /// Times and rays.
+    sheets: Vec<(f64, Vec<Ray>)>,
+    kind: QueryKind,
+    exact: Vec<Hits>,
+}
+
+/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be (the rule of three);
+/// with half as many again for a few that are. `None` if they are too many.
+fn needed(tolerance: f64) -> Option<usize> {
+    let rays = 1.5 * 3.0 * 1e6 / tolerance;
+    (rays <= MOST).then_some(rays.ceil() as usize)
+}
+
+impl Sample {
+    /// About `count` rays of the run, answered by `exact`.
+    fn take(backend: &mut ReusedBackend<'_>, run: &Run<'_>, count: usize) -> Result<Self, Stop> {
+        let mut rng = Rng::with_seed(0);
+        let len = run.frames.len();
+        let sheets = (0..MOMENTS).map(|i| {
+            let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
+            let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
+            (time, rays.collect())
+        });
+        let mut sample = Self {
+            sheets: sheets.collect(),
+            kind: run.query.kind,
+            exact: Vec::new(),
+        };
+        sample.exact = sample.ask(backend, Intersector::Exact)?;
+        Ok(sample)
+    }
+
+    /// How many of them, of how many, an intersector answers wrongly.
+    fn wrong(
+        &self,
+        backend: &mut ReusedBackend<'_>,
+        intersector: Intersector,
+    ) -> Result<[u64; 2], Stop> {
+        let answers = self.ask(backend, intersector)?;
+        let pairs = self.exact.iter().zip(&answers);
+        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
+        let rays = self.sheets.iter().map(|(_, rays)| rays.len() as u64).sum();
+        Ok([wrong, rays])
+    }
+
+    fn ask(
+        &self,
+        backend: &mut ReusedBackend<'_>,
+        intersector: Intersector,
+    ) -> Result<Vec<Hits>, Stop> {
+        let method = Method {
+            intersector,
+            ..Method::default()
+        };
+        let mut driver = backend.driver(method, Update::Refit)?;
+        let lists = self.sheets.iter().map(|(time, rays)| (*time, &rays[..]));
+        let answers: Result<_, _> = trace_lists(&mut driver, self.kind, lists).collect();
+        backend.put_back(driver);
+        answers
+    }
+}
+
+/// A ray at random.
+fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
+    match rays {
+        Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
+        Rays::List(rays) => rng.choice(rays).copied(),
+        Rays::OnDevice(_) => None,
+    }
+}
+
+/// Rays of which two traces say different things.
+fn differing(a: &Hits, b: &Hits) -> u64 {
+    let at = |of: &Hits, i: usize| {
+        let triangle = of.closest.get(i).map(|hit| hit.triangle);
+        (triangle, of.blocked.get(i).copied())
+    };
+    let rays = a.closest.len().max(a.blocked.len());
+    (0..rays).filter(|&i| at(a, i) != at(b, i)).count() as u64
 }
 
 #[cfg(test)]

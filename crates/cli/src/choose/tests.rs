@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::open;
-use backend::{QueryKind, Rays};
+use geom::Hit;
 use scene::Scene;
 
 const AUTO: MethodArgs = MethodArgs {
@@ -149,4 +149,32 @@ fn what_is_wrong_too_often_is_not_taken_however_fast() {
     let why = why.unwrap();
     assert_eq!(method.intersector, Intersector::Exact, "{why}");
     assert!(why.contains("watertight ") && why.contains("woop "));
+}
+
+#[test]
+fn none_wrong_shows_less_the_more_is_tolerated() {
+    for tolerance in [5.0, 10.0, 1000.0] {
+        let rays = needed(tolerance).unwrap() as u64;
+        let most = output::plot::Rate::of(0, rays).unwrap().high;
+        assert!(most < tolerance, "{tolerance}: {rays} rays");
+    }
+    assert_eq!(needed(1.0), None, "more rays than are asked");
+    assert_eq!(needed(0.0), None);
+}
+
+#[test]
+fn a_ray_is_wrong_once_by_its_triangle_or_its_shadow() {
+    let hits = |all: [(u32, u8); 4]| Hits {
+        closest: all
+            .map(|(triangle, _)| Hit {
+                triangle,
+                ..Hit::MISS
+            })
+            .to_vec(),
+        blocked: all.map(|(_, blocked)| blocked).to_vec(),
+    };
+    let exact = hits([(1, 0), (2, 1), (3, 0), (4, 0)]);
+    let found = hits([(1, 0), (2, 0), (9, 0), (9, 1)]);
+    assert_eq!(differing(&exact, &found), 3);
+    assert_eq!(differing(&exact, &exact.clone()), 0);
 }
