@@ -14,7 +14,6 @@ mod pose;
 mod range;
 mod ray;
 mod sizes;
-mod still;
 mod survey;
 mod triangle;
 
@@ -25,7 +24,7 @@ pub use key_frames::{KeyFrame, KeyFrameError, KeySource, Moment, PointBuffer, Sh
 pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};
-pub use still::StaticParts;
+pub use survey::StaticParts;
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 
 /// A point or a vector: x, y, z.

@@ -17,7 +17,6 @@ mod latency;
 mod memory;
 mod motion;
 mod policy;
-mod sampling;
 mod schedule;
 mod threads;
 mod tree_builder;

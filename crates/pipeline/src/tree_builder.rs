@@ -1,7 +1,7 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
 mod degradation;
-mod for_all;
+pub(crate) mod for_all;
 
 use crate::builder_thread::Job;
 use backend::{Backend, Snapshot};

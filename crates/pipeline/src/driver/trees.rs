@@ -3,8 +3,8 @@
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
-use crate::sampling;
 use crate::schedule::{FramePlan, Pace, Swap, Update};
+use crate::tree_builder::for_all::samples;
 use crate::tree_builder::{Built, Made, Vertices};
 use backend::Generation;
 use bvh_build::Cancel;
@@ -316,7 +316,7 @@ impl Driver {
         let range = self.options.time_range;
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
-            let samples = sampling::samples(animation, range)?;
+            let samples = samples(animation, range)?;
             builder.build_for_all(animation, &samples, pose, &Cancel::new())
         });
         self.record.build_wait_ms += ms(begun.elapsed());

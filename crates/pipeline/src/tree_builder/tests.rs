@@ -1,7 +1,7 @@
 //! Trees over a row of triangles that changes its order.
 
+use super::for_all::samples;
 use super::*;
-use crate::sampling::{Sample, samples};
 use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
