@@ -65,12 +65,6 @@ impl Aabb {
         (0..3).any(|i| self.min[i] > self.max[i])
     }
 
-    /// Whether `other` lies wholly inside; an empty box lies inside every box.
-    pub fn contains(&self, other: &Self) -> bool {
-        other.is_empty()
-            || (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
-    }
-
     /// The length of the diagonal; 0 when empty.
     pub fn diagonal(&self) -> f64 {
         if self.is_empty() {
@@ -111,7 +105,6 @@ mod tests {
             max: [2.0, 4.0, 7.0],
         };
         assert_eq!(Aabb::EMPTY.union(b), b);
-        assert!(b.contains(&Aabb::EMPTY) && !Aabb::EMPTY.contains(&b));
         assert_eq!(Aabb::EMPTY.half_area(), 0.0);
         assert_eq!(b.half_area(), 2.0 + 8.0 + 4.0);
     }

@@ -41,12 +41,6 @@ impl From<Vec<Point>> for PointBuffer {
     }
 }
 
-impl FromIterator<Point> for PointBuffer {
-    fn from_iter<I: IntoIterator<Item = Point>>(points: I) -> Self {
-        Self::List(points.into_iter().collect())
-    }
-}
-
 impl Deref for PointBuffer {
     type Target = [Point];
 

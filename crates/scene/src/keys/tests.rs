@@ -134,7 +134,14 @@ fn wave(frames: usize, vertices: usize) -> Vec<KeyFrame> {
         [v as f32, moving * phase.sin(), moving * phase.cos()]
     };
     (0..frames)
-        .map(|f| Arc::new((0..vertices).map(|v| place(f, v)).collect()))
+        .map(|f| {
+            Arc::new(
+                (0..vertices)
+                    .map(|v| place(f, v))
+                    .collect::<Vec<_>>()
+                    .into(),
+            )
+        })
         .collect()
 }
 
