@@ -38,7 +38,8 @@ struct State {
 
 enum Entry {
     Reading,
-    Ready { frame: KeyFrame, used: u64 },
+    /// And when it was last used, by the clock.
+    Ready(KeyFrame, u64),
     Failed(KeyFrameError),
 }
 
@@ -152,7 +153,7 @@ impl Shared {
         state.clock += 1;
         match state.entries.get_mut(&key)? {
             Entry::Reading => None,
-            Entry::Ready { frame, used } => {
+            Entry::Ready(frame, used) => {
                 *used = state.clock;
                 Some(Ok(Arc::clone(frame)))
             }
@@ -164,10 +165,7 @@ impl Shared {
         let mut state = self.lock();
         state.clock += 1;
         let entry = match read {
-            Ok(points) => Entry::Ready {
-                frame: Arc::new(points.into()),
-                used: state.clock,
-            },
+            Ok(points) => Entry::Ready(Arc::new(points.into()), state.clock),
             Err(why) => Entry::Failed(why),
         };
         state.entries.insert(key, entry);
@@ -181,7 +179,7 @@ impl State {
     /// Drops what was used longest ago.
     fn forget_beyond(&mut self, capacity: usize) {
         let ready = |(&key, entry): (&usize, &Entry)| match entry {
-            Entry::Ready { used, .. } => Some((*used, key)),
+            Entry::Ready(_, used) => Some((*used, key)),
             Entry::Reading | Entry::Failed(_) => None,
         };
         let mut all: Vec<_> = self.entries.iter().filter_map(ready).collect();
