@@ -39,7 +39,11 @@ pub(crate) enum Command {
     /// Describe a scene: size, motion, how refitting decays, what auto takes and why
     Inspect(InspectArgs),
     /// Describe this build and this machine: backends present and absent
-    Info(InfoArgs),
+    Info {
+        /// JSON to standard output
+        #[arg(long)]
+        json: bool,
+    },
     /// Say whether a GPU can be used here, and if not, what is missing and how to mend it
     Doctor,
 }
@@ -157,13 +161,6 @@ pub(crate) struct InspectArgs {
     pub(crate) json: bool,
 }
 
-#[derive(Args, Debug)]
-pub(crate) struct InfoArgs {
-    /// JSON to standard output
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// How a source that leaves a choice is read.
 #[derive(Args, Debug)]
 pub(crate) struct SourceArgs {
@@ -231,16 +228,6 @@ impl MethodArgs {
             layout,
         }
     }
-}
-
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct PolicyArgs {
-    /// How trees follow the motion
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
-    pub(crate) update: UpdateName,
-    /// With async: adopt each tree exactly K frames after it was asked for
-    #[arg(long, value_name = "K")]
-    pub(crate) lockstep: Option<u32>,
 }
 
 /// Who looks from where, and what shines. What is left out frames the whole motion.

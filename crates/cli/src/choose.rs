@@ -4,9 +4,7 @@
 //! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
 //! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
 
-use crate::args::{
-    BackendName, IntersectorName, LayoutName, MethodArgs, PolicyArgs, UpdateName, word,
-};
+use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
 use crate::open::has_own_trees;
 use crate::session::{ReusedBackend, trace_lists};
 use crate::stop::Stop;
@@ -24,7 +22,8 @@ pub(crate) struct Ask<'a> {
     pub(crate) threads: Option<usize>,
     pub(crate) builder_threads: Option<usize>,
     pub(crate) method: MethodArgs,
-    pub(crate) policy: PolicyArgs,
+    pub(crate) update: UpdateName,
+    pub(crate) lockstep: Option<u32>,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
     /// What will be done, by which `auto` chooses.
@@ -44,10 +43,8 @@ impl Ask<'_> {
             threads: None,
             builder_threads: None,
             method,
-            policy: PolicyArgs {
-                update,
-                lockstep: None,
-            },
+            update,
+            lockstep: None,
             tolerance: 0.0,
             run: None,
             rays: 0,
@@ -57,10 +54,9 @@ impl Ask<'_> {
 
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
     pub(crate) fn update(&self) -> Choice<Update> {
-        let PolicyArgs { update, lockstep } = self.policy;
-        let at_pace = Update::Async(lockstep.map_or(Pace::Free, Pace::Lockstep));
+        let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
         let within = "the backend makes its trees itself, within each frame";
-        match (update, lockstep) {
+        match (self.update, self.lockstep) {
             (UpdateName::Auto, _) if has_own_trees(self.backend) => (Update::Rebuild, Some(within)),
             (UpdateName::Auto, Some(_)) => (at_pace, Some("--lockstep asks for it")),
             (UpdateName::Auto, None) => (at_pace, Some("it suits most scenes that deform")),
@@ -74,7 +70,7 @@ impl Ask<'_> {
 
     /// Whether the policy is left to `auto`, which knows more once the backend is open.
     fn is_open(&self) -> bool {
-        self.policy.update == UpdateName::Auto && self.policy.lockstep.is_none()
+        self.update == UpdateName::Auto && self.lockstep.is_none()
     }
 
     /// How cores are shared on such a device under a policy.

@@ -1,6 +1,6 @@
 //! `abvh info`: this build and this machine.
 
-use crate::args::{BackendName, InfoArgs};
+use crate::args::BackendName;
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::table::counted;
@@ -23,7 +23,7 @@ struct Info {
     backends: Vec<Presence>,
 }
 
-pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
+pub(crate) fn run(json: bool) -> Result<(), Stop> {
     let info = Info {
         schema: SCHEMA,
         version: VERSION,
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<(), Stop> {
         auto: what_auto_takes()?,
         backends: open::presences().collect(),
     };
-    match args.json {
+    match json {
         true => talk::print_json(&info),
         false => talk::print(&text(&info)),
     }

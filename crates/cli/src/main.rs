@@ -59,7 +59,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Conform(args) => conform::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Inspect(args) => inspect::run(&args),
-        Command::Info(args) => info::run(&args),
+        Command::Info { json } => info::run(json),
         Command::Doctor => info::doctor(),
     }
 }

@@ -72,23 +72,19 @@ impl Tested {
 
 /// Opens what was named, or whatever is present.
 /// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
-pub(crate) fn open_all(
-    TestArgs {
-        backend, adapter, ..
-    }: &TestArgs,
-    drivers: bool,
-) -> Result<(Vec<Subject>, Tested), Stop> {
+pub(crate) fn open_all(args: &TestArgs, drivers: bool) -> Result<(Vec<Subject>, Tested), Stop> {
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
     for &one in BackendName::value_variants() {
         if one == BackendName::Auto {
             continue;
         }
-        let named = backend.contains(&one);
-        let among = backend.contains(&BackendName::Auto) && (drivers || !open::has_own_trees(one));
+        let named = args.backend.contains(&one);
+        let among =
+            args.backend.contains(&BackendName::Auto) && (drivers || !open::has_own_trees(one));
         if !named && !among {
             continue;
         }
-        match open::bare(one, adapter.as_deref(), host::cores()) {
+        match open::bare(one, args.adapter.as_deref(), host::cores()) {
             Ok(backend) => subjects.push(Subject {
                 name: backend.device().backend,
                 backend,

@@ -26,43 +26,37 @@ fn read(path: &Path) -> Result<Mesh> {
 /// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = &files[0];
-    let Mesh {
-        points,
-        triangles,
-        topology,
-        paint,
-        mut notes,
-        pattern,
-    } = read(path)?;
-    topology.check(path)?;
+    let mut mesh = read(path)?;
+    mesh.topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
-    let colours = colours((path, &folder), &topology, paint, &mut notes);
-    let size = (files.len(), points.len(), triangles.len());
+    let place = (path.as_path(), &folder);
+    let colours = colours(place, &mesh.topology, mesh.paint, &mut mesh.notes);
+    let vertices = mesh.points.len();
+    let size = (files.len(), vertices, mesh.triangles.len());
     check_keys(path.display(), size, options)?;
-    let vertices = points.len();
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
-        topology,
-        pattern,
-        first: Mutex::new(Some(points)),
+        topology: mesh.topology,
+        pattern: mesh.pattern,
+        first: Mutex::new(Some(mesh.points)),
         notes: Mutex::default(),
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
     let size = (sequence.files.len(), vertices);
-    let animation = Arc::new(stream::animation(source, size, triangles, options)?);
+    let animation = Arc::new(stream::animation(source, size, mesh.triangles, options)?);
     let told = sequence
         .notes
         .lock()
         .unwrap_or_else(PoisonError::into_inner);
-    notes.extend(told.values().flatten().cloned());
+    mesh.notes.extend(told.values().flatten().cloned());
     drop(told);
     let facts = Facts {
         format: extension(&files[0]),
         files,
-        notes,
+        notes: mesh.notes,
         ..Facts::default()
     };
     Ok(Scene {
@@ -145,21 +139,19 @@ fn colours(
     paint: Paint,
     notes: &mut Vec<String>,
 ) -> Vec<Rgb> {
-    match paint {
-        Paint::None => vec![CLAY; topology.triangle_count()],
-        Paint::Vertices(colours) => topology
-            .triangles()
-            .map(|(_, corners)| mean(corners.map(|v| colours[v as usize])))
-            .collect(),
-        Paint::Faces(colours) => topology
-            .triangles()
-            .map(|(face, _)| colours[face])
-            .collect(),
-        Paint::Materials { libraries, uses } => {
-            let faces = obj::paint(place, &libraries, &uses, topology.faces().count(), notes);
-            topology.triangles().map(|(face, _)| faces[face]).collect()
+    let triangles = topology.triangles();
+    let of_faces = match paint {
+        Paint::None => return vec![CLAY; topology.triangle_count()],
+        Paint::Vertices(colours) => {
+            let mean = |corners: [u32; 3]| mean(corners.map(|v| colours[v as usize]));
+            return triangles.map(|(_, corners)| mean(corners)).collect();
         }
-    }
+        Paint::Faces(colours) => colours,
+        Paint::Materials { libraries, uses } => {
+            obj::paint(place, &libraries, &uses, topology.faces().count(), notes)
+        }
+    };
+    triangles.map(|(face, _)| of_faces[face]).collect()
 }
 
 /// The file of times, as `abvh inspect --reduced-out` writes it.

@@ -52,7 +52,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
     let is_auto = |i: IntersectorName| i == IntersectorName::Auto;
     match command {
         Command::Render(args) => {
-            let update = args.policy.update;
+            let update = args.update;
             let writes = !args.no_images || args.hits.is_some();
             let clips = may_have_clip(&args.scene) || args.makes_video();
             vec![
@@ -104,7 +104,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("scene", oracle, ORACLE),
             ]
         }
-        Command::Stability(_) | Command::Info(_) | Command::Merge(_) | Command::Doctor => {
+        Command::Stability(_) | Command::Info { .. } | Command::Merge(_) | Command::Doctor => {
             Vec::new()
         }
     }

@@ -1,6 +1,6 @@
 //! Options of `render`.
 
-use super::{CameraArgs, DeviceArgs, MethodArgs, PolicyArgs, SizeArgs, SourceArgs, ToleranceArgs};
+use super::{CameraArgs, DeviceArgs, MethodArgs, SizeArgs, SourceArgs, ToleranceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
 use std::path::PathBuf;
@@ -21,8 +21,12 @@ pub(crate) struct RenderArgs {
     pub(crate) method: MethodArgs,
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
-    #[command(flatten)]
-    pub(crate) policy: PolicyArgs,
+    /// How trees follow the motion
+    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    pub(crate) update: UpdateName,
+    /// With async: adopt each tree exactly K frames after it was asked for
+    #[arg(long, value_name = "K")]
+    pub(crate) lockstep: Option<u32>,
     /// With async: what each new tree is built for. 'on': the middle of the time in which it will be used, taken
     /// from the key frames. 'off': the frame that asks for it. Hits are the same; trees built ahead fit better, so
     /// that frames are faster

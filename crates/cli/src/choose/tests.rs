@@ -14,7 +14,7 @@ const AUTO: MethodArgs = MethodArgs {
 fn names_mean_what_they_name_and_lockstep_is_async() {
     use UpdateName as U;
     let asked = |backend, update, lockstep| Ask {
-        policy: PolicyArgs { update, lockstep },
+        lockstep,
         ..Ask::of(backend, AUTO, update)
     };
     let (host, driver) = (BackendName::Cpu, BackendName::VulkanRt);
