@@ -4,7 +4,6 @@ use crate::stop::Stop;
 use crate::{talk, values};
 use clap::builder::ArgPredicate;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use geom::Point;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -228,27 +227,6 @@ impl MethodArgs {
             layout,
         }
     }
-}
-
-/// Who looks from where, and what shines. What is left out frames the whole motion.
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct CameraArgs {
-    /// Where the eye is
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) eye: Option<Point>,
-    /// What it looks at
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) look_at: Option<Point>,
-    /// Which way is up
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) up: Option<Point>,
-    /// Vertical field of view
-    #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::number(|d: f32| d > 0.0 && d < 180.0,
-        "a field of view lies between 0 and 180 degrees"))]
-    pub(crate) fov: f32,
-    /// Where the lamp is
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) light: Option<Point>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -186,13 +186,12 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
 
 /// The view that frames the motion, with what was asked for in its place.
 fn view(args: &RenderArgs, scene: &Scene) -> View {
-    let asked = &args.camera;
-    let framed = output::frame_scene(&scene.animation, asked.fov, args.size.size);
+    let framed = output::frame_scene(&scene.animation, args.fov, args.size.size);
     View {
-        eye: asked.eye.unwrap_or(framed.eye),
-        look_at: asked.look_at.unwrap_or(framed.look_at),
-        up: asked.up.unwrap_or(framed.up),
-        light: asked.light.unwrap_or(framed.light),
+        eye: args.eye.unwrap_or(framed.eye),
+        look_at: args.look_at.unwrap_or(framed.look_at),
+        up: args.up.unwrap_or(framed.up),
+        light: args.light.unwrap_or(framed.light),
         ..framed
     }
 }

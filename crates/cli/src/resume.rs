@@ -186,11 +186,11 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     let is_robust = matches!(&*intersector, "watertight" | "exact");
     let mut all = BTreeMap::from([
         ("size", json!(args.size.size)),
-        ("eye", json!(args.camera.eye)),
-        ("look-at", json!(args.camera.look_at)),
-        ("up", json!(args.camera.up)),
-        ("fov", json!(args.camera.fov)),
-        ("light", json!(args.camera.light)),
+        ("eye", json!(args.eye)),
+        ("look-at", json!(args.look_at)),
+        ("up", json!(args.up)),
+        ("fov", json!(args.fov)),
+        ("light", json!(args.light)),
         ("fps", json!(args.source.fps)),
         ("clip", json!(args.source.clip)),
         // How the default view frames the scene follows from it.

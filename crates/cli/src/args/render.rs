@@ -1,8 +1,9 @@
 //! Options of `render`.
 
-use super::{CameraArgs, DeviceArgs, MethodArgs, SizeArgs, SourceArgs, ToleranceArgs, UpdateName};
+use super::{DeviceArgs, MethodArgs, SizeArgs, SourceArgs, ToleranceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
+use geom::Point;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
@@ -45,8 +46,22 @@ pub(crate) struct RenderArgs {
     pub(crate) time_range: Option<TimeRange>,
     #[command(flatten)]
     pub(crate) size: SizeArgs,
-    #[command(flatten)]
-    pub(crate) camera: CameraArgs,
+    /// Where the eye is
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) eye: Option<Point>,
+    /// What it looks at
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) look_at: Option<Point>,
+    /// Which way is up
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) up: Option<Point>,
+    /// Vertical field of view
+    #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::number(|d: f32| d > 0.0 && d < 180.0,
+        "a field of view lies between 0 and 180 degrees"))]
+    pub(crate) fov: f32,
+    /// Where the lamp is
+    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    pub(crate) light: Option<Point>,
     /// Directory for pictures: frame_0000.png and so on
     #[arg(long, value_name = "DIR", default_value = "abvh-out", value_parser = values::file())]
     pub(crate) out: PathBuf,

@@ -45,9 +45,9 @@ fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates
     assert_eq!(args.out, PathBuf::from("abvh-out"));
     let measure = bench("bench").measure;
     assert_eq!((measure.size.size, measure.update.len()), ([640, 360], 3));
-    let camera = render("render a.obj --eye -1,2,-3 --light=-4,5,6").camera;
+    let args = render("render a.obj --eye -1,2,-3 --light=-4,5,6");
     let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
-    assert_eq!([camera.eye, camera.light], points);
+    assert_eq!([args.eye, args.light], points);
     let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
     assert_eq!(args.measure.update, [UpdateName::Refit, UpdateName::Async]);
     assert_eq!(args.measure.scenes, ["demo:twist"]);
