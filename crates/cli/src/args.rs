@@ -288,19 +288,6 @@ pub(crate) enum LayoutName {
 }
 
 #[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct SizeArgs {
-    /// Pixels of a frame
-    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "1280x720")]
-    pub(crate) size: [u32; 2],
-}
-
-impl SizeArgs {
-    pub(crate) fn count(&self) -> usize {
-        self.size[0] as usize * self.size[1] as usize
-    }
-}
-
-#[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct ToleranceArgs {
     /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
     /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]

@@ -10,7 +10,7 @@ use crate::conflicts::Files;
 use crate::open::{has_own_trees, makes_trees};
 use crate::stop::Stop;
 use crate::talk::Progress;
-use crate::{frames, info, memory, talk};
+use crate::{frames, info, memory, talk, values};
 pub(crate) use row::{Row, frame_ms, measure};
 use scene::Scene;
 use serde_json::json;
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
     let rows = measure_all(args)?;
     results::check(&rows, args.against.as_deref())?;
-    let (cpu, size) = (info::cpu_model(), args.measure.size.size);
+    let (cpu, size) = (info::cpu_model(), args.measure.size);
     if let Some(file) = &args.json {
         let report = json!({
             "schema": output::SCHEMA,
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
 
 /// Opens a scene that is to be measured.
 pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> {
-    let options = memory::with_run(args.source.options(), args.size.count());
+    let options = memory::with_run(args.source.options(), values::pixels(args.size));
     Ok(scene::open(spec, &options)?)
 }
 

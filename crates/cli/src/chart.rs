@@ -107,7 +107,7 @@ impl Work<'_> {
         self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: measure.size.size,
+            size: measure.size,
             frames: frames.len() as u64,
         });
         let mut points = Vec::new();

@@ -8,7 +8,7 @@ use crate::session::{self, Ask, Session};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
-use crate::{frames, info, inspect, memory, open, table, talk};
+use crate::{frames, info, inspect, memory, open, table, talk, values};
 use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         return nothing_left(args, &earlier, &rows);
     }
     let _drivers = open::load_drivers(args.device.backend);
-    let rays = args.size.count();
+    let rays = values::pixels(args.size);
     passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
     passed("read the scene");
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         return no_frames(args, &scene, (earlier, &outputs), &all);
     }
     let view = view(args, &scene);
-    let camera = camera(&view, args.size.size)?;
+    let camera = camera(&view, args.size)?;
     let ask = ask(args, &frames, view.query(&camera));
     let mut session = session::start(&scene.animation, &ask)?;
     passed("open the device, load the scene");
@@ -135,7 +135,7 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
         lockstep: args.lockstep,
         tolerance: args.tolerance.ppm(),
         run: Some(Run { frames, query }),
-        rays: args.size.count(),
+        rays: values::pixels(args.size),
         predict: args.predict,
     }
 }
@@ -150,7 +150,7 @@ fn pictures(
     let files = VideoFiles {
         encoded: args.video.as_deref(),
         y4m: args.y4m.as_deref(),
-        size: args.size.size,
+        size: args.size,
         fps: args.source.fps,
     };
     let video = Video::begin(&files).map_err(Stop::bad)?;
@@ -186,7 +186,7 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
 
 /// The view that frames the motion, with what was asked for in its place.
 fn view(args: &RenderArgs, scene: &Scene) -> View {
-    let framed = output::frame_scene(&scene.animation, args.fov, args.size.size);
+    let framed = output::frame_scene(&scene.animation, args.fov, args.size);
     View {
         eye: args.eye.unwrap_or(framed.eye),
         look_at: args.look_at.unwrap_or(framed.look_at),
@@ -243,7 +243,7 @@ fn trace_all(
 }
 
 fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
-    let [width, height] = args.size.size;
+    let [width, height] = args.size;
     let mut text = format!(
         "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
         scene.name,
@@ -257,7 +257,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
         text += &table::stages(rows);
         text += &output::trees(rows);
         text += &output::memory(rows);
-        text += &output::rates(rows, args.size.count());
+        text += &output::rates(rows, values::pixels(args.size));
     }
     if !args.no_images {
         text += &format!("pictures: {}\n", args.out.display());
@@ -271,7 +271,7 @@ fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
     head["schema"] = json!(SCHEMA);
     head["version"] = json!(env!("CARGO_PKG_VERSION"));
     head["scene"] = inspect::scene_facts(scene);
-    head["size"] = json!(args.size.size);
+    head["size"] = json!(args.size);
     head["expected_memory"] = json!(session.memory);
     head
 }

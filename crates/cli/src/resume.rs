@@ -185,7 +185,7 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     // The answers of these are the same whoever gives them and however trees follow.
     let is_robust = matches!(&*intersector, "watertight" | "exact");
     let mut all = BTreeMap::from([
-        ("size", json!(args.size.size)),
+        ("size", json!(args.size)),
         ("eye", json!(args.eye)),
         ("look-at", json!(args.look_at)),
         ("up", json!(args.up)),

@@ -67,6 +67,10 @@ pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     Ok([w as u32, h as u32])
 }
 
+pub(crate) fn pixels([width, height]: [u32; 2]) -> usize {
+    width as usize * height as usize
+}
+
 /// `T0..T1`, finite and in order.
 pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     let says = "a time range is T0..T1, such as 0..7.5";

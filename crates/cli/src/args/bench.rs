@@ -1,8 +1,6 @@
 //! Options of what measures: `bench` and `chart`.
 
-use super::{
-    BackendName, IntersectorName, LayoutName, SizeArgs, SourceArgs, ToleranceArgs, UpdateName,
-};
+use super::{BackendName, IntersectorName, LayoutName, SourceArgs, ToleranceArgs, UpdateName};
 use crate::values::{self, Frames, TimeRange};
 use clap::builder::ArgPredicate;
 use clap::{Args, ValueEnum};
@@ -30,8 +28,9 @@ pub(crate) struct MeasureArgs {
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
     pub(crate) frames: Frames,
-    #[command(flatten)]
-    pub(crate) size: SizeArgs,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "1280x720")]
+    pub(crate) size: [u32; 2],
     /// Seconds for which a device repeats the first frame of each run, uncounted, before the others. It goes on until that
     /// takes as long as before, for half a second at most. 0 leaves it out [default: 0.7 on a GPU]
     #[arg(long, value_name = "SECONDS",

@@ -1,6 +1,6 @@
 //! Options of `render`.
 
-use super::{DeviceArgs, MethodArgs, SizeArgs, SourceArgs, ToleranceArgs, UpdateName};
+use super::{DeviceArgs, MethodArgs, SourceArgs, ToleranceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
 use geom::Point;
@@ -44,8 +44,9 @@ pub(crate) struct RenderArgs {
     /// Stretch of time, in key frames [default: all of it]
     #[arg(long, value_name = "T0..T1", value_parser = values::time_range, allow_hyphen_values = true)]
     pub(crate) time_range: Option<TimeRange>,
-    #[command(flatten)]
-    pub(crate) size: SizeArgs,
+    /// Pixels of a frame
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "1280x720")]
+    pub(crate) size: [u32; 2],
     /// Where the eye is
     #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
     pub(crate) eye: Option<Point>,

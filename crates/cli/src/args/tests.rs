@@ -41,10 +41,10 @@ fn bench(line: &str) -> BenchArgs {
 #[test]
 fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates() {
     let args = render("");
-    assert_eq!((&*args.scene, args.size.size), ("demo:grove", [1280, 720]));
+    assert_eq!((&*args.scene, args.size), ("demo:grove", [1280, 720]));
     assert_eq!(args.out, PathBuf::from("abvh-out"));
     let measure = bench("bench").measure;
-    assert_eq!((measure.size.size, measure.update.len()), ([640, 360], 3));
+    assert_eq!((measure.size, measure.update.len()), ([640, 360], 3));
     let args = render("render a.obj --eye -1,2,-3 --light=-4,5,6");
     let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
     assert_eq!([args.eye, args.light], points);

@@ -83,8 +83,8 @@ pub(crate) fn measure(
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let view = output::frame_scene(&scene.animation, FOV, args.size.size);
-    let camera = view.camera(args.size.size);
+    let view = output::frame_scene(&scene.animation, FOV, args.size);
+    let camera = view.camera(args.size);
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;
     let query = match rays {

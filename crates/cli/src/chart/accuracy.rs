@@ -39,7 +39,7 @@ struct Sheet {
 
 impl GroundTruth {
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
-        let view = output::frame_scene(animation, bench::FOV, args.measure.size.size);
+        let view = output::frame_scene(animation, bench::FOV, args.measure.size);
         let moments = moments(animation, MOMENTS);
         let plain = args.rays.div_ceil(moments.len());
         let mut sheets = Vec::new();

@@ -111,7 +111,7 @@ impl fmt::Display for Way {
 }
 
 pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
-    let [width, height] = args.measure.size.size;
+    let [width, height] = args.measure.size;
     let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
         // One alone would be a count.

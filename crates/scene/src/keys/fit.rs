@@ -31,14 +31,8 @@ fn square(found: Point, wanted: Point) -> f64 {
     }
 }
 
-/// What is known of the largest square of an interval.
-#[derive(Clone, Copy, Debug)]
-enum Known {
-    /// At least this.
-    Above(f64),
-    /// This.
-    Is(f64),
-}
+/// The largest square of an interval, or, where that is not known, what it is at least.
+type Known = Result<f64, f64>;
 
 /// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
 ///
@@ -72,7 +66,7 @@ impl<'a> Reducer<'a> {
         Self {
             keys,
             blocks,
-            known: vec![Known::Above(0.0); frames * frames],
+            known: vec![Err(0.0); frames * frames],
             suspect: AtomicUsize::new(0),
         }
     }
@@ -107,13 +101,10 @@ impl<'a> Reducer<'a> {
         off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
     ) -> Option<f64> {
         self.known[place] = match self.known[place] {
-            Known::Above(least) if least <= limit => self.look(frames, limit, off),
+            Err(least) if least <= limit => self.look(frames, limit, off),
             known => known,
         };
-        match self.known[place] {
-            Known::Is(square) if square <= limit => Some(square),
-            _ => None,
-        }
+        self.known[place].ok().filter(|&square| square <= limit)
     }
 
     /// Looks at every block, the last suspect first, until one is too far off.
@@ -133,19 +124,11 @@ impl<'a> Reducer<'a> {
             Err(worst)
         };
         let suspect = self.suspect.load(Ordering::Relaxed);
-        let all = (0..self.blocks.len()).into_par_iter().map(examine);
-        let all = match self
-            .blocks
-            .get(suspect)
-            .map_or(Ok(0.0), |_| examine(suspect))
-        {
-            Ok(_) => all.try_reduce(|| 0.0, |a, b| Ok(a.max(b))),
-            least => least,
-        };
-        match all {
-            Ok(worst) => Known::Is(worst),
-            Err(least) => Known::Above(least),
+        if suspect < self.blocks.len() {
+            examine(suspect)?;
         }
+        let all = (0..self.blocks.len()).into_par_iter().map(examine);
+        all.try_reduce(|| 0.0, |a, b| Ok(a.max(b)))
     }
 }
 
