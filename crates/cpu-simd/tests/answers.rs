@@ -149,6 +149,7 @@ fn ready(
 fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&Topology, u64)) {
     backend.adopt(tree, Generation(generation)).unwrap();
     stand(backend, animation, 0.7).unwrap();
+    backend.submit().unwrap();
 }
 
 /// All answers to these rays, as bits.
