@@ -15,6 +15,7 @@ pub mod cache_file;
 mod clock;
 mod compute;
 mod device;
+mod doors;
 mod engine;
 mod frames;
 mod inspect;
@@ -33,6 +34,7 @@ pub use device::{
     BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Sent,
     refuse_above,
 };
+pub use doors::{compile_door, device_door};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
 pub use options::{KernelForm, Options, Validation};

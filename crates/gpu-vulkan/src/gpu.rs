@@ -10,10 +10,10 @@ use crate::queues::{QueueIndex, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::Options;
+use gpu_common::{Options, device_door};
 use shaders::Packets;
 use std::ffi::CStr;
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::Arc;
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
 pub struct Gpu {
@@ -50,19 +50,6 @@ pub const RAY_EXTENSIONS: [&CStr; 3] = [
     khr::ray_tracing_pipeline::NAME,
     khr::deferred_host_operations::NAME,
 ];
-
-/// One driver (NVIDIA 580) locks itself up when a thread makes or destroys a device while another compiles kernels.
-static DOOR: RwLock<()> = RwLock::new(());
-
-/// Held while kernels are compiled, which several threads may do at a time.
-pub(crate) fn compile_door() -> RwLockReadGuard<'static, ()> {
-    DOOR.read().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Held while a device is made or destroyed.
-fn device_door() -> RwLockWriteGuard<'static, ()> {
-    DOOR.write().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A queue and its family.
 #[derive(Clone, Copy, PartialEq, Eq)]

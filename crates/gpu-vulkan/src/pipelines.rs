@@ -1,9 +1,10 @@
 //! A kernel made ready, its layout read from the kernel's own bindings.
 
 use crate::errors::{failed, refused};
-use crate::gpu::{Gpu, compile_door};
+use crate::gpu::Gpu;
 use ash::vk;
 use backend::Result;
+use gpu_common::compile_door;
 use shaders::{Kernel, Kind};
 use std::sync::Arc;
 

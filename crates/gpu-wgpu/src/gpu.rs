@@ -7,8 +7,9 @@ use crate::instance::instance;
 use crate::limits::{check, generous, useful_features};
 use crate::pipeline_cache::PipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::{KernelForm, Options, Validation};
+use gpu_common::{KernelForm, Options, Validation, device_door};
 use shaders::Packets;
+use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -16,7 +17,6 @@ use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
 pub(crate) struct Gpu {
-    pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
@@ -29,6 +29,8 @@ pub(crate) struct Gpu {
     pub(crate) cache: Option<PipelineCache>,
     /// Nothing but to ask whether the device is still there.
     probe: Option<wgpu::Buffer>,
+    /// Goes last.
+    pub(crate) device: OpenDevice,
 }
 
 impl Gpu {
@@ -45,7 +47,11 @@ impl Gpu {
             memory_hints: wgpu::MemoryHints::Performance,
             trace: wgpu::Trace::Off,
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&desc))
+        let opened = {
+            let _door = device_door();
+            pollster::block_on(adapter.request_device(&desc))
+        };
+        let (device, queue) = opened
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::lent(device, queue, adapter.get_info())?;
         gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
@@ -63,7 +69,7 @@ impl Gpu {
         check(&limits)?;
         let mut gpu = Self {
             tick_ns: f64::from(queue.get_timestamp_period()),
-            device,
+            device: OpenDevice(Some(device)),
             queue,
             info,
             limits,
@@ -204,6 +210,24 @@ impl Drop for Gpu {
         if let Some(cache) = &self.cache {
             cache.store();
         }
+    }
+}
+
+/// A device that is let go of while no thread compiles kernels.
+pub(crate) struct OpenDevice(Option<wgpu::Device>);
+
+impl Deref for OpenDevice {
+    type Target = wgpu::Device;
+
+    fn deref(&self) -> &wgpu::Device {
+        self.0.as_ref().expect("it stays until it is dropped")
+    }
+}
+
+impl Drop for OpenDevice {
+    fn drop(&mut self) {
+        let _door = device_door();
+        self.0 = None;
     }
 }
 

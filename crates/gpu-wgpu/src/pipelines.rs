@@ -4,7 +4,7 @@ use crate::gpu::Gpu;
 use crate::modules::load;
 use crate::pipeline_cache::PipelineCache;
 use backend::Result;
-use gpu_common::{KernelCode, KernelForm};
+use gpu_common::{KernelCode, KernelForm, compile_door};
 use shaders::{Binding, Kernel, Kind, Params};
 use std::num::NonZeroU64;
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline};
@@ -81,5 +81,6 @@ fn compute_pipeline(
         },
         cache: gpu.cache.as_ref().map(PipelineCache::wgpu),
     };
+    let _door = compile_door();
     gpu.device.create_compute_pipeline(&desc)
 }
