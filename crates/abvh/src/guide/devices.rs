@@ -14,7 +14,8 @@
 //! `Auto` never takes a driver that runs shaders on the host's cores, and takes the host where a GPU cannot be opened.
 //! A device that you name is never replaced: if it cannot run, the error is [`Error::NoDevice`](crate::Error::NoDevice).
 //! [`Tracer::device`](crate::Tracer::device) tells what was taken, [`doctor`](crate::doctor()) why no GPU can be, and how
-//! to mend that.
+//! to mend that. To open a device takes longer than to load a scene:
+//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another one on a device that is open.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Scene, Tracer};
