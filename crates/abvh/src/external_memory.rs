@@ -34,6 +34,7 @@
 //! A device that [`Tracer::commit`] brings into use is another one: buffers and semaphores made before are errors there.
 
 use crate::loaded::Loaded;
+use crate::step::apart;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
 use gpu_vulkan::external::ExternalMemory;
@@ -133,12 +134,8 @@ impl ExternalRays<'_> {
             let bytes = (each as u64).saturating_mul(self.count as u64);
             Buffer::lent(&gpu.gpu, &buffer.0, bytes).map_err(Error::of_backend)
         };
-        if self
-            .answers
-            .is_some_and(|to| Arc::ptr_eq(&to.0, &self.rays.0))
-        {
-            return Err(Error::Device("answers would be written over rays".into()));
-        }
+        let is_same = |to: &ExternalBuffer| Arc::ptr_eq(&to.0, &self.rays.0);
+        apart(!self.answers.is_some_and(is_same))?;
         let lent = LentRays {
             rays: lent(self.rays, size_of::<Ray>())?,
             answers: self

@@ -11,7 +11,7 @@
 
 use crate::loaded::{Loaded, find};
 use crate::motion::Joined;
-use crate::step::{Deferred, check};
+use crate::step::{Deferred, apart, check};
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
 use backend::Backend;
 use geom::Point;
@@ -184,9 +184,7 @@ pub struct RayBuffers<'a> {
 impl RayBuffers<'_> {
     fn check(&self, query: Query) -> Result<()> {
         use wgpu::BufferUsages as Usage;
-        if self.answers == Some(self.rays) {
-            return Err(Error::Device("answers would be written over rays".into()));
-        }
+        apart(self.answers != Some(self.rays))?;
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
         let answers = |buffer| {
             (

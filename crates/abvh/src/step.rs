@@ -244,6 +244,13 @@ impl Step<'_> {
     }
 }
 
+/// Refuses rays and answers that are not apart in a device's memory.
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+pub(crate) fn apart(are_apart: bool) -> Result<()> {
+    let why = || Error::Device("answers would be written over rays".into());
+    are_apart.then_some(()).ok_or_else(why)
+}
+
 pub(crate) fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
     match expected == found {
         true => Ok(()),

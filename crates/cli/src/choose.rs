@@ -240,6 +240,7 @@ fn settle_intersector(
 const MOMENTS: usize = 3;
 /// The most rays of a sample.
 const MOST: f64 = (1 << 20) as f64;
+
 /// Rays of a run and what exact arithmetic says of them. A ray is wrong where
 /// another triangle is named, or another shadow.
 struct Sample {

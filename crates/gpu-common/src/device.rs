@@ -329,7 +329,7 @@ impl<D: GpuDevice> BufferTable<D> {
     /// Those of [`GpuDevice::buffer`].
     pub fn new(gpu: &D, sizes: impl IntoIterator<Item = (BufferName, u64)>) -> Result<Self> {
         let make = |(name, bytes): (BufferName, u64)| {
-            let buffer = gpu.buffer(name.what(), bytes, BufferPurpose::Storage)?;
+            let buffer = gpu.buffer(name.name(), bytes, BufferPurpose::Storage)?;
             Ok((name, buffer))
         };
         let made = sizes.into_iter().map(make);
@@ -369,7 +369,7 @@ impl<D: GpuDevice> BufferTable<D> {
         };
         let most = gpu.max_buffer_bytes().max(bytes);
         let larger = most.min(bytes + bytes / 32);
-        let larger = gpu.buffer(name.what(), larger, BufferPurpose::Storage)?;
+        let larger = gpu.buffer(name.name(), larger, BufferPurpose::Storage)?;
         gpu.discard(std::mem::replace(buffer, larger));
         Ok(())
     }

@@ -42,7 +42,7 @@ struct KeySlot<D: GpuDevice> {
 impl<D: GpuDevice> KeySlots<D> {
     /// Sends the key frames that are held; none of a stream.
     pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
-        let what = BufferName::Earlier.what();
+        let what = BufferName::Earlier.name();
         let slot = |(key, frame): (usize, &KeyFrame)| {
             Ok(KeySlot {
                 key,

@@ -57,7 +57,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         if self.positions.len() == 2 {
             return Ok(());
         }
-        let what = BufferName::Positions.what();
+        let what = BufferName::Positions.name();
         let made = gpu.buffer(what, self.position_bytes(), BufferPurpose::Storage)?;
         if self.moving_row_count.is_some() {
             let first = cast_slice(self.animation.first());

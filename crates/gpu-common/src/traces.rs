@@ -106,7 +106,7 @@ impl<D: GpuDevice> Traces<D> {
                 _ => BufferPurpose::Storage,
             };
             match needed && has_tree {
-                true => fitting(gpu, name.what(), bytes, purpose, spare).map(Some),
+                true => fitting(gpu, name.name(), bytes, purpose, spare).map(Some),
                 false => Ok(spare),
             }
         };
@@ -293,7 +293,7 @@ impl<D: GpuDevice> Trace<D> {
     /// Makes room for a pixel a ray, which are about to be recorded.
     pub(crate) fn make_pixels(&mut self, gpu: &D) -> Result<()> {
         let spare = self.buffers.pixels.take();
-        let (what, bytes) = (BufferName::Pixels.what(), 4 * self.count as u64);
+        let (what, bytes) = (BufferName::Pixels.name(), 4 * self.count as u64);
         let pixels = fitting(gpu, what, bytes, BufferPurpose::Storage, spare)?;
         (self.buffers.pixels, self.shaded) = (Some(pixels), true);
         Ok(())

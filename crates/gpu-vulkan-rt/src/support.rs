@@ -119,8 +119,9 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
 
 /// What a device lacks of extensions and features; `None` if it is able.
 fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
+    let offered = host.offered(device, &RAY_EXTENSIONS);
     let mut needed = RAY_EXTENSIONS.into_iter();
-    if let Some(name) = needed.find(|name| !host.offers(device, name)) {
+    if let Some(name) = needed.find(|name| !offered.contains(name)) {
         return Some(name.to_string_lossy().into_owned());
     }
     let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();

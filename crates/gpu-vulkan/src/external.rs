@@ -30,8 +30,7 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 
 /// Extensions by which a device exports, those of them that it offers.
 pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    let both = [MEMORY, SEMAPHORE].into_iter();
-    both.filter(|name| host.offers(device, name)).collect()
+    host.offered(device, &[MEMORY, SEMAPHORE])
 }
 
 /// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.

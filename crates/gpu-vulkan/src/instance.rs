@@ -112,12 +112,19 @@ impl Host {
         unsafe { self.instance.get_physical_device_features2(device, chain) };
     }
 
-    /// Whether a device offers an extension.
-    pub fn offers(&self, device: vk::PhysicalDevice, name: &CStr) -> bool {
+    /// Those of some extensions that a device offers.
+    pub fn offered<'n>(&self, device: vk::PhysicalDevice, names: &[&'n CStr]) -> Vec<&'n CStr> {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
         let all = offered.unwrap_or_default();
-        all.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
+        let is_offered =
+            |name: &&CStr| all.iter().any(|e| e.extension_name_as_c_str() == Ok(*name));
+        names.iter().copied().filter(is_offered).collect()
+    }
+
+    /// Whether a device offers an extension.
+    pub fn offers(&self, device: vk::PhysicalDevice, name: &CStr) -> bool {
+        !self.offered(device, &[name]).is_empty()
     }
 }
 

@@ -80,7 +80,8 @@ impl Slot {
             others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
         let mut parts = Vec::new();
-        for command in std::mem::take(&mut self.commands) {
+        let mut commands = std::mem::take(&mut self.commands);
+        for command in commands.drain(..) {
             match command {
                 Command::Clear(bytes) => {
                     self.passes(gpu, encoder, &mut parts)?;
@@ -97,6 +98,8 @@ impl Slot {
                 }
             }
         }
+        // Its memory is kept.
+        self.commands = commands;
         self.passes(gpu, encoder, &mut parts)?;
         self.untimed(gpu, encoder)?;
         self.launches.write(gpu)?;

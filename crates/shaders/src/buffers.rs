@@ -78,13 +78,6 @@ backend::named! {
     }
 }
 
-impl BufferName {
-    /// What messages call it.
-    pub fn what(self) -> &'static str {
-        self.name()
-    }
-}
-
 /// Bytes of the buffer `range`.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
