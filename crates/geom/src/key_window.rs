@@ -36,8 +36,11 @@ struct State {
     upcoming: Vec<usize>,
 }
 
-/// What came of reading a key frame, and when it was last used, by the clock; nothing while it is read.
-type Entry = Option<Result<(KeyFrame, u64), KeyFrameError>>;
+enum Entry {
+    Reading,
+    Ready { frame: KeyFrame, used: u64 },
+    Failed(KeyFrameError),
+}
 
 impl KeyWindow {
     /// Of a part of so many key frames, at least four of them.
@@ -127,7 +130,7 @@ impl KeyWindow {
         if state.entries.contains_key(&key) {
             return;
         }
-        state.entries.insert(key, None);
+        state.entries.insert(key, Entry::Reading);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
             let read = (shared.source)(key);
@@ -147,21 +150,27 @@ impl Shared {
             return Some(Ok(Arc::clone(&self.first)));
         }
         state.clock += 1;
-        match state.entries.get_mut(&key)?.as_mut()? {
-            Ok((frame, used)) => {
+        match state.entries.get_mut(&key)? {
+            Entry::Reading => None,
+            Entry::Ready { frame, used } => {
                 *used = state.clock;
                 Some(Ok(Arc::clone(frame)))
             }
-            Err(why) => Some(Err(why.clone())),
+            Entry::Failed(why) => Some(Err(why.clone())),
         }
     }
 
     fn file(&self, key: usize, read: Result<Vec<Point>, KeyFrameError>) {
         let mut state = self.lock();
         state.clock += 1;
-        let used = state.clock;
-        let entry = read.map(|points| (Arc::new(points.into()), used));
-        state.entries.insert(key, Some(entry));
+        let entry = match read {
+            Ok(points) => Entry::Ready {
+                frame: Arc::new(points.into()),
+                used: state.clock,
+            },
+            Err(why) => Entry::Failed(why),
+        };
+        state.entries.insert(key, entry);
         state.forget_beyond(self.capacity);
         drop(state);
         self.arrived.notify_all();
@@ -171,9 +180,9 @@ impl Shared {
 impl State {
     /// Drops what was used longest ago.
     fn forget_beyond(&mut self, capacity: usize) {
-        let ready = |(&key, entry): (&usize, &Entry)| {
-            let (_, used) = entry.as_ref()?.as_ref().ok()?;
-            Some((*used, key))
+        let ready = |(&key, entry): (&usize, &Entry)| match entry {
+            Entry::Ready { used, .. } => Some((*used, key)),
+            Entry::Reading | Entry::Failed(_) => None,
         };
         let mut all: Vec<_> = self.entries.iter().filter_map(ready).collect();
         all.sort_unstable();

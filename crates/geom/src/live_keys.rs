@@ -23,8 +23,12 @@ struct Recent {
     dropped: Vec<KeyFrame>,
 }
 
-/// How far its coordinates reach is known once somebody asked.
-type LiveKey = (KeyFrame, Option<Range>);
+#[derive(Debug)]
+struct LiveKey {
+    frame: KeyFrame,
+    /// Once somebody asked.
+    range: Option<Range>,
+}
 
 impl LiveKeys {
     /// Key frames that are kept.
@@ -53,10 +57,10 @@ impl LiveKeys {
     pub(crate) fn push(&self, frame: KeyFrame) -> usize {
         let mut state = self.lock();
         state.last += 1;
-        state.kept.push_back((frame, None));
+        state.kept.push_back(LiveKey { frame, range: None });
         if state.kept.len() > Self::KEPT {
             let oldest = state.kept.pop_front();
-            state.dropped.extend(oldest.map(|key| key.0));
+            state.dropped.extend(oldest.map(|key| key.frame));
         }
         state.last
     }
@@ -72,14 +76,14 @@ impl LiveKeys {
     /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let state = self.lock();
-        let found = state.find(key).map(|at| Arc::clone(&state.kept[at].0));
+        let found = state.find(key).map(|at| Arc::clone(&state.kept[at].frame));
         found.unwrap_or_else(|| Arc::clone(&self.first))
     }
 
     /// How far the coordinates of a key frame that was pushed reach, if somebody looked.
     pub(crate) fn known_range(&self, key: usize) -> Option<Range> {
         let state = self.lock();
-        state.find(key).and_then(|at| state.kept[at].1)
+        state.find(key).and_then(|at| state.kept[at].range)
     }
 
     /// Likewise, by looking if need be.
@@ -89,7 +93,7 @@ impl LiveKeys {
             let range = look(&self.get(key));
             let mut state = self.lock();
             if let Some(at) = state.find(key) {
-                state.kept[at].1 = Some(range);
+                state.kept[at].range = Some(range);
             }
             range
         })

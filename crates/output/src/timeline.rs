@@ -11,7 +11,7 @@
 
 use crate::{WriteError, write_with};
 use backend::StageTimes;
-use pipeline::{Adopted, FrameRecord, Submission, place_on_host};
+use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -242,7 +242,8 @@ impl Chart {
     }
 
     /// The stages of a submission, one after the other.
-    fn device(&mut self, frame: u64, times: &StageTimes, [mut begin, last]: [f64; 2]) {
+    fn device(&mut self, frame: u64, times: &StageTimes, span: Span) {
+        let mut begin = span.begin_ms;
         for (name, ms) in [
             ("interpolate", times.interpolate_ms),
             ("rebuild", times.rebuild_ms),
@@ -251,7 +252,7 @@ impl Chart {
             ("trace primary", times.trace_primary_ms),
             ("trace shadow", times.trace_shadow_ms),
         ] {
-            let end = (begin + ms.unwrap_or(0.0)).min(last);
+            let end = (begin + ms.unwrap_or(0.0)).min(span.end_ms);
             self.span_ms(DEVICE, name, [begin, end], &json!({ "frame": frame }));
             begin = begin.max(end);
         }

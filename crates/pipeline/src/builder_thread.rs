@@ -46,8 +46,11 @@ pub(crate) struct BuilderThread {
     cancel: Arc<Cancel>,
 }
 
-/// Where jobs go in, where trees come out, and the thread between them.
-type Open = (SyncSender<Job>, Receiver<Delivery>, JoinHandle<()>);
+struct Open {
+    jobs: SyncSender<Job>,
+    trees: Receiver<Delivery>,
+    thread: JoinHandle<()>,
+}
 
 impl BuilderThread {
     /// A builder that knows its build; no thread yet.
@@ -69,10 +72,10 @@ impl BuilderThread {
     /// Hands a job in, unless the thread cannot be started or is gone. Never waits: the caller keeps to one job at a time.
     pub(crate) fn start(&mut self, job: Job) -> BuildResult<()> {
         if let Some(build) = self.build.take() {
-            self.open = Some(open(build, Arc::clone(&self.cancel))?);
+            self.open = Some(Open::new(build, Arc::clone(&self.cancel))?);
         }
-        let (jobs, ..) = self.open.as_ref().ok_or_else(gone)?;
-        match jobs.try_send(job) {
+        let open = self.open.as_ref().ok_or_else(gone)?;
+        match open.jobs.try_send(job) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(_)) => panic!("one build is in flight at most"),
             Err(TrySendError::Disconnected(_)) => Err(gone()),
@@ -81,19 +84,24 @@ impl BuilderThread {
 
     /// A finished tree, if there is one. Never waits.
     pub(crate) fn try_take(&mut self) -> Option<Delivery> {
-        self.open.as_ref()?.1.try_recv().ok()
+        self.open.as_ref()?.trees.try_recv().ok()
     }
 
     /// Waits for the job that was handed in.
     pub(crate) fn take(&mut self) -> Option<Delivery> {
-        self.open.as_ref()?.1.recv().ok()
+        self.open.as_ref()?.trees.recv().ok()
     }
 }
 
 impl Drop for BuilderThread {
     fn drop(&mut self) {
         self.cancel.cancel();
-        if let Some((jobs, trees, thread)) = self.open.take() {
+        if let Some(Open {
+            jobs,
+            trees,
+            thread,
+        }) = self.open.take()
+        {
             drop((jobs, trees));
             // The thread catches the build's panics; nothing is left to report.
             let _ = thread.join();
@@ -101,24 +109,30 @@ impl Drop for BuilderThread {
     }
 }
 
-fn open(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> BuildResult<Open> {
-    let (jobs, inbox) = sync_channel::<Job>(1);
-    let (outbox, trees) = sync_channel(1);
-    let work = move || {
-        while let Ok(job) = inbox.recv() {
-            let generation = job.generation;
-            let built = catch_unwind(AssertUnwindSafe(|| build(job, &cancel)));
-            let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
-            if outbox.send((generation, result)).is_err() {
-                return;
+impl Open {
+    fn new(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> BuildResult<Self> {
+        let (jobs, inbox) = sync_channel::<Job>(1);
+        let (outbox, trees) = sync_channel(1);
+        let work = move || {
+            while let Ok(job) = inbox.recv() {
+                let generation = job.generation;
+                let built = catch_unwind(AssertUnwindSafe(|| build(job, &cancel)));
+                let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
+                if outbox.send((generation, result)).is_err() {
+                    return;
+                }
             }
-        }
-    };
-    let thread = std::thread::Builder::new()
-        .name("abvh-builder".into())
-        .spawn(work)
-        .map_err(|e| format!("no builder thread: {e}"))?;
-    Ok((jobs, trees, thread))
+        };
+        let thread = std::thread::Builder::new()
+            .name("abvh-builder".into())
+            .spawn(work)
+            .map_err(|e| format!("no builder thread: {e}"))?;
+        Ok(Self {
+            jobs,
+            trees,
+            thread,
+        })
+    }
 }
 
 fn gone() -> String {

@@ -18,53 +18,84 @@
 use crate::frame::Submission;
 use std::time::Instant;
 
-/// Where the part of a submission between its first stage's begin and the last one's end begins and ends, in milliseconds
-/// since `origin` on the host's clock; for each of `submissions`, which must be in the order they were handed in. No two
-/// overlap.
-pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<[f64; 2]> {
-    let bounds: Vec<Bounds> = submissions.iter().map(|s| bounds(origin, s)).collect();
+/// A stretch of the host's clock, in milliseconds from some origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Its begin.
+    pub begin_ms: f64,
+    /// Its end.
+    pub end_ms: f64,
+}
+
+/// The part of a submission between its first stage's begin and the last one's
+/// end, in milliseconds since `origin` on the host's clock; one for each of
+/// `submissions`, which must be in the order they were handed in. No two overlap.
+pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
+    let bounds: Vec<Bound> = submissions.iter().map(|s| Bound::of(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];
     find_offsets(&bounds, &mut offsets);
-    let place = |(submission, offset): (&Submission, &f64)| {
-        let times = submission.times;
-        let end = match times.begun_ms {
-            Some(begun) => begun + times.device_ms + offset,
-            None => host_ms(origin, submission.seen),
-        };
-        [end - times.device_ms, end]
-    };
-    let mut spans: Vec<_> = submissions.iter().zip(&offsets).map(place).collect();
+    let mut spans: Vec<Span> = submissions
+        .iter()
+        .zip(&offsets)
+        .map(|(submission, offset)| {
+            let times = submission.times;
+            let end_ms = match times.begun_ms {
+                Some(begun) => begun + times.device_ms + offset,
+                None => host_ms(origin, submission.seen),
+            };
+            Span {
+                begin_ms: end_ms - times.device_ms,
+                end_ms,
+            }
+        })
+        .collect();
     let mut next = f64::INFINITY;
-    for [begin, end] in spans.iter_mut().rev() {
-        let late = (*end - next).max(0.0);
-        *end -= late;
-        *begin -= late;
-        next = *begin;
+    for span in spans.iter_mut().rev() {
+        let late = (span.end_ms - next).max(0.0);
+        span.end_ms -= late;
+        span.begin_ms -= late;
+        next = span.begin_ms;
     }
     spans
 }
 
-/// The least and the most that `host - device` may be, in milliseconds.
-type Bounds = [f64; 2];
+/// What one submission says of `host - device`, in milliseconds.
+#[derive(Clone, Copy, Debug)]
+struct Bound {
+    least: f64,
+    most: f64,
+}
 
-const UNKNOWN: Bounds = [f64::NEG_INFINITY, f64::INFINITY];
+impl Bound {
+    /// Without a begin on the device's clock it says nothing.
+    fn of(origin: Instant, submission: &Submission) -> Self {
+        let Some(begun) = submission.times.begun_ms else {
+            return Self::NONE;
+        };
+        Self {
+            least: host_ms(origin, submission.handed_in) - begun,
+            most: host_ms(origin, submission.seen) - (begun + submission.times.device_ms),
+        }
+    }
 
-/// What one submission says; without a begin on the device's clock nothing.
-fn bounds(origin: Instant, submission: &Submission) -> Bounds {
-    let Some(begun) = submission.times.begun_ms else {
-        return UNKNOWN;
+    const NONE: Self = Self {
+        least: f64::NEG_INFINITY,
+        most: f64::INFINITY,
     };
-    let least = host_ms(origin, submission.handed_in) - begun;
-    let most = host_ms(origin, submission.seen) - (begun + submission.times.device_ms);
-    [least, most]
+
+    fn and(self, other: &Self) -> Self {
+        Self {
+            least: self.least.max(other.least),
+            most: self.most.min(other.most),
+        }
+    }
 }
 
 /// One offset for as long a stretch as its bounds allow.
-fn find_offsets(bounds: &[Bounds], offsets: &mut [f64]) {
-    let both = |[a, b]: Bounds, [c, d]: &Bounds| [a.max(*c), b.min(*d)];
-    let [least, most] = bounds.iter().fold(UNKNOWN, both);
-    if least <= most || bounds.len() < 2 {
-        let middle = f64::midpoint(least, most);
+fn find_offsets(bounds: &[Bound], offsets: &mut [f64]) {
+    let all = bounds.iter().fold(Bound::NONE, Bound::and);
+    if all.least <= all.most || bounds.len() < 2 {
+        let middle = f64::midpoint(all.least, all.most);
         offsets.fill(if middle.is_finite() { middle } else { 0.0 });
         return;
     }
@@ -132,7 +163,7 @@ mod tests {
         let spans = place_on_host(origin, &all);
         let rounded: Vec<_> = spans
             .iter()
-            .map(|s| s.map(|x| (x * 1e3).round() / 1e3))
+            .map(|s| [s.begin_ms, s.end_ms].map(|x| (x * 1e3).round() / 1e3))
             .collect();
         assert_eq!(rounded, [[2.0, 4.0], [6.5, 9.5], [9.5, 12.5]]);
     }
@@ -143,7 +174,7 @@ mod tests {
         let (origin, all, truth) = run(7e6, 5e-5, &vec![[0.0, 0.02, 10.0, 0.02]; 1000]);
         let spans = place_on_host(origin, &all);
         for (span, begun) in spans.iter().zip(&truth) {
-            assert!((span[0] - begun).abs() < 0.05, "{span:?} {begun}");
+            assert!((span.begin_ms - begun).abs() < 0.05, "{span:?} {begun}");
         }
     }
 
@@ -161,10 +192,10 @@ mod tests {
             let least = |i: usize| frames.iter().map(|f| f[i]).fold(f64::INFINITY, f64::min);
             let allowed = 0.5 * (least(1) + least(3)) + 1e-5;
             for (span, begun) in spans.iter().zip(&truth) {
-                prop_assert!((span[0] - begun).abs() <= allowed, "{:?} {} {}", span, begun, allowed);
+                prop_assert!((span.begin_ms - begun).abs() <= allowed, "{:?} {} {}", span, begun, allowed);
             }
             for pair in spans.windows(2) {
-                prop_assert!(pair[0][1] <= pair[1][0] + 1e-9);
+                prop_assert!(pair[0].end_ms <= pair[1].begin_ms + 1e-9);
             }
         }
     }

@@ -22,7 +22,7 @@ mod threads;
 mod tree_builder;
 
 pub use builder_thread::BuilderThreads;
-pub use device_clock::place_on_host;
+pub use device_clock::{Span, place_on_host};
 pub use driver::{Answers, Driver, DriverOptions, PipelineError, Wanted, Warmed, warm_up};
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use memory::{ExpectedMemory, TREE_BYTES, trees_bytes};

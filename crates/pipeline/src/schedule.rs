@@ -43,10 +43,19 @@ pub enum Pace {
 /// What a frame has to do about trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FramePlan {
-    /// Swap to this tree before anything else; and whether it may still be under way, so that the driver has to wait for it.
-    pub(crate) swap: Option<(Generation, bool)>,
+    /// Swap to this tree before anything else.
+    pub(crate) swap: Option<Swap>,
     /// Ask for this tree, to be built from this frame's vertices.
     pub(crate) ask: Option<Generation>,
+}
+
+/// A swap at a frame boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Swap {
+    /// The tree to take.
+    pub(crate) generation: Generation,
+    /// Whether it may still be under way, so that the driver has to wait for it.
+    pub(crate) wait: bool,
 }
 
 /// Decides when to ask and when to swap. At most one build is in flight, and generations only rise.
@@ -99,15 +108,20 @@ impl Schedule {
         self.pending.take_if(|f| f.generation == generation);
     }
 
-    fn swap_due(&self, frame: u64) -> Option<(Generation, bool)> {
+    fn swap_due(&self, frame: u64) -> Option<Swap> {
         let pending = self.pending?;
-        let (due, wait) = match self.update {
-            Update::Async(Pace::Lockstep(k)) => {
-                (frame >= pending.asked_at + u64::from(k), !pending.finished)
-            }
-            _ => (pending.finished, false),
-        };
-        due.then_some((pending.generation, wait))
+        let generation = pending.generation;
+        match self.update {
+            Update::Async(Pace::Lockstep(k)) => (frame >= pending.asked_at + u64::from(k))
+                .then_some(Swap {
+                    generation,
+                    wait: !pending.finished,
+                }),
+            _ => pending.finished.then_some(Swap {
+                generation,
+                wait: false,
+            }),
+        }
     }
 
     fn ask(&mut self, frame: u64) -> Option<Generation> {
@@ -159,8 +173,8 @@ mod tests {
                     _ => {
                         let plan = s.begin_frame(frame, e != 2);
                         frame += 1;
-                        if let Some((generation, wait)) = plan.swap {
-                            prop_assert!(done && flying == Some(generation) && !wait);
+                        if let Some(swap) = plan.swap {
+                            prop_assert!(done && flying == Some(swap.generation) && !swap.wait);
                             (flying, done) = (None, false);
                         }
                         if let Some(g) = plan.ask {

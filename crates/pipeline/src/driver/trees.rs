@@ -3,7 +3,7 @@
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
-use crate::schedule::{FramePlan, Pace, Update};
+use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::for_all::samples;
 use crate::tree_builder::{Built, Made, Vertices};
 use backend::Generation;
@@ -139,8 +139,8 @@ impl Driver {
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
     pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
-        if let Some((generation, wait)) = plan.swap {
-            self.swap(generation, wait)?;
+        if let Some(swap) = plan.swap {
+            self.swap(swap)?;
         }
         let Some(generation) = plan.ask else {
             return Ok(());
@@ -235,10 +235,10 @@ impl Driver {
     }
 
     /// Swaps to a finished tree, waiting for it only where the plan says so.
-    fn swap(&mut self, generation: Generation, wait: bool) -> Result<(), PipelineError> {
-        if wait {
+    fn swap(&mut self, swap: Swap) -> Result<(), PipelineError> {
+        if swap.wait {
             let start = Instant::now();
-            self.wait_for_builder(generation)?;
+            self.wait_for_builder(swap.generation)?;
             self.record.build_wait_ms += ms(start.elapsed());
         }
         let (Some(made), Some(pending)) = (self.finished.take(), self.build.take()) else {

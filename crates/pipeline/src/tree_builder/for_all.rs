@@ -30,10 +30,10 @@ impl TreeBuilder {
         let boxes = animation.moment(first)?;
         self.builder.build(&boxes, cancel, &mut self.tree)?;
         let cost = sah_cost(&self.tree, &boxes);
-        let moment = |&(pose, weight): &Sample| {
+        let moment = |s: &Sample| {
             Ok(Moment {
-                boxes: animation.moment(pose)?,
-                weight,
+                boxes: animation.moment(s.pose)?,
+                weight: s.weight,
             })
         };
         let moments = samples.iter().map(moment);
@@ -74,7 +74,11 @@ impl TreeBuilder {
 }
 
 /// A moment, and the time it stands for in key frames.
-pub(crate) type Sample = (Pose, f64);
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) pose: Pose,
+    pub(crate) weight: f64,
+}
 
 /// Steps in which the way is measured: two a key frame, within these bounds.
 const STEPS: [usize; 2] = [64, 512];
@@ -97,7 +101,7 @@ pub(crate) fn samples(
     let whole: f64 = way.iter().sum();
     if whole <= 0.0 {
         let pose = animation.pose(first);
-        return Ok(vec![(pose, 1.0)]);
+        return Ok(vec![Sample { pose, weight: 1.0 }]);
     }
     let measure = |i: usize| 0.5 * way[i] / whole + 0.5 / steps as f64;
     let mut times = vec![first];
@@ -120,9 +124,10 @@ pub(crate) fn samples(
 /// Each time with half the stretches before and after it.
 fn weighed(animation: &Animation, times: &[f64]) -> Vec<Sample> {
     let last = times.len() - 1;
-    let sample = |(i, &time): (usize, &f64)| {
-        let stretch = times[(i + 1).min(last)] - times[i.saturating_sub(1)];
-        (animation.pose(time), 0.5 * stretch)
+    let weight = |i: usize| 0.5 * (times[(i + 1).min(last)] - times[i.saturating_sub(1)]);
+    let sample = |(i, &t): (usize, &f64)| Sample {
+        pose: animation.pose(t),
+        weight: weight(i),
     };
     times.iter().enumerate().map(sample).collect()
 }
@@ -147,7 +152,7 @@ mod tests {
     }
 
     fn times(samples: &[Sample]) -> Vec<f64> {
-        let time = |s: &Sample| f64::from(s.0.key) + f64::from(s.0.alpha);
+        let time = |s: &Sample| f64::from(s.pose.key) + f64::from(s.pose.alpha);
         samples.iter().map(time).collect()
     }
 
@@ -165,7 +170,7 @@ mod tests {
         for (found, expected) in times(&s).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{s:?}");
         }
-        let sum: f64 = s.iter().map(|s| s.1).sum();
+        let sum: f64 = s.iter().map(|s| s.weight).sum();
         assert!((sum - 2.0).abs() < 1e-9 && s.len() == MAX_MOMENTS);
     }
 
@@ -174,7 +179,7 @@ mod tests {
         let s = samples(&bobbing(&[0.0, 0.0, 0.0, 0.0, 9.0]), [0.0, 4.0]).unwrap();
         let late = times(&s).iter().filter(|&&t| t > 3.0).count();
         assert!(late >= MAX_MOMENTS / 2, "{s:?}");
-        assert!(s[MAX_MOMENTS - 1].1 < s[1].1);
+        assert!(s[MAX_MOMENTS - 1].weight < s[1].weight);
         assert!(times(&s).is_sorted() && times(&s)[MAX_MOMENTS - 1] == 4.0);
     }
 }

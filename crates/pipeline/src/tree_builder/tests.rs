@@ -241,7 +241,7 @@ fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     assert_eq!(tree.cost, own.cost);
     assert_ne!(tree.topology.words(), own.topology.words());
     // Where hardly anything but the first frame counts, its own tree is taken.
-    samples[1..].iter_mut().for_each(|s| s.1 *= 1e-9);
+    samples[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
     assert_eq!(for_all(&samples).topology.words(), own.topology.words());
 }
 

@@ -15,8 +15,10 @@ pub(super) struct Rig {
     order: Vec<usize>,
 }
 
-/// The node above, and the node's own transform.
-type Joint = (Option<usize>, Rest);
+struct Joint {
+    parent: Option<usize>,
+    rest: Rest,
+}
 
 /// A node's own transform where no clip moves it.
 enum Rest {
@@ -39,18 +41,23 @@ impl Pose {
 impl Rig {
     /// Sorts the nodes; they must make up trees.
     pub(super) fn new(file: &File) -> Result<Self> {
-        let joint = |node: Node<'_>| (None, rest(node.transform()));
-        let mut nodes: Vec<Joint> = file.document.nodes().map(joint).collect();
+        let joint = |node: Node<'_>| Joint {
+            parent: None,
+            rest: rest(node.transform()),
+        };
+        let mut nodes: Vec<_> = file.document.nodes().map(joint).collect();
         for node in file.document.nodes() {
             for child in node.children() {
-                let parent = nodes[child.index()].0.replace(node.index());
+                let parent = nodes[child.index()].parent.replace(node.index());
                 if parent.is_some() {
                     let place = ("node", child.index());
                     return Err(file.wrong(place, "the node has two parents"));
                 }
             }
         }
-        let roots = (0..nodes.len()).filter(|&i| nodes[i].0.is_none()).collect();
+        let roots = (0..nodes.len())
+            .filter(|&i| nodes[i].parent.is_none())
+            .collect();
         let order = descend(file, roots);
         if order.len() < nodes.len() {
             let mut reached = order;
@@ -75,7 +82,7 @@ impl Rig {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
             let own = self.own(i, motion, time);
-            world[i] = match self.nodes[i].0 {
+            world[i] = match self.nodes[i].parent {
                 Some(parent) => world[parent] * own,
                 None => own,
             };
@@ -84,7 +91,7 @@ impl Rig {
     }
 
     fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
-        let rest = &self.nodes[node].1;
+        let rest = &self.nodes[node].rest;
         let parts = match rest {
             Rest::Matrix(matrix) if !motion.moves(node) => return *matrix,
             Rest::Matrix(matrix) => {
