@@ -35,7 +35,11 @@ pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ra
         let [a, b, c] = triangles[hit.triangle as usize].map(Vec3::from);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let (from, along) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
-        let up = -normal.dot(along).signum() * normal;
+        let up = if normal.dot(along) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
         let start = from + (hit.t * (1.0 - SKIP)) * along;
         let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
         let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
