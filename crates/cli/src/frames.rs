@@ -223,6 +223,30 @@ fn spread(range: TimeRange, n: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn shards_are_the_whole_list_in_order_and_equally_long(count in 0_u64..200, of in 1_usize..40) {
+            let frame = |index| Frame { index, time: index as f64 };
+            let all: Vec<_> = (0..count).map(frame).collect();
+            let shard = |number| of_shard(&all, Some(Shard { number, of }));
+            let shards: Vec<_> = (1..=of).map(shard).collect();
+            prop_assert_eq!(shards.concat(), all);
+            let lengths = || shards.iter().map(Vec::len);
+            prop_assert!(lengths().max() <= lengths().min().map(|least| least + 1));
+        }
+
+        #[test]
+        fn whatever_names_frames_names_each_once(text in "[0-9.,x-]{0,12}") {
+            if let Ok(Frames::Keys(mut keys)) = frames(&text) {
+                let count = keys.len();
+                keys.sort_unstable();
+                keys.dedup();
+                prop_assert_eq!(keys.len(), count);
+            }
+        }
+    }
 
     fn times(frames: Option<Frames>, range: Option<(f64, f64)>, keys: usize) -> Option<Vec<f64>> {
         let range = range.map(|(from, to)| TimeRange { from, to });
