@@ -4,7 +4,6 @@ use crate::{Clock, KernelCode, Options, Stage};
 use backend::{BackendError, Device, DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
-use rayon::iter::IndexedParallelIterator;
 use shaders::work::Work;
 use shaders::{BufferName, Counts, Kernel, Packets};
 use std::ops::Range;
@@ -163,21 +162,30 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// See [`BackendError`]; likewise below.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Fills a buffer of [`BufferPurpose::Input`] for the next submission, by all threads. Nothing under way may use it.
-    fn write<T: Pod + Send + Sync>(
+    /// Fills so many rows of a buffer of [`BufferPurpose::Input`] for the next submission, by all threads. Nothing under way
+    /// may use it.
+    fn write<T: Pod + Send>(
         &mut self,
         to: &mut Self::Buffer,
-        rows: impl IndexedParallelIterator<Item = T>,
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
     ) -> Result<()>;
 
-    /// Waits for what was submitted and shows the first `count` elements of a buffer.
-    /// What fills it must be finished.
-    fn read<T: Pod, R>(
+    /// Waits for what was submitted and shows the first `count` elements of a buffer in [`parts`], each with the number of
+    /// those before it: one is looked at while the next ones are copied. What fills the buffer must be finished.
+    fn read<T: Pod>(
         &mut self,
         from: &Self::Buffer,
         count: usize,
-        look: impl FnOnce(&[T]) -> R,
-    ) -> Result<R>;
+        look: impl FnMut(usize, &[T]),
+    ) -> Result<()>;
+
+    /// Likewise, all of them together.
+    fn read_all<T: Pod>(&mut self, from: &Self::Buffer, count: usize) -> Result<Vec<T>> {
+        let mut all = Vec::with_capacity(count);
+        self.read(from, count, |_, part| all.extend_from_slice(part))?;
+        Ok(all)
+    }
 
     /// Begins to send something part by part, beside the frames. Gives its buffer, and a number to be
     /// [expected](GpuDevice::expect) before it is read.
@@ -302,6 +310,13 @@ pub trait GpuSlot<D: GpuDevice>: Send {
     fn split(&mut self, _gpu: &D) -> Result<()> {
         Ok(())
     }
+}
+
+/// In which parts so many elements come to the host.
+pub fn parts<T>(count: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
+    const BYTES: usize = 8 << 20;
+    let most = BYTES / size_of::<T>();
+    (0..count.div_ceil(most)).map(move |i| i * most..count.min((i + 1) * most))
 }
 
 /// Refuses a need above a limit.

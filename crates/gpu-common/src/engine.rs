@@ -256,7 +256,7 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let count = scene.animation.vertex_count();
         let from = &scene.positions[self.position];
-        self.gpu.read(from, count, <[Point]>::to_vec)
+        self.gpu.read_all(from, count)
     }
 }
 
@@ -288,9 +288,8 @@ fn test_arithmetic<D: GpuDevice>(
     slot.record_untimed(gpu, pipelines, &work, &find)?;
     let (ticket, _) = frames.submit(gpu, None, (false, 0))?;
     frames.retire(gpu, ticket)?;
-    let verified = gpu.read(find(BufferName::Results), all.len(), |results| {
-        arithmetic::verify(&all, results)
-    })?;
+    let results = gpu.read_all(find(BufferName::Results), all.len())?;
     let adapter = gpu.device().adapter;
-    verified.map_err(|e| BackendError::NoDevice(format!("{adapter}: {e}")))
+    arithmetic::verify(&all, &results)
+        .map_err(|e| BackendError::NoDevice(format!("{adapter}: {e}")))
 }

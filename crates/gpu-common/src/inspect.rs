@@ -36,7 +36,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         let buffer = tree.get(name).expect("a buffer of the tree's");
         self.engine.gpu.wait_idle()?;
-        self.engine.gpu.read(buffer, count, <[T]>::to_vec)
+        self.engine.gpu.read_all(buffer, count)
     }
 
     /// Looks at the tree in use, after all that was submitted.

@@ -32,7 +32,7 @@ pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
     BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Sent,
-    refuse_above,
+    parts, refuse_above,
 };
 pub use doors::{compile_door, device_door};
 pub use engine::{Engine, Stale};

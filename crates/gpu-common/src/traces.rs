@@ -114,10 +114,10 @@ impl<D: GpuDevice> Traces<D> {
         let answers = lent.as_mut().and_then(|lent| lent.answers.as_mut());
         if let Some(answers) = answers.filter(|_| !has_tree) {
             // No kernel is going to write them.
-            let each = (0..query.rays.count()).into_par_iter();
+            let count = query.rays.count();
             match kind {
-                QueryKind::Any => gpu.write(answers, each.map(|_| 0_u32))?,
-                _ => gpu.write(answers, each.map(|_| Hit::MISS))?,
+                QueryKind::Any => gpu.write(answers, count, |_| 0_u32)?,
+                _ => gpu.write(answers, count, |_| Hit::MISS)?,
             }
         }
         let given = are_given(query) && lent.is_none();
@@ -253,11 +253,11 @@ fn send<D: GpuDevice>(
         row
     };
     match rays {
-        Rays::List(list) => gpu.write(to, list.par_iter().map(|&ray| row(ray)))?,
+        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
         Rays::Camera(camera) => {
-            let pixels = (0..camera.pixels() as u32).into_par_iter();
-            let ray = |i: u32| row(camera.ray(i % camera.width, i / camera.width));
-            gpu.write(to, pixels.map(ray))?;
+            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
+            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
+            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
         }
         Rays::OnDevice(_) => (),
     }
@@ -305,9 +305,10 @@ impl<D: GpuDevice> Trace<D> {
             return Ok(false);
         };
         out.resize(4 * self.count, 0);
-        gpu.read(pixels, 4 * self.count, |bytes: &[u8]| {
-            let parts = out.par_chunks_mut(RUN).zip(bytes.par_chunks(RUN));
-            parts.for_each(|(to, from)| to.copy_from_slice(from));
+        gpu.read(pixels, 4 * self.count, |before, bytes: &[u8]| {
+            let to = &mut out[before..][..bytes.len()];
+            let runs = to.par_chunks_mut(RUN).zip(bytes.par_chunks(RUN));
+            runs.for_each(|(to, from)| to.copy_from_slice(from));
         })?;
         Ok(true)
     }
@@ -321,15 +322,19 @@ impl<D: GpuDevice> Trace<D> {
             mut closest,
             mut blocked,
         } = std::mem::take(&mut self.found);
-        closest.clear();
-        blocked.clear();
-        if self.kind != QueryKind::Any {
-            let miss = (BufferName::Hits, Hit::MISS);
-            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
+        match self.kind {
+            QueryKind::Any => closest.clear(),
+            _ => {
+                let miss = (BufferName::Hits, Hit::MISS);
+                self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
+            }
         }
-        if self.kind != QueryKind::Closest {
-            let miss = (BufferName::Occluded, 0);
-            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
+        match self.kind {
+            QueryKind::Closest => blocked.clear(),
+            _ => {
+                let miss = (BufferName::Occluded, 0);
+                self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
+            }
         }
         (self.found, self.fetched) = (Hits { closest, blocked }, true);
         Ok(&mut self.found)
@@ -344,11 +349,14 @@ impl<D: GpuDevice> Trace<D> {
         to: &mut Vec<U>,
     ) -> Result<()> {
         let Some(found) = self.get(name).filter(|_| self.has_tree) else {
+            to.clear();
             to.resize(self.count, miss);
             return Ok(());
         };
-        gpu.read(found, self.count, |all: &[T]| {
-            all.par_iter().map(|&one| of(one)).collect_into_vec(to);
+        to.resize(self.count, miss);
+        gpu.read(found, self.count, |before, part: &[T]| {
+            let places = to[before..].par_iter_mut().zip(part);
+            places.for_each(|(place, &one)| *place = of(one));
         })
     }
 }

@@ -133,9 +133,10 @@ impl VulkanDevice {
         let Some(all) = &self.lent.points.all else {
             return Ok(None);
         };
-        let (window, road) = (&mut self.window, &mut self.readback);
-        let seen = window.look(&self.gpu, road, all, run.end)?;
-        Ok(Some(seen[run.clone()].to_vec()))
+        let (windows, road, mut points) = (&mut self.windows, &mut self.readback, Vec::new());
+        let keep = |_, part: &[Point]| points.extend_from_slice(part);
+        windows.read(&self.gpu, road, all, run.end, keep)?;
+        Ok(Some(points.split_off(run.start)))
     }
 
     /// Begins to copy what was brought, and all of it to a key frame. Gives the upload's value, if there is anything to copy.
@@ -172,18 +173,19 @@ impl VulkanDevice {
     }
 
     /// Fills a buffer that is lent, in the order of submissions.
-    pub(crate) fn write_lent<T: Pod + Send + Sync>(
+    pub(crate) fn write_lent<T: Pod + Send>(
         &mut self,
         to: &Buffer,
-        rows: impl IndexedParallelIterator<Item = T>,
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
-        let bytes = (rows.len() * size_of::<T>()) as u64;
+        let bytes = (count * size_of::<T>()) as u64;
         if bytes == 0 {
             return Ok(());
         }
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
-        let places = staging.view_mut::<T>().par_iter_mut();
-        places.zip(rows).for_each(|(place, row)| *place = row);
+        let places = staging.view_mut::<T>()[..count].par_iter_mut().enumerate();
+        places.for_each(|(i, place)| *place = row(i));
         let region = vk::BufferCopy::default().size(bytes);
         let after: Vec<Moment> = self.lent.waits().collect();
         let copy = ([&staging, to], vec![region]);

@@ -7,6 +7,7 @@ use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
 use bytemuck::Pod;
+use gpu_common::parts;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -70,7 +71,8 @@ impl Transfer {
         buffers: [&Buffer; 2],
         ranges: &[Range<u64>],
     ) -> Result<u64> {
-        let regions: Vec<_> = ranges.iter().flat_map(|r| pieces(r, 0)).collect();
+        let regions = ranges.iter().flat_map(|r| pieces(r, r.start));
+        let regions: Vec<_> = regions.collect();
         self.start_regions(buffers, &regions, None)
     }
 
@@ -160,7 +162,7 @@ fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
     let region = |at| {
         vk::BufferCopy::default()
             .src_offset(at)
-            .dst_offset(to_at + at)
+            .dst_offset(to_at + (at - bytes.start))
             .size(PIECE.min(bytes.end - at))
     };
     bytes.clone().step_by(PIECE as usize).map(region).collect()
@@ -173,30 +175,41 @@ impl Drop for Transfer {
     }
 }
 
-/// A window through which the host looks at buffers, waiting for them.
+/// Windows through which the host looks at a buffer, part by part.
 #[derive(Default)]
-pub(crate) struct Window(Option<Buffer>);
+pub(crate) struct Windows(Vec<Buffer>);
 
-impl Window {
-    /// The first `count` elements of a buffer. Whatever fills it must be finished.
-    pub(crate) fn look<T: Pod>(
+impl Windows {
+    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
+    /// the next ones are copied. Whatever fills the buffer must be finished.
+    pub(crate) fn read<T: Pod>(
         &mut self,
         gpu: &Arc<Gpu>,
         road: &mut Transfer,
         from: &Buffer,
         count: usize,
-    ) -> Result<&[T]> {
-        let bytes = (count * size_of::<T>()) as u64;
-        let what = "a view for the host";
-        let window = Buffer::fitting(gpu, what, bytes, BufferUse::Readback, self.0.take())?;
-        let to = self.0.insert(window);
-        road.carry(Copy {
-            from,
-            to,
-            to_at: 0,
-            bytes,
-        })?;
-        Ok(to.read(count))
+        mut look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        let parts = parts::<T>(count);
+        for (i, part) in parts.clone().enumerate() {
+            let size = (part.len() * size_of::<T>()) as u64;
+            if self.0.get(i).is_none_or(|window| window.bytes < size) {
+                road.done.wait(road.last)?;
+                self.0.truncate(i);
+                let window = Buffer::new(gpu, "a view for the host", size, BufferUse::Readback);
+                self.0.push(window?);
+            }
+        }
+        let begun = parts.clone().zip(&self.0).map(|(part, window)| {
+            let [begin, end] = [part.start, part.end].map(|at| (at * size_of::<T>()) as u64);
+            road.start_regions([from, window], &pieces(&(begin..end), 0), None)
+        });
+        let copies = begun.collect::<Result<Vec<_>>>()?;
+        for ((part, copied), window) in parts.zip(copies).zip(&self.0) {
+            road.done.wait(copied)?;
+            look(part.start, window.read(part.len()));
+        }
+        Ok(())
     }
 }
 

@@ -9,7 +9,7 @@ use crate::pipelines::Pipeline;
 use crate::pool::{LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
-use crate::transfer::{Copy, Transfer, Window, load};
+use crate::transfer::{Copy, Transfer, Windows, load};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
@@ -36,7 +36,7 @@ pub struct VulkanDevice {
     pub upload: Transfer,
     /// Copies to the host.
     pub readback: Transfer,
-    pub(crate) window: Window,
+    pub(crate) windows: Windows,
     /// One a [`Sent`].
     pub(crate) senders: [Sender; 2],
     pub(crate) keys_read: KeysRead,
@@ -65,7 +65,7 @@ impl VulkanDevice {
             submitted: 0,
             upload: Transfer::new(gpu, gpu.upload)?,
             readback: Transfer::new(gpu, gpu.readback)?,
-            window: Window::default(),
+            windows: Windows::default(),
             senders: Sender::all(gpu),
             keys_read: KeysRead::default(),
             outgrown: Pool::default(),
@@ -197,29 +197,28 @@ impl GpuDevice for VulkanDevice {
         load(&self.gpu, &mut self.upload, all)
     }
 
-    fn write<T: Pod + Send + Sync>(
+    fn write<T: Pod + Send>(
         &mut self,
         to: &mut Buffer,
-        rows: impl IndexedParallelIterator<Item = T>,
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
         if to.is_lent() {
-            return self.write_lent(to, rows);
+            return self.write_lent(to, count, row);
         }
-        let places = to.view_mut::<T>().par_iter_mut();
-        places.zip(rows).for_each(|(place, row)| *place = row);
+        let places = to.view_mut::<T>()[..count].par_iter_mut().enumerate();
+        places.for_each(|(i, place)| *place = row(i));
         Ok(())
     }
 
-    fn read<T: Pod, R>(
+    fn read<T: Pod>(
         &mut self,
         from: &Buffer,
         count: usize,
-        look: impl FnOnce(&[T]) -> R,
-    ) -> Result<R> {
-        let seen = self
-            .window
-            .look(&self.gpu, &mut self.readback, from, count)?;
-        Ok(look(seen))
+        look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        let road = &mut self.readback;
+        self.windows.read(&self.gpu, road, from, count, look)
     }
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {

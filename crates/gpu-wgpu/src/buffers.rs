@@ -5,10 +5,10 @@ use crate::limits::span;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::refuse_above;
+use gpu_common::{parts, refuse_above};
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
-use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder};
+use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode};
 
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
 const PIECE: u64 = 512 << 10;
@@ -27,8 +27,23 @@ pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
     make(gpu, what, bytes, usage)
 }
 
+/// A buffer that the host writes to, at once and whenever it is mapped again.
+pub(crate) fn make_mapped(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
+    let usage = BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC;
+    make_at(gpu, (what, bytes), usage, true)
+}
+
 /// At least 16 bytes, so that an empty scene has buffers to bind.
 pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
+    make_at(gpu, (what, bytes), usage, false)
+}
+
+fn make_at(
+    gpu: &Gpu,
+    (what, bytes): (&str, u64),
+    usage: BufferUsages,
+    mapped_at_creation: bool,
+) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let about = || format!("{what} (bytes of one buffer)");
     refuse_above(about, size, gpu.limits.max_buffer_size)?;
@@ -36,7 +51,7 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
         label: Some(what),
         size,
         usage,
-        mapped_at_creation: false,
+        mapped_at_creation,
     };
     gpu.count(|t| t.buffers += 1);
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
@@ -89,15 +104,13 @@ pub(crate) fn copy_part(
 pub(crate) fn copy(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
-    [from, to]: [&Buffer; 2],
+    [(from, at), (to, place)]: [(&Buffer, u64); 2],
     bytes: u64,
 ) -> Result<()> {
     gpu.guard("a copy", bytes, || {
-        let mut at = 0;
-        while at < bytes {
-            let size = PIECE.min(bytes - at);
-            encoder.copy_buffer_to_buffer(from, at, to, at, size);
-            at += size;
+        for begin in (0..bytes).step_by(PIECE as usize) {
+            let size = PIECE.min(bytes - begin);
+            encoder.copy_buffer_to_buffer(from, at + begin, to, place + begin, size);
         }
     })
 }
@@ -112,22 +125,22 @@ impl Mapping {
         let done = Arc::new(OnceLock::new());
         let heard = hears(&done);
         gpu.guard("mapping a buffer", 0, || {
-            buffer.map_async(wgpu::MapMode::Read, .., heard);
+            buffer.map_async(MapMode::Read, .., heard);
         })?;
         Ok(Self(done))
     }
 
     /// Likewise, as soon as these commands are submitted.
-    pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer) -> Self {
+    pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer, mode: MapMode) -> Self {
         let done = Arc::new(OnceLock::new());
-        encoder.map_buffer_on_submit(buffer, wgpu::MapMode::Read, .., hears(&done));
+        encoder.map_buffer_on_submit(buffer, mode, .., hears(&done));
         Self(done)
     }
 
-    /// Whether the host can read. A mapping that wgpu refused means that the device is gone.
+    /// Whether the host can use it. A mapping that wgpu refused means that the device is gone.
     pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
         match self.0.get() {
-            Some(false) => Err(gpu.faults.lose("a buffer cannot be read".into())),
+            Some(false) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
             heard => Ok(heard.is_some()),
         }
     }
@@ -148,40 +161,44 @@ fn hears(done: &Arc<OnceLock<bool>>) -> impl FnOnce(MapResult) + Send + 'static 
     }
 }
 
-/// A window through which the host looks at buffers, waiting for them.
+/// Windows through which the host looks at a buffer, part by part.
 #[derive(Default)]
-pub(crate) struct Window(Option<Buffer>);
+pub(crate) struct Windows(Vec<Buffer>);
 
-impl Window {
-    /// Shows the first `count` elements (of whole words) of a buffer, after all that was submitted.
-    pub(crate) fn read<T: Pod, R>(
+impl Windows {
+    /// Shows the first `count` elements (of whole words) of a buffer in parts, after all that was submitted: see
+    /// [`gpu_common::GpuDevice::read`].
+    pub(crate) fn read<T: Pod>(
         &mut self,
         gpu: &Gpu,
         from: &Buffer,
         count: usize,
-        look: impl FnOnce(&[T]) -> R,
-    ) -> Result<R> {
-        let bytes = (count * size_of::<T>()) as u64;
-        if bytes == 0 {
-            return Ok(look(&[]));
+        mut look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        let mut copies = Vec::new();
+        for part in parts::<T>(count) {
+            let [at, bytes] = [part.start, part.len()].map(|n| (n * size_of::<T>()) as u64);
+            let window = match self.0.iter().position(|w| w.size() >= bytes) {
+                Some(i) => self.0.swap_remove(i),
+                None => readback(gpu, "a view for the host", bytes)?,
+            };
+            let mut encoder = gpu.encoder("a view for the host")?;
+            copy(gpu, &mut encoder, [(from, at), (&window, 0)], bytes)?;
+            let mapping = Mapping::on_submit(&encoder, &window, MapMode::Read);
+            copies.push((part, window, mapping, gpu.submit([encoder])?));
         }
-        let window = match self.0.take().filter(|w| w.size() >= bytes) {
-            Some(window) => window,
-            None => readback(gpu, "a view for the host", bytes)?,
-        };
-        let mut encoder = gpu.encoder("a view for the host")?;
-        copy(gpu, &mut encoder, [from, &window], bytes)?;
-        let submission = gpu.submit([encoder])?;
-        let mapping = Mapping::ask(gpu, &window)?;
-        gpu.wait_for(submission)?;
-        mapping.expect(gpu)?;
-        let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
-        let seen = look(bytemuck::cast_slice(&view));
-        drop(view);
-        if unmap(&gpu.device, &window) {
-            self.0 = Some(window);
+        for (part, window, mapping, submission) in copies {
+            gpu.wait_for(submission)?;
+            mapping.expect(gpu)?;
+            let bytes = (part.len() * size_of::<T>()) as u64;
+            let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
+            look(part.start, bytemuck::cast_slice(&view));
+            drop(view);
+            if unmap(&gpu.device, &window) {
+                self.0.push(window);
+            }
         }
-        Ok(seen)
+        Ok(())
     }
 }
 

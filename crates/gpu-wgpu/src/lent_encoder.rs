@@ -67,7 +67,7 @@ impl WgpuDevice {
         let copy = encoded.map(|copied| {
             slot.leave(&encoder);
             copied.map(|buffer| {
-                let mapping = Mapping::on_submit(&encoder, &buffer);
+                let mapping = Mapping::on_submit(&encoder, &buffer, wgpu::MapMode::Read);
                 PositionsCopy { buffer, mapping }
             })
         });
@@ -95,7 +95,7 @@ impl WgpuDevice {
             Some(buffer) => buffer,
             None => readback(gpu, "vertices for the builder", bytes)?,
         };
-        copy(gpu, encoder, [from, &buffer], bytes)?;
+        copy(gpu, encoder, [(from, 0), (&buffer, 0)], bytes)?;
         Ok(Some(buffer))
     }
 

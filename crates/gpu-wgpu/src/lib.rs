@@ -30,6 +30,7 @@ mod pipeline_cache;
 mod pipelines;
 mod shader_module;
 mod slot;
+mod staging;
 mod wgpu_device;
 
 pub use adapters::adapters;

@@ -176,7 +176,7 @@ impl Slot {
 
     /// What was encoded is for the program to submit.
     pub(crate) fn leave(&mut self, encoder: &CommandEncoder) {
-        let mapping = Mapping::on_submit(encoder, &self.back);
+        let mapping = Mapping::on_submit(encoder, &self.back, wgpu::MapMode::Read);
         self.sent = Some((Submitted::ByProgram, mapping));
     }
 

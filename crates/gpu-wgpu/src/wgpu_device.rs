@@ -1,7 +1,7 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, PositionsCopy, Window, storage, upload, write};
+use crate::buffers::{Arrived, PositionsCopy, Windows, storage, upload};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
@@ -9,6 +9,7 @@ use crate::lent_encoder::LentEncoder;
 use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
+use crate::staging::{Filled, Staging};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
@@ -16,9 +17,7 @@ use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, KernelForm, LentRays,
     Options, Sent, Validation,
 };
-use rayon::iter::IndexedParallelIterator;
 use shaders::{Kernel, Packets, Params};
-use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::Arc;
 use wgpu::Buffer;
@@ -45,7 +44,10 @@ pub fn from_device(
 
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
-    window: Window,
+    windows: Windows,
+    staging: Staging,
+    /// Bytes that were sent last, of each [`Sent`].
+    last_sent: [u64; 2],
     /// Buffers that are not in use, of each [`Sent`].
     free: [Vec<Buffer>; 2],
     pub(crate) spares: Spares<Arrived>,
@@ -68,7 +70,9 @@ pub struct PipelineMaker {
 impl WgpuDevice {
     fn over(gpu: Gpu, options: &Options) -> Self {
         Self {
-            window: Window::default(),
+            windows: Windows::default(),
+            staging: Staging::default(),
+            last_sent: [0; 2],
             free: Default::default(),
             spares: Spares::default(),
             points: DevicePoints::default(),
@@ -118,8 +122,7 @@ impl GpuDevice for WgpuDevice {
     type Maker = PipelineMaker;
     type Slot = Slot;
     type Copy = PositionsCopy;
-    /// The queue stages what it writes.
-    type Staging = Infallible;
+    type Staging = Filled;
 
     fn open(options: &Options) -> Result<Self> {
         Ok(Self::over(Gpu::open(options)?, options))
@@ -184,41 +187,48 @@ impl GpuDevice for WgpuDevice {
         upload(&self.gpu, all)
     }
 
-    fn write<T: Pod + Send + Sync>(
+    fn write<T: Pod + Send>(
         &mut self,
         to: &mut Buffer,
-        rows: impl IndexedParallelIterator<Item = T>,
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
-        let rows: Vec<T> = rows.collect();
-        write(&self.gpu, to, 0, &rows)
+        self.staging.write(&self.gpu, (to, 0), count, row)
     }
 
-    fn read<T: Pod, R>(
+    fn read<T: Pod>(
         &mut self,
         from: &Buffer,
         count: usize,
-        look: impl FnOnce(&[T]) -> R,
-    ) -> Result<R> {
-        self.window.read(&self.gpu, from, count, look)
+        look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        self.windows.read(&self.gpu, from, count, look)
     }
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let (buffer, _) = self.room(what, bytes)?;
-        let mut at = 0;
-        for words in parts.iter().filter(|p| !p.is_empty()) {
-            write(&self.gpu, &buffer, at, words)?;
-            at += size_of_val(*words) as u64;
+        let mut filled = self.staging.take(&self.gpu, what.room(bytes))?;
+        match filled.fill(parts) {
+            true => self.send_filled(what, filled),
+            false => Err(self.gpu.faults.lose("nothing can be written".into())),
         }
+    }
+
+    fn staging(&mut self, what: Sent) -> Result<Option<Filled>> {
+        let room = Some(self.last_sent[what as usize]).filter(|&bytes| bytes > 0);
+        room.map(|bytes| self.staging.take(&self.gpu, what.room(bytes)))
+            .transpose()
+    }
+
+    fn fill(staging: &mut Filled, parts: &[&[u32]]) -> bool {
+        staging.fill(parts)
+    }
+
+    fn send_filled(&mut self, what: Sent, filled: Filled) -> Result<(Buffer, u64)> {
+        let (buffer, _) = self.room(what, filled.bytes())?;
+        self.last_sent[what as usize] = filled.bytes();
+        self.staging.send(&self.gpu, filled, (&buffer, 0))?;
         Ok((buffer, 0))
-    }
-
-    fn fill(staging: &mut Infallible, _: &[&[u32]]) -> bool {
-        match *staging {}
-    }
-
-    fn send_filled(&mut self, _: Sent, staging: Infallible) -> Result<(Buffer, u64)> {
-        match staging {}
     }
 
     fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
@@ -231,7 +241,9 @@ impl GpuDevice for WgpuDevice {
         };
         for run in self.points.others(runs) {
             let at = (run.start * size_of::<Point>()) as u64;
-            write(&self.gpu, &buffer, at, &key[run])?;
+            let point = |i| key[run.start + i];
+            self.staging
+                .write(&self.gpu, (&buffer, at), run.len(), point)?;
         }
         self.points.copy_to(&buffer);
         Ok((buffer, 0))
@@ -297,6 +309,7 @@ impl GpuDevice for WgpuDevice {
     fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
         self.gpu.wait_idle()?;
         slots.for_each(Slot::forget);
+        (self.staging, self.last_sent) = (Staging::default(), [0; 2]);
         self.free = Default::default();
         self.spares = Spares::default();
         (self.points, self.rays) = (DevicePoints::default(), DeviceRays::default());

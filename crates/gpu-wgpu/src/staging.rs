@@ -1,0 +1,130 @@
+//! Memory of the host that things are sent from. wgpu's queue would take new memory for each write, and fill it on one thread.
+
+use crate::buffers::{Mapping, copy_part, make_mapped, unmap, unreadable, write};
+use crate::gpu::Gpu;
+use backend::Result;
+use bytemuck::Pod;
+use rayon::prelude::*;
+use wgpu::{Buffer, MapMode, WriteOnly};
+
+/// Bytes that a thread writes at a time: whole points, rays and hits.
+const RUN: usize = 12 << 10;
+
+/// Bytes that are sent at a time: while the device copies them, the next ones are written.
+const PIECE: usize = 512 * RUN;
+
+/// Bytes up to which the queue's own memory is as good.
+const FEW: usize = 64 << 10;
+
+/// Buffers that the device reads or has read, and what tells that they are mapped again.
+#[derive(Default)]
+pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
+
+/// A buffer to be written, with what was written of it.
+pub struct Filled {
+    buffer: Buffer,
+    bytes: u64,
+}
+
+impl Filled {
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Writes all parts, one after another; says whether there was room.
+    pub(crate) fn fill(&mut self, parts: &[&[u32]]) -> bool {
+        self.bytes = parts.iter().map(|part| size_of_val(*part) as u64).sum();
+        if self.bytes > self.buffer.size() {
+            return false;
+        }
+        let Ok(mut view) = self.buffer.get_mapped_range_mut(..) else {
+            return false;
+        };
+        let mut rest = view.slice(..);
+        for part in parts {
+            let to = rest.split_off(..size_of_val(*part));
+            to.expect("there is room")
+                .copy_from_slice(bytemuck::cast_slice(part));
+        }
+        true
+    }
+}
+
+impl Staging {
+    /// Memory of at least so many bytes.
+    pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Filled> {
+        gpu.poll()?;
+        let mut best: Option<(u64, usize)> = None;
+        for (i, (buffer, mapping)) in self.0.iter().enumerate() {
+            let size = buffer.size();
+            let is_better = size >= bytes && best.is_none_or(|(least, _)| size < least);
+            if is_better && mapping.poll(gpu)? {
+                best = Some((size, i));
+            }
+        }
+        let buffer = match best {
+            Some((_, i)) => self.0.swap_remove(i).0,
+            None => make_mapped(gpu, "memory to send from", bytes)?,
+        };
+        Ok(Filled { buffer, bytes: 0 })
+    }
+
+    /// Sends what was written to a place in a buffer, before all that is submitted later.
+    pub(crate) fn send(&mut self, gpu: &Gpu, filled: Filled, to: (&Buffer, u64)) -> Result<()> {
+        let Filled { buffer, bytes } = filled;
+        if !unmap(&gpu.device, &buffer) {
+            return Err(gpu.faults.lose("what was written is gone".into()));
+        }
+        let mut encoder = gpu.encoder("an upload")?;
+        copy_part(gpu, &mut encoder, (&buffer, 0), to, bytes)?;
+        let mapping = Mapping::on_submit(&encoder, &buffer, MapMode::Write);
+        gpu.submit([encoder])?;
+        self.0.push((buffer, mapping));
+        Ok(())
+    }
+
+    /// Writes so many rows from a byte of a buffer on, by all threads, before all that is submitted later.
+    pub(crate) fn write<T: Pod + Send>(
+        &mut self,
+        gpu: &Gpu,
+        (to, at): (&Buffer, u64),
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
+    ) -> Result<()> {
+        const { assert!(RUN.is_multiple_of(size_of::<T>())) };
+        if count * size_of::<T>() <= FEW {
+            return write(gpu, to, at, &(0..count).map(row).collect::<Vec<T>>());
+        }
+        let most = PIECE / size_of::<T>();
+        for begin in (0..count).step_by(most) {
+            let mut piece = self.take(gpu, PIECE as u64)?;
+            let rows = most.min(count - begin);
+            fill(&mut piece, rows, |i| row(begin + i))?;
+            self.send(gpu, piece, (to, at + (begin * size_of::<T>()) as u64))?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes so many rows by all threads.
+fn fill<T: Pod + Send>(
+    to: &mut Filled,
+    count: usize,
+    row: impl Fn(usize) -> T + Sync,
+) -> Result<()> {
+    to.bytes = (count * size_of::<T>()) as u64;
+    let mapped = to.buffer.get_mapped_range_mut(..to.bytes);
+    let mut view = mapped.map_err(unreadable)?;
+    let (runs, mut rest) = view.slice(..).into_chunks::<RUN>();
+    let each = RUN / size_of::<T>();
+    let runs: Vec<_> = runs.into_iter().collect();
+    let runs = runs.into_par_iter().enumerate();
+    runs.for_each_init(Vec::new, |rows: &mut Vec<T>, (i, run)| {
+        rows.clear();
+        rows.extend((i * each..(i + 1) * each).map(&row));
+        WriteOnly::<[u8]>::from(run).copy_from_slice(bytemuck::cast_slice(rows));
+    });
+    let last: Vec<T> = (count / each * each..count).map(&row).collect();
+    rest.copy_from_slice(bytemuck::cast_slice(&last));
+    Ok(())
+}
