@@ -13,7 +13,7 @@ use fastrand::Rng;
 use geom::Ray;
 use output::Taken;
 use output::plot::Rate;
-use pipeline::{Frame, Pace, RefitDecay, RunFacts, Threads, Update};
+use pipeline::{ExpectedMemory, Frame, Pace, RefitDecay, RunFacts, Threads, Update};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -163,9 +163,13 @@ const FASTEST_FIRST: [Intersector; 3] = [
 pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
     let (intersector, why_intersector) = settle_intersector(backend, ask)?;
     let (layout, why_layout) = layout_on(backend.device.kind, ask.method.layout);
+    let method = Method {
+        intersector,
+        layout,
+    };
     let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
         Some(run) => {
-            let (update, why) = facts(backend, &run)?.choose();
+            let (update, why) = facts(backend, &run, method)?.choose();
             (update, Some(why))
         }
         None => {
@@ -173,20 +177,16 @@ pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<S
             (update, why.map(str::to_owned))
         }
     };
-    let method = Method {
-        intersector,
-        layout,
-    };
     let why = [why_update, why_intersector, why_layout.map(str::to_owned)];
     Ok((method, update, why))
 }
 
-fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
+fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>, method: Method) -> Result<RunFacts, Stop> {
     let animation = backend.animation;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
-    let threads = backend
-        .ask
-        .share(backend.device.kind, Update::Async(Pace::Free));
+    let (device, rays) = (backend.device.kind, run.query.rays.count());
+    let threads = backend.ask.share(device, Update::Async(Pace::Free));
+    let memory = ExpectedMemory::of(animation, device, (method, Update::DeviceRebuild), rays);
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {
@@ -195,10 +195,10 @@ fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>) -> Result<RunFacts, Stop> {
         },
         moves: animation.moving_count() > 0,
         triangles: animation.live_count(),
-        rays: run.query.rays.count(),
+        rays,
         decay: RefitDecay::sample(animation, &times).map_err(Stop::failed)?,
-        device: backend.device.kind,
-        device_builds: backend.device.kind == DeviceKind::Gpu,
+        device,
+        rebuild_bytes: memory.device_bytes.filter(|_| device == DeviceKind::Gpu),
         threads: threads.render,
         builder_threads: threads.build,
     })

@@ -24,8 +24,8 @@ pub struct RunFacts {
     pub decay: RefitDecay,
     /// Who traces.
     pub device: DeviceKind,
-    /// Whether the device can build trees itself ([`Update::DeviceRebuild`]).
-    pub device_builds: bool,
+    /// Bytes of the device's memory where it builds trees itself ([`Update::DeviceRebuild`]), if it can.
+    pub rebuild_bytes: Option<u64>,
     /// Threads of the host that trace, where it does.
     pub threads: usize,
     /// Threads that build.
@@ -38,6 +38,9 @@ const FAR_APART: f64 = 2.0;
 const LASTS: f64 = 1.05;
 /// An estimate this many times the least is as good.
 const TIE: f64 = 1.05;
+/// Bytes of a device's memory up to which trees are built there: what common GPUs have left beside a desktop. Above that,
+/// less memory is worth more than the seconds that they save.
+const MOST_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
     /// The policy that is expected to finish the run first, and why, in one line.
@@ -60,9 +63,9 @@ impl RunFacts {
 
     /// A new tree for each frame.
     fn rebuild(&self) -> Update {
-        match self.device_builds {
-            true => Update::DeviceRebuild,
-            false => Update::Rebuild,
+        match self.rebuild_bytes {
+            Some(_) => Update::DeviceRebuild,
+            None => Update::Rebuild,
         }
     }
 
@@ -74,12 +77,17 @@ impl RunFacts {
         let words = all
             .iter()
             .map(|e| format!("{} {:.2}", e.0.name(), e.1 * 1e-3));
-        let why = format!(
+        let mut why = format!(
             "estimated seconds for {} frames: {}; refitted, the first tree costs {:.2} times a fresh one",
             self.frames,
             words.collect::<Vec<_>>().join(", "),
             self.decay.mean
         );
+        if let Some(bytes) = self.rebuild_bytes.filter(|&b| b >= MOST_REBUILD_BYTES) {
+            let gigabytes = bytes as f64 * 1e-9;
+            why +=
+                &format!("; trees built on the device would take {gigabytes:.1} GB of its memory");
+        }
         (taken.0, why)
     }
 
@@ -100,11 +108,13 @@ impl RunFacts {
             ),
             (Update::TSah, TSAH_BUILDS * times.build + tracing),
         ];
-        if self.device_builds {
-            let each = times.frame + times.device_build;
-            all.push((Update::DeviceRebuild, frames * each));
-        } else {
-            all.push((Update::Rebuild, frames * (times.frame + times.build)));
+        match self.rebuild_bytes {
+            Some(MOST_REBUILD_BYTES..) => (),
+            Some(_) => {
+                let each = times.frame + times.device_build;
+                all.push((Update::DeviceRebuild, frames * each));
+            }
+            None => all.push((Update::Rebuild, frames * (times.frame + times.build))),
         }
         all
     }

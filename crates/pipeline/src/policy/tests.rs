@@ -12,6 +12,7 @@ const COLLIDE: Scene = ("collide", 252_000, 1.74);
 const SMALL_COLLIDE: Scene = ("collide:20000", 19_992, 1.5);
 const TWIST: Scene = ("twist", 100_112, 1.05);
 const LARGE_TWIST: Scene = ("twist:1600000", 1_600_098, 1.09);
+const HUGE_TWIST: Scene = ("twist:20000000", 20_000_000, 1.1);
 const SHATTER: Scene = ("shatter", 1_599_900, 15.01);
 const SMALL_SHATTER: Scene = ("shatter:70000", 69_924, 13.01);
 
@@ -73,7 +74,7 @@ fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> 
             worst: 2.0 * decay - 1.0,
         },
         device,
-        device_builds: is_gpu,
+        rebuild_bytes: is_gpu.then_some(260 * triangles as u64),
         threads: match cores {
             _ if is_gpu => cores,
             4.. => cores - quarter,
@@ -120,7 +121,7 @@ fn runs_of_a_kind_have_the_policy_that_suits_them() {
         ..moving
     };
     let on_host = RunFacts {
-        device_builds: false,
+        rebuild_bytes: None,
         device: Cpu,
         ..apart
     };
@@ -129,6 +130,11 @@ fn runs_of_a_kind_have_the_policy_that_suits_them() {
     // Of trees that fade.
     let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
     long.frames = 20_000;
+    let huge = facts(&(HUGE_TWIST, 120, [0.0; 4]), Gpu, 16, 1920 * 1200);
+    let beside_others = RunFacts {
+        rebuild_bytes: Some(1 << 30),
+        ..huge
+    };
     for (facts, update) in [
         (still, Update::Refit),
         (one, Update::Refit),
@@ -136,8 +142,11 @@ fn runs_of_a_kind_have_the_policy_that_suits_them() {
         (apart, Update::DeviceRebuild),
         (on_host, Update::Rebuild),
         (long, Update::TSah),
+        (huge, Update::Refit),
+        (beside_others, Update::DeviceRebuild),
     ] {
         assert_eq!(facts.choose().0, update, "{facts:?}");
     }
     assert!(long.choose().1.contains("20000 frames"));
+    assert!(huge.choose().1.contains("5.2 GB"));
 }
