@@ -1,4 +1,5 @@
-//! Memory of the host that things are sent from. wgpu's queue would take new memory for each write, and fill it on one thread.
+//! Memory of the host that rays and trees are sent from. wgpu's queue would take new memory for each write, and fill it on
+//! this thread. For positions that was no slower: they lie in order already, and busy threads would take them up late.
 
 use crate::buffers::{Mapping, copy_part, make_mapped, unmap, unreadable, write};
 use crate::gpu::Gpu;
@@ -14,7 +15,7 @@ const RUN: usize = 12 << 10;
 const PIECE: usize = 512 * RUN;
 
 /// Bytes up to which the queue's own memory is as good.
-const FEW: usize = 64 << 10;
+const FEW: usize = 1 << 20;
 
 /// Buffers that the device reads or has read, and what tells that they are mapped again.
 #[derive(Default)]
@@ -83,24 +84,25 @@ impl Staging {
         Ok(())
     }
 
-    /// Writes so many rows from a byte of a buffer on, by all threads, before all that is submitted later.
+    /// Writes the first rows of a buffer by all threads, before all that is submitted later.
     pub(crate) fn write<T: Pod + Send>(
         &mut self,
         gpu: &Gpu,
-        (to, at): (&Buffer, u64),
+        to: &Buffer,
         count: usize,
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
         const { assert!(RUN.is_multiple_of(size_of::<T>())) };
         if count * size_of::<T>() <= FEW {
-            return write(gpu, to, at, &(0..count).map(row).collect::<Vec<T>>());
+            let rows: Vec<T> = (0..count).into_par_iter().map(&row).collect();
+            return write(gpu, to, 0, &rows);
         }
         let most = PIECE / size_of::<T>();
         for begin in (0..count).step_by(most) {
             let mut piece = self.take(gpu, PIECE as u64)?;
             let rows = most.min(count - begin);
             fill(&mut piece, rows, |i| row(begin + i))?;
-            self.send(gpu, piece, (to, at + (begin * size_of::<T>()) as u64))?;
+            self.send(gpu, piece, (to, (begin * size_of::<T>()) as u64))?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, PositionsCopy, Windows, storage, upload};
+use crate::buffers::{Arrived, PositionsCopy, Windows, storage, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
@@ -193,7 +193,7 @@ impl GpuDevice for WgpuDevice {
         count: usize,
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
-        self.staging.write(&self.gpu, (to, 0), count, row)
+        self.staging.write(&self.gpu, to, count, row)
     }
 
     fn read<T: Pod>(
@@ -241,9 +241,7 @@ impl GpuDevice for WgpuDevice {
         };
         for run in self.points.others(runs) {
             let at = (run.start * size_of::<Point>()) as u64;
-            let point = |i| key[run.start + i];
-            self.staging
-                .write(&self.gpu, (&buffer, at), run.len(), point)?;
+            write(&self.gpu, &buffer, at, &key[run])?;
         }
         self.points.copy_to(&buffer);
         Ok((buffer, 0))
