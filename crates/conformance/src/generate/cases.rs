@@ -11,6 +11,8 @@ use std::sync::Arc;
 /// A scene in motion with rays to trace in it.
 #[derive(Clone, Debug)]
 pub struct Case {
+    /// Which of its seed's cases it is.
+    pub number: u32,
     /// What it is made of, its scale and how far from the origin it was moved, for messages.
     pub about: String,
     /// The scene.
@@ -64,6 +66,7 @@ pub fn nth_case(seed: u64, i: u32) -> Case {
     let anywhere = unit(rng);
     let light = place.put(anywhere.map(|x| 3.0 * x));
     Case {
+        number: i,
         about: format!("{kind}, {place:?}"),
         rays,
         camera: place.camera(anywhere),
