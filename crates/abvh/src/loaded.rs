@@ -216,6 +216,7 @@ impl Loaded {
             generation: self.trees_before + record.tree_generation.0,
             age: record.tree_age_frames,
             cost_ratio: record.sah_ratio,
+            building: self.driver.is_building(),
             inactive: record.report.inactive,
             degenerate: record.report.degenerate,
         }

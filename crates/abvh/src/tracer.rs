@@ -158,6 +158,8 @@ pub struct Statistics {
     pub age: u64,
     /// The refitted tree's cost by the surface area heuristic over its cost when it was built; `None` where nobody measures it.
     pub cost_ratio: Option<f64>,
+    /// Whether the next tree is being built, or waits for the step that will take it up.
+    pub building: bool,
     /// Triangles with a vertex that is not finite: they are never hit.
     pub inactive: u64,
     /// Triangles without area, which are never hit either.

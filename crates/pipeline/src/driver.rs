@@ -193,6 +193,11 @@ impl Driver {
         self.tree.as_ref().map_or(Generation(0), |t| t.generation)
     }
 
+    /// Whether a tree is being built, or waits to be taken up at a frame's begin.
+    pub fn is_building(&self) -> bool {
+        self.build.is_some()
+    }
+
     /// Whether a builder thread was ever started.
     pub fn has_builder(&self) -> bool {
         self.builder_thread.is_open()

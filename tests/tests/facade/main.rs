@@ -149,7 +149,7 @@ fn streamed(device: &Device) {
         let mut scene = Scene::new();
         let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
         let mut live = pool::build(Tracer::builder().update(update), scene, device);
-        let mut met = 0;
+        let (mut met, mut built) = (0, false);
         // To and fro, and with leaps.
         let keys = demo.keys.len();
         for key in (0..keys).chain([0, keys - 1, 1]).chain((0..keys).rev()) {
@@ -178,9 +178,12 @@ fn streamed(device: &Device) {
                 );
                 met += usize::from(found.is_hit(ray));
             }
+            built |= live.statistics().unwrap().building;
         }
         assert!(met > 1000, "{name}: {met}");
         assert!(live.statistics().unwrap().generation > 0);
+        // A tree that a step waits for is taken up by that step.
+        assert_eq!(built, update == Update::Auto, "{name}");
     }
 }
 
