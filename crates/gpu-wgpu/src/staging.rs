@@ -11,7 +11,7 @@ use wgpu::{Buffer, MapMode, WriteOnly};
 /// Bytes that a thread writes at a time: whole points, rays and hits.
 const RUN: usize = 12 << 10;
 
-/// Bytes that are sent at a time: while the device copies them, the next ones are written.
+/// Bytes that are sent at a time, at most: while the device copies them, the next ones are written.
 const PIECE: usize = 512 * RUN;
 
 /// Bytes up to which the queue's own memory is as good.
@@ -97,9 +97,12 @@ impl Staging {
             let rows: Vec<T> = (0..count).into_par_iter().map(&row).collect();
             return write(gpu, to, 0, &rows);
         }
-        let most = PIECE / size_of::<T>();
+        // A lent device may have no room for more than it was asked for.
+        let limit = usize::try_from(gpu.limits.max_buffer_size).unwrap_or(PIECE);
+        let bytes = PIECE.min(limit) / RUN * RUN;
+        let most = bytes / size_of::<T>();
         for begin in (0..count).step_by(most) {
-            let mut piece = self.take(gpu, PIECE as u64)?;
+            let mut piece = self.take(gpu, bytes as u64)?;
             let rows = most.min(count - begin);
             fill(&mut piece, rows, |i| row(begin + i))?;
             self.send(gpu, piece, (to, (begin * size_of::<T>()) as u64))?;

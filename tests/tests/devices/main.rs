@@ -168,6 +168,7 @@ const OF_WGPU: &[(&str, fn())] = named![
     wgpu_points::a_buffer_that_does_not_fit_is_an_error,
     wgpu_points::vertices_of_a_buffer_stay_while_another_mesh_is_replaced,
     wgpu_rays::rays_may_lie_in_a_buffer_of_the_programs,
+    wgpu_rays::long_lists_take_no_more_room_than_was_asked_for,
     wgpu_rays::buffers_of_rays_are_let_go_of,
     wgpu_rays::a_buffer_of_rays_that_does_not_fit_is_an_error,
     wgpu_encode::a_step_keeps_the_order_of_the_programs_commands,

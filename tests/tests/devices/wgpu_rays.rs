@@ -95,6 +95,16 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     }
 }
 
+/// A list of the host's comes in pieces, on a device that has room for no more than the list.
+pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
+    let all = all_kinds().repeat(50);
+    let mut own = Own::on(&adapter(), scene(), &all, HOW[0]);
+    for query in [Query::Closest, Query::Any].repeat(2) {
+        let sent = found(&mut own.tracer, query, |step| step.trace(&all, query));
+        assert!(sent == own.ask(query, false), "{query:?}");
+    }
+}
+
 /// A program may have others in every step.
 pub(crate) fn buffers_of_rays_are_let_go_of() {
     const BYTES: usize = 8 << 20;
