@@ -18,10 +18,11 @@ use pool::{Pooled, tracer};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 11] = [
+const LAWS: [(&str, Law); 12] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
+    ("rays_far_down_a_list_find_what_they_do_alone", long_list),
     ("cameras_of_a_step_find_what_each_does", cameras::together),
     ("every_exact_answer_is_right", oracle::exact),
     ("misuse_is_an_error", misuse),
@@ -215,6 +216,22 @@ fn stay(device: &Device) {
         }
         let expected = still(&mut tracer(scene, device), 0.0, &demo.rays);
         assert!(found == expected, "step {step}");
+    }
+}
+
+/// A list that goes to a device and comes back in several parts; most of its rays can hit nothing.
+fn long_list(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let mut live = of_keys(&demo, &demo.keys, device);
+    let mut rays = vec![Ray::new([0.0; 3], [0.0; 3]); 1_100_000];
+    let starts = [0, 400_000, rays.len() - demo.rays.len()];
+    for start in starts {
+        rays[start..][..demo.rays.len()].copy_from_slice(&demo.rays);
+    }
+    let alone = still(&mut live, 0.5, &demo.rays);
+    let together = still(&mut live, 0.5, &rays);
+    for start in starts {
+        assert!(together[start..][..alone.len()] == alone, "from {start} on");
     }
 }
 
