@@ -234,8 +234,8 @@ impl Drop for OpenDevice {
 /// Calls to wgpu since the backend was opened.
 ///
 /// A steady frame makes no buffer and no bind group, uploads one page of
-/// parameters (64 dispatches; rays given one by one are a second upload), and
-/// is one submission. It has a pass for geometry and one for rays (one a stage
+/// parameters (64 dispatches; rays given one by one are a second upload, or beyond a
+/// megabyte submissions of their own), and is one submission. It has a pass for geometry and one for rays (one a stage
 /// where passes take no timestamps between dispatches), and one dispatch a kernel but
 /// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
