@@ -10,7 +10,6 @@ use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
 use gpu_common::{LentRays, without};
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -184,8 +183,7 @@ impl VulkanDevice {
             return Ok(());
         }
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
-        let places = staging.view_mut::<T>()[..count].par_iter_mut().enumerate();
-        places.for_each(|(i, place)| *place = row(i));
+        staging.set_rows(count, row);
         let region = vk::BufferCopy::default().size(bytes);
         let after: Vec<Moment> = self.lent.waits().collect();
         let copy = ([&staging, to], vec![region]);

@@ -12,6 +12,7 @@ use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
+use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -313,6 +314,16 @@ impl Buffer {
         let bytes = bytes.expect("upload buffers are mapped");
         let whole = self.bytes as usize / size_of::<T>() * size_of::<T>();
         bytemuck::cast_slice_mut(&mut bytes[..whole])
+    }
+
+    /// Sets so many rows from the first on by all threads, for buffers of [`BufferUse::Upload`].
+    pub(crate) fn set_rows<T: Pod + Send>(
+        &mut self,
+        count: usize,
+        row: impl Fn(usize) -> T + Sync,
+    ) {
+        let places = self.view_mut()[..count].par_iter_mut().enumerate();
+        places.for_each(|(i, place)| *place = row(i));
     }
 
     /// Writes at a byte offset, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].

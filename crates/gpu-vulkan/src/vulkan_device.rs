@@ -16,7 +16,6 @@ use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
     BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent,
 };
-use rayon::prelude::*;
 use shaders::{Kernel, Packets};
 use std::ops::Range;
 use std::sync::Arc;
@@ -206,8 +205,7 @@ impl GpuDevice for VulkanDevice {
         if to.is_lent() {
             return self.write_lent(to, count, row);
         }
-        let places = to.view_mut::<T>()[..count].par_iter_mut().enumerate();
-        places.for_each(|(i, place)| *place = row(i));
+        to.set_rows(count, row);
         Ok(())
     }
 

@@ -24,14 +24,10 @@ pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
 /// A buffer to be written, with what was written of it.
 pub struct Filled {
     buffer: Buffer,
-    bytes: u64,
+    pub(crate) bytes: u64,
 }
 
 impl Filled {
-    pub(crate) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// Writes all parts, one after another; says whether there was room.
     pub(crate) fn fill(&mut self, parts: &[&[u32]]) -> bool {
         self.bytes = parts.iter().map(|part| size_of_val(*part) as u64).sum();

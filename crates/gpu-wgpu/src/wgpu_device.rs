@@ -215,9 +215,10 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn staging(&mut self, what: Sent) -> Result<Option<Filled>> {
-        let room = Some(self.last_sent[what as usize]).filter(|&bytes| bytes > 0);
-        room.map(|bytes| self.staging.take(&self.gpu, what.room(bytes)))
-            .transpose()
+        match self.last_sent[what as usize] {
+            0 => Ok(None),
+            bytes => self.staging.take(&self.gpu, what.room(bytes)).map(Some),
+        }
     }
 
     fn fill(staging: &mut Filled, parts: &[&[u32]]) -> bool {
@@ -225,8 +226,8 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn send_filled(&mut self, what: Sent, filled: Filled) -> Result<(Buffer, u64)> {
-        let (buffer, _) = self.room(what, filled.bytes())?;
-        self.last_sent[what as usize] = filled.bytes();
+        let (buffer, _) = self.room(what, filled.bytes)?;
+        self.last_sent[what as usize] = filled.bytes;
         self.staging.send(&self.gpu, filled, (&buffer, 0))?;
         Ok((buffer, 0))
     }

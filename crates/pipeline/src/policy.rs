@@ -38,9 +38,9 @@ const FAR_APART: f64 = 2.0;
 const LASTS: f64 = 1.05;
 /// An estimate this many times the least is as good.
 const TIE: f64 = 1.05;
-/// Bytes of a device's memory up to which trees are built there: what common GPUs have left beside a desktop. Above that,
-/// less memory is worth more than the seconds that they save.
-const MOST_REBUILD_BYTES: u64 = 4_000_000_000;
+/// Bytes of a device's memory from which on less memory is worth more than the seconds that trees built there save: what
+/// common GPUs have left beside a desktop.
+const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
     /// The policy that is expected to finish the run first, and why, in one line.
@@ -83,7 +83,7 @@ impl RunFacts {
             words.collect::<Vec<_>>().join(", "),
             self.decay.mean
         );
-        if let Some(bytes) = self.rebuild_bytes.filter(|&b| b >= MOST_REBUILD_BYTES) {
+        if let Some(bytes) = self.rebuild_bytes.filter(|&b| b >= LARGE_REBUILD_BYTES) {
             let gigabytes = bytes as f64 * 1e-9;
             why +=
                 &format!("; trees built on the device would take {gigabytes:.1} GB of its memory");
@@ -109,7 +109,7 @@ impl RunFacts {
             (Update::TSah, TSAH_BUILDS * times.build + tracing),
         ];
         match self.rebuild_bytes {
-            Some(MOST_REBUILD_BYTES..) => (),
+            Some(LARGE_REBUILD_BYTES..) => (),
             Some(_) => {
                 let each = times.frame + times.device_build;
                 all.push((Update::DeviceRebuild, frames * each));
