@@ -48,10 +48,11 @@ pub trait Accelerator: Send + Sync {
         false
     }
 
-    /// Positions to records and boxes of leaves; counts the leaves that cannot be hit now.
+    /// Positions to records and boxes of leaves, and of inner nodes where one pass does both; counts the leaves that cannot
+    /// be hit now.
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
-    /// Boxes of leaves to boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for every
+    /// Boxes of leaves to those boxes of inner nodes that are left. Returns the sum of all nodes' half areas, with the same bits for every
     /// number of threads, and the box of the whole tree.
     fn refit(&mut self) -> (f64, Aabb);
 

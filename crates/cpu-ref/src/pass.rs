@@ -30,6 +30,16 @@ impl Which<'_> {
         }
     }
 
+    /// Cuts off those from item `number` on.
+    #[must_use]
+    pub fn split_before(self, number: usize) -> [Self; 2] {
+        let place = match &self {
+            Self::All(range) => number - range.start,
+            Self::Listed(list) => list.partition_point(|&n| (n as usize) < number),
+        };
+        self.split(place)
+    }
+
     fn split(self, place: usize) -> [Self; 2] {
         match self {
             Self::All(Range { start, end }) => {
@@ -66,6 +76,11 @@ impl<'a, T> Window<'a, T> {
     /// Items numbered from `first` on.
     pub fn new(first: usize, items: &'a mut [T]) -> Self {
         Self { first, items }
+    }
+
+    /// The same for a while.
+    pub fn reborrow(&mut self) -> Window<'_, T> {
+        Window::new(self.first, self.items)
     }
 
     /// Those of these numbers.

@@ -3,34 +3,23 @@
 use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
 use crate::simd::{Eight, Isa, Lanes, Work, each, prefetch};
+use crate::subtrees::{Level, Subtrees};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
 use bvh_layout::{Block as Source, BlockTree};
 use cpu_ref::geometry::{Geometry, Unhittable};
-use cpu_ref::pass::{SplitAt, Which, Window, pass};
+use cpu_ref::pass::{Which, Window};
 use geom::{Aabb, Point, Triangle, is_degenerate};
+use std::iter::Sum;
 use std::ops::Add;
 
-/// Nodes that one task handles.
-const RUN: usize = 32;
 /// Blocks from one to that whose vertices are fetched meanwhile: they lie scattered.
 const AHEAD: usize = 4;
 
-/// Nodes to go over, and for each node of the tree a bit for each lane that counts; all do where there are no bits.
-pub(crate) type Chosen<'a> = (Which<'a>, Option<&'a [u8]>);
-
-#[inline(always)]
-fn lanes_of(bits: Option<&[u8]>, node: usize) -> u8 {
-    match bits {
-        Some(bits) => bits[node],
-        None => u8::MAX,
-    }
-}
-
-/// What fitting blocks came to.
+/// What fitting came to.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
     pub(crate) unhittable: Unhittable,
-    /// Half areas of the boxes within blocks.
+    /// Half areas of the boxes within blocks and below lanes of nodes.
     pub(crate) areas: f64,
 }
 
@@ -45,95 +34,69 @@ impl Add for Fitted {
     }
 }
 
+impl Sum for Fitted {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::default(), Add::add)
+    }
+}
+
 impl Wide {
-    /// Sets corners of blocks, and their boxes in nodes.
-    pub(crate) fn fit_blocks(
-        &mut self,
-        (which, chosen): Chosen<'_>,
+    /// Sets corners of blocks, and boxes from there up to the root's lanes. `which` says of each level, root first, where;
+    /// `lanes` has a bit for each lane of each node that counts, if not all do.
+    pub(crate) fn fit<'a>(
+        &'a mut self,
+        which: impl Iterator<Item = Which<'a>>,
+        lanes: Option<&[u8]>,
         geometry: &Geometry<'_>,
     ) -> Fitted {
-        let (stale, level, shape) = (std::mem::take(&mut self.stale), self.level, &*self.shape);
-        let part = Blocks {
-            shape,
-            nodes: Window::new(0, &mut self.nodes),
-            blocks: Window::new(0, &mut self.blocks),
-        };
-        pass(which, part, RUN, &|which, part| {
-            level.run(FitBlocks {
-                geometry,
-                stale,
-                chosen,
-                which,
-                part,
+        let (shape, instructions) = (&*self.shape, self.level);
+        let stale = std::mem::take(&mut self.stale);
+        let tree = Subtrees::of(shape, which, (&mut self.nodes, &mut self.blocks));
+        tree.fold(shape, &|level, below| {
+            instructions.run(FitLevel {
+                level,
+                inputs: Inputs {
+                    shape,
+                    geometry,
+                    stale,
+                    lanes,
+                    below: below.map(|below| &below.nodes),
+                },
             })
         })
     }
-
-    /// Sets the boxes of inner nodes, deepest first; `which` says of each level, root first, where. Returns the half areas
-    /// of boxes between those.
-    pub(crate) fn fit_nodes<'a>(
-        &mut self,
-        which: impl DoubleEndedIterator<Item = Which<'a>> + ExactSizeIterator,
-        chosen: Option<&[u8]>,
-    ) -> f64 {
-        let (mut total, level) = (0.0, self.level);
-        for (which, nodes) in which.zip(&self.shape.levels).rev() {
-            let (upper, below) = self.nodes.split_at_mut(nodes.end);
-            total += pass(which, Window::new(0, upper), RUN, &|which, part| {
-                level.run(FitNodes {
-                    which,
-                    chosen,
-                    nodes: part,
-                    below: (below, nodes.end),
-                })
-            });
-        }
-        total
-    }
 }
 
-/// Nodes, with the blocks below them.
-struct Blocks<'a> {
+struct FitLevel<'a, 'b> {
+    level: &'a mut Level<'b>,
+    inputs: Inputs<'a>,
+}
+
+/// What a level is fitted by.
+#[derive(Clone, Copy)]
+struct Inputs<'a> {
     shape: &'a BlockTree,
-    nodes: Window<'a, Node>,
-    blocks: Window<'a, Block>,
-}
-
-impl SplitAt for Blocks<'_> {
-    fn split(self, node: usize) -> [Self; 2] {
-        let (shape, block) = (self.shape, self.shape.first_blocks[node] as usize);
-        let (nodes, blocks) = (self.nodes.split(node), self.blocks.split(block));
-        let ([nodes, more_nodes], [blocks, more_blocks]) = (nodes, blocks);
-        let half = |nodes, blocks| Blocks {
-            shape,
-            nodes,
-            blocks,
-        };
-        [half(nodes, blocks), half(more_nodes, more_blocks)]
-    }
-}
-
-struct FitBlocks<'a> {
     geometry: &'a Geometry<'a>,
     /// Whether nodes and blocks are still another tree's. They are all gone over then.
     stale: bool,
-    chosen: Option<&'a [u8]>,
-    which: Which<'a>,
-    part: Blocks<'a>,
+    lanes: Option<&'a [u8]>,
+    /// Children, which are done.
+    below: Option<&'a Window<'a, Node>>,
 }
 
-impl Work for FitBlocks<'_> {
+impl Work for FitLevel<'_, '_> {
     type Out = Fitted;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Fitted {
-        let (mut part, mut fitted) = (self.part, Fitted::default());
-        let mut sums = Sums::default();
-        for place in 0..self.which.count() {
-            let n = self.which.at(place);
-            let (node, lanes) = (&mut part.nodes[n], lanes_of(self.chosen, n));
-            if self.stale {
-                let shape = &part.shape.nodes[n];
+        let (level, inputs) = (self.level, self.inputs);
+        let (mut fitted, mut sums) = (Fitted::default(), Sums::default());
+        for place in 0..level.which.count() {
+            let n = level.which.at(place);
+            let lanes = inputs.lanes.map_or(u8::MAX, |lanes| lanes[n]);
+            let node = &mut level.nodes[n];
+            if inputs.stale {
+                let shape = &inputs.shape.nodes[n];
                 *node = Node {
                     planes: EMPTY,
                     links: shape.links,
@@ -142,20 +105,20 @@ impl Work for FitBlocks<'_> {
             }
             for lane in 0..LANES {
                 let link = node.links[lane];
-                if lanes >> lane & 1 == 0 || !link.is_block() {
+                if lanes >> lane & 1 == 0 || link == Link::ROOT {
                     continue;
                 }
-                let block = &mut part.blocks[link.index()];
-                let source = &part.shape.blocks[link.index()];
-                let later = part.shape.blocks.get(link.index() + AHEAD);
-                fetch(self.geometry.positions, later.unwrap_or(source));
-                if self.stale {
-                    block.triangles = source.triangles;
-                }
-                let boxes = fill::<I>(self.geometry, source, block, &mut fitted.unhittable);
-                let (whole, areas) = boxes.fold(&source.ranges);
+                let (whole, areas) = if link.is_block() {
+                    let block = &mut level.blocks[link.index()];
+                    inputs.fit_block::<I>((link.index(), block), &mut fitted.unhittable)
+                } else if let Some(below) = inputs.below {
+                    let child = &below[link.index()];
+                    EightBoxes::load(&child.planes).fold(&child.ranges)
+                } else {
+                    continue;
+                };
                 set_bounds(&mut node.planes, lane, &whole);
-                sums.add(areas.add(boxes.half_areas()));
+                sums.add(areas);
             }
         }
         fitted.areas = sums.total();
@@ -163,38 +126,23 @@ impl Work for FitBlocks<'_> {
     }
 }
 
-/// Some nodes of one level.
-struct FitNodes<'a> {
-    which: Which<'a>,
-    chosen: Option<&'a [u8]>,
-    nodes: Window<'a, Node>,
-    /// The nodes of later levels, and the first of them.
-    below: (&'a [Node], usize),
-}
-
-impl Work for FitNodes<'_> {
-    type Out = f64;
-
+impl Inputs<'_> {
+    /// Sets a block's corners. Returns its box, and areas of the boxes within.
     #[inline(always)]
-    fn run<I: Isa>(mut self) -> f64 {
-        let (below, end) = self.below;
-        let mut sums = Sums::default();
-        for place in 0..self.which.count() {
-            let n = self.which.at(place);
-            let (node, lanes) = (&mut self.nodes[n], lanes_of(self.chosen, n));
-            for lane in 0..LANES {
-                let link = node.links[lane];
-                let is_inner = !link.is_block() && link != Link::ROOT;
-                if is_inner && lanes >> lane & 1 == 1 {
-                    let child = &below[link.index() - end];
-                    let boxes = EightBoxes::<I::Eight>::load(&child.planes);
-                    let (whole, areas) = boxes.fold(&child.ranges);
-                    set_bounds(&mut node.planes, lane, &whole);
-                    sums.add(areas);
-                }
-            }
+    fn fit_block<I: Isa>(
+        &self,
+        (number, block): (usize, &mut Block),
+        unhittable: &mut Unhittable,
+    ) -> (Aabb, I::Eight) {
+        let source = &self.shape.blocks[number];
+        let later = self.shape.blocks.get(number + AHEAD);
+        fetch(self.geometry.positions, later.unwrap_or(source));
+        if self.stale {
+            block.triangles = source.triangles;
         }
-        sums.total()
+        let boxes = fill::<I>(self.geometry, source, block, unhittable);
+        let (whole, areas) = boxes.fold(&source.ranges);
+        (whole, areas.add(boxes.half_areas()))
     }
 }
 

@@ -16,6 +16,7 @@ mod packet;
 mod rays;
 mod search;
 mod simd;
+mod subtrees;
 #[cfg(test)]
 mod tests {
     mod boxes;

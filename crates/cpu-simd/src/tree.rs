@@ -1,6 +1,6 @@
 //! How the tree of layout `fast` lies in memory.
 
-use crate::fit::triangle;
+use crate::fit::{Fold, triangle};
 use crate::moving::Moving;
 use crate::simd::Level;
 use crate::trace::WideTracer;
@@ -99,8 +99,8 @@ pub(crate) struct Wide {
     pub(crate) records: Vec<Record>,
     /// The box of the whole tree, in scaled units.
     pub(crate) root: Aabb,
-    /// Areas of all boxes within blocks, as of the last preprocess.
-    pub(crate) block_areas: f64,
+    /// Half areas of all boxes of the binary tree but those that the root node stands for, as of the last preprocess.
+    pub(crate) areas: f64,
     /// The instructions to trace with.
     pub(crate) level: Level,
     /// The binary tree, for whoever asks for its boxes.
@@ -119,7 +119,7 @@ impl Wide {
             stale: true,
             records: Vec::new(),
             root: Aabb::EMPTY,
-            block_areas: 0.0,
+            areas: 0.0,
             level,
             binary: Topology::default(),
             moving: None,
@@ -194,17 +194,20 @@ impl Accelerator for Wide {
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
-        let unhittable = self.preprocess_blocks(geometry);
+        let fitted = self.fit_moving(geometry);
+        self.areas = fitted.areas;
         match intersector {
             Intersector::Woop => self.make_records::<Woop>(),
             Intersector::MollerTrumbore => self.make_records::<MollerTrumbore>(),
             Intersector::Watertight | Intersector::Exact => {}
         }
-        unhittable
+        fitted.unhittable
     }
 
     fn refit(&mut self) -> (f64, Aabb) {
-        (self.refit_nodes(), self.root)
+        let (root, areas) = self.level.run(Fold(&self.nodes[0]));
+        self.root = root;
+        (self.areas + areas, root)
     }
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {

@@ -50,8 +50,11 @@ impl BlockTree {
         if all.nodes.is_empty() {
             all.nodes.push(WideNode::EMPTY);
             all.first_blocks.push(0);
+            all.first_children.push(1);
+            all.levels.push(0..1);
         }
         all.first_blocks.push(roots.len() as u32);
+        all.first_children.push(all.nodes.len() as u32);
         (all, roots)
     }
 
@@ -68,6 +71,7 @@ impl BlockTree {
         let mut next = Vec::new();
         for opened in &opened {
             self.first_blocks.push(roots.len() as u32);
+            self.first_children.push((end + next.len()) as u32);
             let mut links = [Link::ROOT; LANES];
             for (link, &lane) in links.iter_mut().zip(opened.lanes()) {
                 if shape.size(lane) as usize <= LANES {

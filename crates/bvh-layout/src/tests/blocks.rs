@@ -18,6 +18,7 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
     );
     seen[node] += 1;
     let mut next_block = tree.first_blocks[node];
+    let mut next_child = tree.first_children[node];
     let links = tree.nodes[node].links;
     let children = links.iter().filter(|&&link| link != Link::ROOT).count();
     assert!(links[children..].iter().all(|&link| link == Link::ROOT));
@@ -28,6 +29,11 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
             "blocks lie in the order of lanes"
         );
         next_block += 1;
+    }
+    let is_inner = |link: &&Link| !link.is_block();
+    for link in links[..children].iter().filter(is_inner) {
+        assert_eq!(link.index(), next_child as usize, "and so do children");
+        next_child += 1;
     }
     // The left subtree is asked first, so it is in the last lane.
     for link in links[..children].iter().rev() {
@@ -49,6 +55,7 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
         }
     }
     assert_eq!(next_block, tree.first_blocks[node + 1]);
+    assert_eq!(next_child, tree.first_children[node + 1]);
     assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
 }
 

@@ -1,0 +1,114 @@
+//! A pass over the tree from its blocks to its root, side by side where subtrees do not meet.
+
+use crate::tree::{Block, Node};
+use bvh_layout::BlockTree;
+use cpu_ref::pass::{SplitAt, Which, Window};
+use std::iter::Sum;
+use std::ops::Add;
+
+/// Nodes that one task handles.
+const RUN: usize = 64;
+
+/// Neighbouring nodes of one level, with their blocks.
+pub(crate) struct Level<'a> {
+    pub(crate) which: Which<'a>,
+    pub(crate) nodes: Window<'a, Node>,
+    pub(crate) blocks: Window<'a, Block>,
+}
+
+impl Level<'_> {
+    fn reborrow(&mut self) -> Level<'_> {
+        Level {
+            which: self.which.clone(),
+            nodes: self.nodes.reborrow(),
+            blocks: self.blocks.reborrow(),
+        }
+    }
+
+    /// Cuts off all from a node on.
+    fn split(self, node: usize, shape: &BlockTree) -> [Self; 2] {
+        let [which, more_which] = self.which.split_before(node);
+        let [nodes, more_nodes] = self.nodes.split(node);
+        let [blocks, more_blocks] = self.blocks.split(shape.first_blocks[node] as usize);
+        let level = |which, nodes, blocks| Self {
+            which,
+            nodes,
+            blocks,
+        };
+        [
+            level(which, nodes, blocks),
+            level(more_which, more_nodes, more_blocks),
+        ]
+    }
+}
+
+/// Neighbouring nodes of one level, and level by level all below them. None without a node to go over.
+pub(crate) struct Subtrees<'a>(Vec<Level<'a>>);
+
+impl<'a> Subtrees<'a> {
+    /// The whole tree; `which` says of each level, root first, what to go over: with a node those above it.
+    pub(crate) fn of(
+        shape: &BlockTree,
+        which: impl Iterator<Item = Which<'a>>,
+        (nodes, blocks): (&'a mut [Node], &'a mut [Block]),
+    ) -> Self {
+        let (nodes, blocks) = (Window::new(0, nodes), Window::new(0, blocks));
+        let mut rest = Some((nodes, blocks));
+        let levels = shape.levels.iter().zip(which).map_while(|(level, which)| {
+            let (nodes, blocks) = rest.take()?;
+            let [nodes, more_nodes] = nodes.split(level.end);
+            let [blocks, more_blocks] = blocks.split(shape.first_blocks[level.end] as usize);
+            rest = Some((more_nodes, more_blocks));
+            Some(Level {
+                which,
+                nodes,
+                blocks,
+            })
+        });
+        Self(levels.filter(|level| level.which.count() > 0).collect())
+    }
+
+    /// Gives each level of some subtrees to `task` after the one below, with that; many subtrees in parallel. Adds up what it
+    /// returns, in the same order for every number of threads.
+    pub(crate) fn fold<S: Add<Output = S> + Sum + Send>(
+        mut self,
+        shape: &BlockTree,
+        task: &(impl Fn(&mut Level<'_>, Option<&Level<'_>>) -> S + Sync),
+    ) -> S {
+        let counts = self.0.iter().map(|level| level.which.count());
+        if counts.sum::<usize>() <= RUN {
+            return (0..self.0.len()).rev().map(|i| self.give(i, task)).sum();
+        }
+        if self.0[0].which.count() == 1 {
+            let below = self.0[1..].iter_mut().map(Level::reborrow);
+            let below = Subtrees(below.collect()).fold(shape, task);
+            return below + self.give(0, task);
+        }
+        let [left, right] = self.halves(shape);
+        let (a, b) = rayon::join(|| left.fold(shape, task), || right.fold(shape, task));
+        a + b
+    }
+
+    fn give<S>(
+        &mut self,
+        level: usize,
+        task: &impl Fn(&mut Level<'_>, Option<&Level<'_>>) -> S,
+    ) -> S {
+        let (above, below) = self.0.split_at_mut(level + 1);
+        task(&mut above[level], below.first())
+    }
+
+    /// Cuts in the middle of the uppermost nodes.
+    fn halves(self, shape: &BlockTree) -> [Self; 2] {
+        let top = &self.0[0].which;
+        let mut node = top.at(top.count() / 2);
+        let [mut left, mut right] = [0; 2].map(|_| Vec::with_capacity(self.0.len()));
+        for level in self.0 {
+            let [before, after] = level.split(node, shape);
+            node = shape.first_children[node] as usize;
+            left.extend(Some(before).filter(|level| level.which.count() > 0));
+            right.extend(Some(after).filter(|level| level.which.count() > 0));
+        }
+        [Self(left), Self(right)]
+    }
+}
