@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::resume::{self, Earlier, manifest};
-use crate::session::{self, Ask, Session};
+use crate::session::{self, Ask, Session, Setup};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
@@ -12,7 +12,7 @@ use crate::{frames, info, inspect, memory, open, table, talk, values};
 use backend::Query;
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
-use pipeline::{Frame, Wanted};
+use pipeline::{Driver, Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -42,10 +42,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
     let ask = ask(args, &frames, view.query(&camera));
-    let mut session = session::start(&scene.animation, &ask)?;
+    let video = video(args)?;
+    let Session { mut driver, setup } = session::start(&scene.animation, &ask)?;
     passed("open the device, load the scene");
-    let (video, wanted) = pictures(args, &outputs, &scene, &mut session)?;
-    session.driver.prepare(view.query(&camera));
+    let wanted = wanted((&outputs, video.is_some()), &scene, &mut driver)?;
+    driver.prepare(view.query(&camera));
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -58,7 +59,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         false => earlier.divide(frames, &outputs),
     };
     let own = manifest(args, keys)?;
-    let head = resume::alone(head(args, &scene, &session), &outputs, (&own, &all));
+    let head = resume::alone(head(args, &scene, &setup), &outputs, (&own, &all));
     let mut journals = earlier.begin(args, &all, (&own, &head))?;
     passed("begin files");
     let mut notes = args.timeline.is_some().then(RunTimeline::default);
@@ -70,7 +71,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         args,
         (&scene, &camera, &view),
         (todo, old.len()),
-        &mut session,
+        (driver, &setup),
         (&outputs, video, wanted),
         (&mut journals, notes.as_mut()),
     )?;
@@ -78,10 +79,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         resume::write_stats(file, &resume::joined(head, &[&old[..], &rows].concat()))?;
     }
     if let (Some(file), Some(notes)) = (&args.timeline, &notes) {
-        let remarks = json!({ "caption": session.caption, "command_line": info::command_line() });
+        let remarks = json!({ "caption": setup.caption, "command_line": info::command_line() });
         notes.write(file, remarks)?;
     }
-    tell(args, &results(args, &scene, &session, &rows))
+    tell(args, &results(args, &scene, &setup, &rows))
 }
 
 /// There are more shards than frames: the folders say what run this is, and no device is opened.
@@ -140,26 +141,29 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
     }
 }
 
-/// The video that is asked for, and what is fetched of each frame for it and for files.
-fn pictures(
-    args: &RenderArgs,
-    outputs: &Outputs,
-    scene: &Scene,
-    session: &mut Session,
-) -> Result<(Option<Video<Lent>>, Wanted), Stop> {
+/// The video that is asked for. Its encoder starts while the device is opened.
+fn video(args: &RenderArgs) -> Result<Option<Video<Lent>>, Stop> {
     let files = VideoFiles {
         encoded: args.video.as_deref(),
         y4m: args.y4m.as_deref(),
         size: args.size,
         fps: args.source.fps,
     };
-    let video = Video::begin(&files).map_err(Stop::bad)?;
+    Video::begin(&files).map_err(Stop::bad)
+}
+
+/// What is fetched of each frame, for files and maybe a video.
+fn wanted(
+    (outputs, with_video): (&Outputs, bool),
+    scene: &Scene,
+    driver: &mut Driver,
+) -> Result<Wanted, Stop> {
     let mut wanted = outputs.wanted();
-    wanted.pixels |= video.is_some();
-    if wanted.pixels && !session.driver.shade(&output::palette(&scene.colours))? {
+    wanted.pixels |= with_video;
+    if wanted.pixels && !driver.shade(&output::palette(&scene.colours))? {
         wanted = Wanted::HITS;
     }
-    Ok((video, wanted))
+    Ok(wanted)
 }
 
 /// Results go to standard output, unless statistics or a video go there.
@@ -214,12 +218,12 @@ fn trace_all(
     args: &RenderArgs,
     (scene, camera, view): (&Scene, &Camera, &View),
     (todo, done): (Vec<Frame>, usize),
-    session: &mut Session,
+    (mut driver, setup): (Driver, &Setup),
     (outputs, video, wanted): (&Outputs, Option<Video<Lent>>, Wanted),
     (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
-    let taken = session.setup.auto.iter().map(ToString::to_string);
+    let taken = setup.auto.iter().map(ToString::to_string);
     for remark in taken.chain(scene.facts.notes.iter().cloned()) {
         progress.say(&remark);
     }
@@ -233,16 +237,16 @@ fn trace_all(
     let writer = Writer::new(shown, made, (journals, notes), progress);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        session
-            .driver
-            .run::<Stop>(todo, query, wanted, |frame, answers| {
-                writer.take(scope, places.next().unwrap_or_default(), frame, answers)
-            })
+        driver.run::<Stop>(todo, query, wanted, |frame, answers| {
+            writer.take(scope, places.next().unwrap_or_default(), frame, answers)
+        })
     })?;
+    // The device is closed while an encoder finishes.
+    drop(driver);
     writer.rows()
 }
 
-fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameStats]) -> String {
+fn results(args: &RenderArgs, scene: &Scene, setup: &Setup, rows: &[FrameStats]) -> String {
     let [width, height] = args.size;
     let mut text = format!(
         "{}: {} ({} moving), {}; {} of {width}x{height}\n{}\n",
@@ -251,7 +255,7 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
         table::grouped(scene.animation.moving_count()),
         table::counted(scene.animation.key_count(), table::KEY_FRAMES),
         table::counted(rows.len(), table::FRAMES),
-        session.caption,
+        setup.caption,
     );
     if !rows.is_empty() {
         text += &table::stages(rows);
@@ -266,12 +270,12 @@ fn results(args: &RenderArgs, scene: &Scene, session: &Session, rows: &[FrameSta
 }
 
 /// Statistics without frames.
-fn head(args: &RenderArgs, scene: &Scene, session: &Session) -> Value {
-    let mut head = json!(session.setup);
+fn head(args: &RenderArgs, scene: &Scene, setup: &Setup) -> Value {
+    let mut head = json!(setup);
     head["schema"] = json!(SCHEMA);
     head["version"] = json!(env!("CARGO_PKG_VERSION"));
     head["scene"] = inspect::scene_facts(scene);
     head["size"] = json!(args.size);
-    head["expected_memory"] = json!(session.memory);
+    head["expected_memory"] = json!(setup.memory);
     head
 }

@@ -18,9 +18,6 @@ use std::sync::Arc;
 pub(crate) struct Session {
     pub(crate) driver: Driver,
     pub(crate) setup: Setup,
-    /// The same in one line.
-    pub(crate) caption: String,
-    pub(crate) memory: ExpectedMemory,
 }
 
 /// Who works how.
@@ -40,6 +37,11 @@ pub(crate) struct Setup {
     pub(crate) layout: &'static str,
     /// What was left to `auto`.
     pub(crate) auto: Vec<Taken>,
+    #[serde(skip)]
+    pub(crate) memory: ExpectedMemory,
+    /// The same in one line.
+    #[serde(skip)]
+    pub(crate) caption: String,
 }
 
 /// Opens the backend, settles what is left to `auto`, and loads the scene.
@@ -73,7 +75,7 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
     ];
     let memory = ExpectedMemory::of(animation, device.kind, (method, update), rays);
     let device = driver.backend().device().clone();
-    let setup = Setup {
+    let mut setup = Setup {
         backend: device.backend,
         adapter: device.adapter,
         driver: Some(device.driver).filter(|driver| !driver.is_empty()),
@@ -88,13 +90,11 @@ pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session
         intersector: names[0],
         layout: names[1],
         auto: taken.into_iter().flatten().collect(),
-    };
-    Ok(Session {
-        driver,
-        caption: setup.caption(device.threads),
-        setup,
         memory,
-    })
+        caption: String::new(),
+    };
+    setup.caption = setup.in_one_line(device.threads);
+    Ok(Session { driver, setup })
 }
 
 /// What is asked of a backend that makes its trees itself: nothing is left to choose there.
@@ -116,8 +116,8 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
 }
 
 impl Setup {
-    /// In one line; so many threads of the host render.
-    fn caption(&self, threads: usize) -> String {
+    /// So many threads of the host render.
+    fn in_one_line(&self, threads: usize) -> String {
         let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
         let predict = match self.predict {
             Some(false) => " without prediction",

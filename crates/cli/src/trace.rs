@@ -59,7 +59,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     }
     let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
     let any = hits.blocked.iter().filter(|&&b| b != 0).count();
-    let caption = &session.caption;
+    let caption = &session.setup.caption;
     let (time, rays) = (args.time, counted(rays.len(), ["ray", "rays"]));
     let met = counted(closest + any, ["hit", "hits"]);
     talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))

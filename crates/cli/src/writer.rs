@@ -6,7 +6,7 @@ use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use backend::Hits;
 use geom::{Camera, Point};
-use output::{FrameStats, Journal, RunTimeline, Shot, Video};
+use output::{FrameStats, Journal, Planes, RunTimeline, Shot, Video};
 use pipeline::{Answers, FrameRecord, Wanted};
 use rayon::Scope;
 use scene::Scene;
@@ -18,9 +18,11 @@ use std::time::Instant;
 /// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
 /// of what is free.
 const MOST_BYTES: u64 = 1 << 30;
-/// Bytes a pixel: a hit with its shadow, and the file of them; a colour with and without alpha, and the picture.
+/// Bytes a pixel: a hit with its shadow, and the file of them; a colour with and without alpha, and the picture; the same in
+/// a video's planes.
 const HIT_BYTES: usize = 17 + 17;
 const COLOUR_BYTES: usize = 4 + 3 + 3;
+const PLANE_BYTES: usize = 4;
 
 /// Who writes the files of frames, and what is known of frames that are done.
 pub(crate) struct Writer<'a> {
@@ -28,8 +30,7 @@ pub(crate) struct Writer<'a> {
     camera: &'a Camera,
     light: Point,
     outputs: &'a Outputs,
-    /// Whether pictures or a video are made.
-    wants_rgb: bool,
+    makes_video: bool,
     /// Of the journals.
     folders: Vec<PathBuf>,
     done: Mutex<Done<'a>>,
@@ -44,6 +45,8 @@ pub(crate) struct Writer<'a> {
 struct FrameBuffers {
     answers: Answers,
     rgb: Vec<u8>,
+    /// Where there is a video.
+    planes: Planes,
 }
 
 /// A frame's buffers, which go back when its files are written, or were given up.
@@ -52,10 +55,9 @@ pub(crate) struct Lent {
     spare: Sender<FrameBuffers>,
 }
 
-impl AsRef<[u8]> for Lent {
-    /// The picture, three bytes a pixel.
-    fn as_ref(&self) -> &[u8] {
-        &self.buffers.rgb
+impl AsRef<Planes> for Lent {
+    fn as_ref(&self) -> &Planes {
+        &self.buffers.planes
     }
 }
 
@@ -84,7 +86,9 @@ impl<'a> Writer<'a> {
         progress: Progress,
     ) -> Self {
         let (spare, free) = channel();
-        let bytes = COLOUR_BYTES + if wanted.hits { HIT_BYTES } else { 0 };
+        let of_hits = if wanted.hits { HIT_BYTES } else { 0 };
+        let of_planes = if video.is_some() { PLANE_BYTES } else { 0 };
+        let bytes = COLOUR_BYTES + of_hits + of_planes;
         let free_bytes = host::free().map_or(u64::MAX, |free| free.bytes);
         let each = (bytes * camera.pixels()).max(1) as u64;
         let fitting = (MOST_BYTES.min(free_bytes / 4) / each) as usize;
@@ -98,7 +102,7 @@ impl<'a> Writer<'a> {
             camera,
             light,
             outputs,
-            wants_rgb: video.is_some() || outputs.wanted().pixels,
+            makes_video: video.is_some(),
             folders: journals.iter().map(|(f, _)| f.clone()).collect(),
             done: Mutex::new(Done {
                 journals,
@@ -139,12 +143,12 @@ impl<'a> Writer<'a> {
         let write = move || {
             if let Err(stop) = self.write(place, &frame, &mut lent.buffers) {
                 self.lock().failed.get_or_insert(stop);
-            } else if let Some(video) = &*self.video() {
-                video.take(place, lent);
+            } else if self.makes_video {
+                let _ = self.video().as_ref().map(|v| v.take(place, lent));
             }
         };
         // Without threads of its own, rayon does what is asked of it when the run is over.
-        let makes_any = self.outputs.any() || self.video().is_some();
+        let makes_any = self.outputs.any() || self.makes_video;
         if !makes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
@@ -191,7 +195,11 @@ impl<'a> Writer<'a> {
         &self,
         place: usize,
         frame: &FrameRecord,
-        FrameBuffers { answers, rgb }: &mut FrameBuffers,
+        FrameBuffers {
+            answers,
+            rgb,
+            planes,
+        }: &mut FrameBuffers,
     ) -> Result<(), Stop> {
         let begun = Instant::now();
         let row = FrameStats::of(frame);
@@ -202,11 +210,18 @@ impl<'a> Writer<'a> {
             camera: self.camera,
             light: self.light,
         };
-        if self.wants_rgb {
-            match answers.pixels.is_empty() {
-                true => output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb),
-                false => output::drop_alpha(&answers.pixels, rgb),
-            }
+        let makes_any = self.makes_video || self.outputs.images.is_some();
+        let (pixels, width) = (&answers.pixels, self.camera.width as usize);
+        let on_device = !pixels.is_empty();
+        if makes_any && !on_device {
+            output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb);
+        } else if self.outputs.images.is_some() {
+            output::drop_alpha(pixels, rgb);
+        }
+        match (self.makes_video, on_device) {
+            (true, true) => planes.set(pixels.as_chunks::<4>().0, width),
+            (true, false) => planes.set(rgb.as_chunks::<3>().0, width),
+            (false, _) => {}
         }
         let size = [self.camera.width, self.camera.height];
         self.outputs

@@ -30,4 +30,4 @@ pub use stats::{
     write_json,
 };
 pub use timeline::RunTimeline;
-pub use video::{Video, VideoFiles};
+pub use video::{Planes, Video, VideoFiles};

@@ -2,18 +2,20 @@
 
 use crate::OutputError;
 use crate::atomic::UnfinishedFile;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, prelude::*};
+use std::iter;
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
-use y4m::Colorspace;
+use y4m::{Colorspace, EncoderBuilder};
 
-const FULL: Colorspace = Colorspace::C444;
+mod planes;
+
+pub use planes::Planes;
 
 type Result<T> = std::result::Result<T, OutputError>;
 
@@ -30,7 +32,7 @@ pub struct VideoFiles<'a> {
     pub fps: f64,
 }
 
-/// Writes videos on a thread of its own, of frames `F` that hold three bytes of sRGB a pixel.
+/// Writes videos on a thread of its own, of frames `F` that hold [`Planes`].
 ///
 /// Dropped before its end, it leaves no file: whoever drops it waits for that.
 #[derive(Debug)]
@@ -47,21 +49,24 @@ impl<F> Drop for Video<F> {
     }
 }
 
-impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
+impl<F: AsRef<Planes> + Send + 'static> Video<F> {
     /// Begins what is wanted; `None` if nothing is.
     ///
     /// # Errors
-    /// There is no `ffmpeg`, or a file cannot be made.
+    /// There is no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
     pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
-        let encoded = wanted.encoded.map(|file| Sink::encoded(file, wanted));
-        let y4m = wanted.y4m.map(|file| Sink::raw(file, wanted));
-        let sinks: Vec<Sink> = encoded.into_iter().chain(y4m).collect::<Result<_>>()?;
+        let encoded = wanted.encoded.map(Sink::encoded);
+        let y4m = wanted.y4m.map(Sink::raw);
+        let sinks: Vec<Sink<Bytes>> = encoded.into_iter().chain(y4m).collect::<Result<_>>()?;
         if sinks.is_empty() {
             return Ok(None);
         }
         let (frames, receiver) = channel();
-        let width = wanted.size[0] as usize;
-        let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, width));
+        let [width, height] = wanted.size.map(|n| n as usize);
+        // Frames a second to a thousandth.
+        let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
+        let header = move || y4m::encode(width, height, rate);
+        let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
         let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
         Ok(Some(Self {
             frames: Some(frames),
@@ -99,23 +104,26 @@ impl<F: AsRef<[u8]> + Send + 'static> Video<F> {
     }
 }
 
-fn write<F: AsRef<[u8]>>(
+fn write<F: AsRef<Planes>>(
     frames: &Receiver<Option<(usize, F)>>,
-    mut sinks: Vec<Sink>,
-    width: usize,
+    sinks: Vec<Sink<Bytes>>,
+    header: &impl Fn() -> EncoderBuilder,
 ) -> Result<()> {
+    // Nothing is written for a run that fails before its first frame.
+    let Ok(first) = frames.recv() else {
+        return Ok(());
+    };
+    let sinks = sinks.into_iter().map(|sink| sink.begin(header));
+    let mut sinks = sinks.collect::<Result<Vec<_>>>()?;
     let (mut next, mut early) = (0, BTreeMap::new());
-    let mut planes = Planes::default();
-    for frame in frames {
+    for frame in iter::once(first).chain(frames) {
         let Some((place, frame)) = frame else {
             return sinks.into_iter().try_for_each(Sink::end);
         };
         early.insert(place, frame);
         while let Some(frame) = early.remove(&next) {
-            separate(frame.as_ref(), &mut planes.full);
             for sink in &mut sinks {
-                let frame = planes.frame(width, sink.is_halved);
-                sink.frame(&frame)?;
+                sink.frame(frame.as_ref())?;
             }
             next += 1;
         }
@@ -124,102 +132,72 @@ fn write<F: AsRef<[u8]>>(
     Ok(())
 }
 
-/// A frame's luma and chroma, of BT.601 in its limited range, which readers of the format take them for.
-#[derive(Default)]
-struct Planes {
-    /// At full size (4:4:4).
-    full: [Vec<u8>; 3],
-    /// Chroma at half of it along both axes (4:2:0).
-    halves: [Vec<u8>; 2],
-}
-
-impl Planes {
-    /// Of so many columns; 4:2:0 if `halved`.
-    fn frame(&mut self, width: usize, halved: bool) -> y4m::Frame<'_> {
-        let [y, cb, cr] = &self.full;
-        if !halved {
-            return y4m::Frame::new([y, cb, cr], None);
-        }
-        let halves = &mut self.halves;
-        halve((cb, width), &mut halves[0]);
-        halve((cr, width), &mut halves[1]);
-        y4m::Frame::new([y, &halves[0], &halves[1]], None)
-    }
-}
-
-/// Means of two by two samples; at an odd edge, of those that are there twice.
-fn halve((plane, width): (&[u8], usize), to: &mut Vec<u8>) {
-    let (width, half) = (width.max(1), width.div_ceil(2).max(1));
-    to.resize(half * (plane.len() / width).div_ceil(2), 0);
-    let rows = plane.par_chunks(2 * width).zip(to.par_chunks_mut(half));
-    rows.for_each(|(rows, to)| {
-        let (upper, lower) = rows.split_at(width);
-        let lower = if lower.is_empty() { upper } else { lower };
-        let pairs = upper.chunks(2).zip(lower.chunks(2));
-        for ((upper, lower), to) in pairs.zip(to) {
-            let both = |row: &[u8]| u16::from(row[0]) + u16::from(row[row.len() - 1]);
-            *to = ((both(upper) + both(lower) + 2) / 4) as u8;
-        }
-    });
-}
+type Bytes = Box<dyn Write + Send>;
 
 /// A video: full size (4:4:4) in a file of its own, and for the encoder the half of it that it takes (4:2:0).
-struct Sink {
+struct Sink<W> {
     // Dropped in this order: no encoder writes a file that is gone.
-    video: y4m::Encoder<Box<dyn Write + Send>>,
+    out: W,
     is_halved: bool,
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
     name: String,
 }
 
-impl Sink {
-    fn raw(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
-        if path.as_os_str() == "-" {
-            return Self::begin(path, wanted, (FULL, Box::new(io::stdout())));
-        }
-        let cannot = |e| cannot_write(path.display(), e);
-        let file = UnfinishedFile::beside(path).map_err(cannot)?;
-        let out = File::create(file.path()).map_err(cannot)?;
-        Ok(Self {
-            file: Some(file),
-            ..Self::begin(path, wanted, (FULL, Box::new(out)))?
-        })
-    }
-
-    fn encoded(path: &Path, wanted: &VideoFiles<'_>) -> Result<Self> {
-        let format = format_of(path)?;
-        let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(path.display(), e))?;
-        let (encoder, pipe) = Encoder::start(format, file.path())?;
-        Ok(Self {
-            encoder: Some(encoder),
-            file: Some(file),
-            ..Self::begin(path, wanted, (Colorspace::C420jpeg, Box::new(pipe)))?
-        })
-    }
-
-    fn begin(
-        path: &Path,
-        wanted: &VideoFiles<'_>,
-        (colours, out): (Colorspace, Box<dyn Write + Send>),
-    ) -> Result<Self> {
+impl Sink<Bytes> {
+    fn raw(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        let [width, height] = wanted.size.map(|n| n as usize);
-        // Frames a second to a thousandth.
-        let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
-        let header = y4m::encode(width, height, rate).with_colorspace(colours);
-        let video = header.write_header(out);
+        let cannot = |e| cannot_write(&name, e);
+        let (out, file): (Bytes, _) = if path.as_os_str() == "-" {
+            (Box::new(io::stdout()), None)
+        } else {
+            let file = UnfinishedFile::beside(path).map_err(cannot)?;
+            let out = File::create(file.path()).map_err(cannot)?;
+            (Box::new(out), Some(file))
+        };
         Ok(Self {
-            video: video.map_err(|e| cannot_write(&name, e))?,
-            is_halved: matches!(colours, Colorspace::C420jpeg),
+            out,
+            is_halved: false,
             encoder: None,
-            file: None,
+            file,
             name,
         })
     }
 
-    fn frame(&mut self, frame: &y4m::Frame<'_>) -> Result<()> {
-        let written = self.video.write_frame(frame);
+    fn encoded(path: &Path) -> Result<Self> {
+        let format = format_of(path)?;
+        let name = path.display().to_string();
+        let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(&name, e))?;
+        let (encoder, pipe) = Encoder::start(format, file.path())?;
+        Ok(Self {
+            out: Box::new(pipe),
+            is_halved: true,
+            encoder: Some(encoder),
+            file: Some(file),
+            name,
+        })
+    }
+
+    fn begin(self, header: &impl Fn() -> EncoderBuilder) -> Result<Sink<y4m::Encoder<Bytes>>> {
+        let colours = match self.is_halved {
+            true => Colorspace::C420jpeg,
+            false => Colorspace::C444,
+        };
+        let header = header().with_colorspace(colours);
+        let out = header.write_header(self.out);
+        Ok(Sink {
+            out: out.map_err(|e| cannot_write(&self.name, e))?,
+            is_halved: self.is_halved,
+            encoder: self.encoder,
+            file: self.file,
+            name: self.name,
+        })
+    }
+}
+
+impl Sink<y4m::Encoder<Bytes>> {
+    fn frame(&mut self, planes: &Planes) -> Result<()> {
+        let written = self.out.write_frame(&planes.frame(self.is_halved));
         written.map_err(|e| match self.encoder.take() {
             Some(encoder) => encoder.failed(&e.to_string()),
             None => cannot_write(&self.name, e),
@@ -227,7 +205,7 @@ impl Sink {
     }
 
     fn end(self) -> Result<()> {
-        drop(self.video);
+        drop(self.out);
         self.encoder.map_or(Ok(()), Encoder::end)?;
         let ended = match self.file {
             Some(file) => file.finish(),
@@ -292,6 +270,9 @@ impl Encoder {
         let pipe = child.stdin.take();
         let encoder = Self { child, complaints };
         let pipe = pipe.ok_or_else(|| OutputError("--video: ffmpeg reads nothing".to_owned()))?;
+        // As much as may be asked for without privileges: the fewer turns to take, the better.
+        #[cfg(target_os = "linux")]
+        let _ = rustix::pipe::fcntl_setpipe_size(&pipe, 1 << 20);
         Ok((encoder, pipe))
     }
 
@@ -321,56 +302,5 @@ impl Drop for Encoder {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
-    }
-}
-
-/// Luma and chroma of sRGB pixels, three bytes each.
-fn separate(rgb: &[u8], [y, cb, cr]: &mut [Vec<u8>; 3]) {
-    let pixels = rgb.as_chunks::<3>().0;
-    for plane in [&mut *y, cb, cr] {
-        plane.resize(pixels.len(), 0);
-    }
-    let planes = (&mut y[..], &mut cb[..], &mut cr[..]);
-    let planes = planes.into_par_iter().with_min_len(1 << 14);
-    let pixels = pixels.par_iter();
-    pixels.zip(planes).for_each(|(pixel, (y, cb, cr))| {
-        [*y, *cb, *cr] = ycbcr(*pixel);
-    });
-}
-
-/// sRGB to Y'CbCr of BT.601 in its limited range, in fixed point of 16 bits.
-fn ycbcr([r, g, b]: [u8; 3]) -> [u8; 3] {
-    let [r, g, b] = [r, g, b].map(i32::from);
-    let sum = |[x, y, z]: [i32; 3], offset: i32| {
-        (((x * r + y * g + z * b + (1 << 15)) >> 16) + offset) as u8
-    };
-    [
-        sum([16_829, 33_039, 6_416], 16),
-        sum([-9_714, -19_070, 28_784], 128),
-        sum([28_784, -24_103, -4_681], 128),
-    ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn chroma_is_halved_along_both_axes_and_edges_count_twice() {
-        let mut halves = Vec::new();
-        halve((&[0, 4, 8, 4, 9, 10, 20, 22, 30], 3), &mut halves);
-        assert_eq!(halves, [4, 9, 21, 30]);
-        halve((&[1, 3, 5, 7], 2), &mut halves);
-        assert_eq!(halves, [4]);
-        halve((&[], 2), &mut halves);
-        assert_eq!(halves, [0; 0]);
-    }
-
-    #[test]
-    fn greys_have_no_chroma_and_reach_both_ends() {
-        assert_eq!(ycbcr([0; 3]), [16, 128, 128]);
-        assert_eq!(ycbcr([255; 3]), [235, 128, 128]);
-        assert_eq!(ycbcr([255, 0, 0]), [81, 90, 240]);
-        assert_eq!(ycbcr([0, 0, 255]), [41, 240, 110]);
     }
 }
