@@ -42,20 +42,35 @@ pub(crate) fn bare(
     Ok(open(backend, (adapter, threads), Ok)?.0)
 }
 
-/// Loads graphics drivers on a thread of its own, which takes long: what is opened then finds them loaded. Whoever drops
-/// the result waits for it, since drivers do not like a process to end meanwhile.
-pub(crate) fn load_drivers(backend: BackendName) -> Option<impl Sized> {
-    struct Loading(Option<JoinHandle<()>>);
-    impl Drop for Loading {
-        fn drop(&mut self) {
-            let _ = self.0.take().map(JoinHandle::join);
-        }
+/// A backend, and why `auto` took it.
+pub(crate) type Opened = (Box<dyn Backend>, Option<String>);
+
+/// A backend that is opened on a thread of its own, which takes long. Whoever drops it waits for that, since drivers do not
+/// like a process to end meanwhile.
+pub(crate) struct Opening(Option<JoinHandle<Result<Opened, Stop>>>);
+
+impl Opening {
+    /// None: it is opened later.
+    pub(crate) const LATER: Self = Self(None);
+
+    /// Begins as [`open`] would, if there is a thread to be had.
+    pub(crate) fn begin(backend: BackendName, (adapter, threads): (Option<&str>, usize)) -> Self {
+        let adapter = adapter.map(str::to_owned);
+        let open = move || open(backend, (adapter.as_deref(), threads), Ok);
+        Self(std::thread::Builder::new().spawn(open).ok())
     }
-    // Whoever opens a backend hears what is wrong.
-    let load = || drop(known("vulkan").map(|vulkan| vulkan.adapters()));
-    let wanted = backend != BackendName::Cpu;
-    let thread = wanted.then(|| std::thread::Builder::new().spawn(load).ok());
-    thread.map(Loading)
+
+    /// What came of it; `None` if it was never begun.
+    pub(crate) fn wait(mut self) -> Option<Result<Opened, Stop>> {
+        let opened = self.0.take()?.join();
+        Some(opened.unwrap_or_else(|e| std::panic::resume_unwind(e)))
+    }
+}
+
+impl Drop for Opening {
+    fn drop(&mut self) {
+        let _ = self.0.take().map(JoinHandle::join);
+    }
 }
 
 /// Whether a backend can run here, and what it can do.

@@ -8,8 +8,7 @@ use crate::session::{self, Ask, Session, Setup};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
-use crate::{frames, info, inspect, memory, open, table, talk, values};
-use backend::Query;
+use crate::{frames, info, inspect, memory, table, talk, values};
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
 use pipeline::{Driver, Frame, Wanted};
@@ -28,7 +27,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(rows) = earlier.finished(args, &outputs)? {
         return nothing_left(args, &earlier, &rows);
     }
-    let _drivers = open::load_drivers(args.device.backend);
+    let asked = ask(args);
+    let opening = session::begin(&asked);
     let rays = values::pixels(args.size);
     passed("look at files");
     let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
@@ -41,12 +41,16 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     }
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
-    let ask = ask(args, &frames, view.query(&camera));
+    let query = view.query(&camera);
+    let ask = asked.for_run(Run {
+        frames: &frames,
+        query,
+    });
     let video = video(args)?;
-    let Session { mut driver, setup } = session::start(&scene.animation, &ask)?;
+    let Session { mut driver, setup } = session::start(&scene.animation, &ask, opening)?;
     passed("open the device, load the scene");
     let wanted = wanted((&outputs, video.is_some()), &scene, &mut driver)?;
-    driver.prepare(view.query(&camera));
+    driver.prepare(query);
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -85,7 +89,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     tell(args, &results(args, &scene, &setup, &rows))
 }
 
-/// There are more shards than frames: the folders say what run this is, and no device is opened.
+/// There are more shards than frames: the folders say what run this is.
 fn no_frames(
     args: &RenderArgs,
     scene: &Scene,
@@ -124,8 +128,8 @@ fn check_files(args: &RenderArgs) -> Result<(), Stop> {
     files.check(std::slice::from_ref(&args.scene))
 }
 
-/// What the run wants of a backend.
-fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'a> {
+/// What the run wants of a backend, as long as its frames are not known.
+fn ask(args: &RenderArgs) -> Ask<'_> {
     Ask {
         backend: args.device.backend,
         adapter: args.device.adapter.as_deref(),
@@ -135,7 +139,7 @@ fn ask<'a>(args: &'a RenderArgs, frames: &'a [Frame], query: Query<'a>) -> Ask<'
         update: args.update,
         lockstep: args.lockstep,
         tolerance: args.tolerance.ppm(),
-        run: Some(Run { frames, query }),
+        run: None,
         rays: values::pixels(args.size),
         predict: args.predict,
     }

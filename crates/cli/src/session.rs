@@ -4,7 +4,7 @@ use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::memory;
-use crate::open;
+use crate::open::{self, Opening};
 use crate::stop::Stop;
 use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
@@ -44,20 +44,46 @@ pub(crate) struct Setup {
     pub(crate) caption: String,
 }
 
-/// Opens the backend, settles what is left to `auto`, and loads the scene.
-pub(crate) fn start(animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Session, Stop> {
+/// Begins to open the backend that is asked for, while the scene is read, where that takes long.
+pub(crate) fn begin(ask: &Ask<'_>) -> Opening {
+    match ask.backend {
+        BackendName::Cpu => Opening::LATER,
+        other => Opening::begin(other, on(ask)),
+    }
+}
+
+/// The adapter, and threads of the host if that traces.
+fn on<'a>(ask: &Ask<'a>) -> (Option<&'a str>, usize) {
+    let host = ask.share(DeviceKind::Cpu, ask.update().0);
+    (ask.adapter, host.render)
+}
+
+/// Settles what is left to `auto`, and loads the scene on the backend that is being opened.
+pub(crate) fn start(
+    animation: &Arc<Animation>,
+    ask: &Ask<'_>,
+    opening: Opening,
+) -> Result<Session, Stop> {
     let rays = ask.rays();
     memory::check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
-    let host = ask.share(DeviceKind::Cpu, ask.update().0);
-    let on = (ask.adapter, host.render);
-    let (opened, why) = open::open(ask.backend, on, |backend: Box<dyn Backend>| {
+    let ready = |backend: Box<dyn Backend>| {
         let device = backend.device().clone();
         let mut backend = ReusedBackend::new(backend, animation, ask);
         let (method, update, why) = choose::settle(&mut backend, ask)?;
         let driver = backend.driver(method, update)?;
         Ok((driver, device, method, update, why))
-    })?;
+    };
+    let first = match opening.wait().transpose()? {
+        Some((backend, why)) => ready(backend).map(|opened| (opened, why)).map(Some),
+        None => Ok(None),
+    };
+    let (opened, why) = match first {
+        Ok(Some(opened)) => opened,
+        Err(stop) if ask.backend != BackendName::Auto => return Err(stop),
+        // There may be another that can be made ready.
+        _ => open::open(ask.backend, on(ask), ready)?,
+    };
     let (mut driver, device, method, update, reasons) = opened;
     let [why_update, mut why_intersector, mut why_layout] = reasons;
     let threads = ask.share(device.kind, update);

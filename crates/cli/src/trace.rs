@@ -17,27 +17,33 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         ..Files::default()
     };
     files.check(std::slice::from_ref(&args.scene))?;
+    let update = match args.update {
+        UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
+        _ => UpdateName::Rebuild,
+    };
+    let asked = Ask {
+        adapter: args.device.adapter.as_deref(),
+        threads: args.device.threads,
+        builder_threads: args.device.builder_threads,
+        tolerance: args.tolerance.ppm(),
+        ..Ask::of(args.device.backend, args.method, update)
+    };
+    let opening = session::begin(&asked);
     let rays = output::read_rays(&args.rays)?;
     let options = memory::with_run(args.source.options(), rays.len());
     let scene = scene::open(&args.scene, &options)?;
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
-    let update = match args.update {
-        UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
-        _ if moments.len() > 1 => UpdateName::Refit,
-        _ => UpdateName::Rebuild,
+    let update = match update {
+        UpdateName::Rebuild if moments.len() > 1 => UpdateName::Refit,
+        update => update,
     };
-    let mut session = session::start(
-        animation,
-        &Ask {
-            adapter: args.device.adapter.as_deref(),
-            threads: args.device.threads,
-            builder_threads: args.device.builder_threads,
-            tolerance: args.tolerance.ppm(),
-            rays: rays.len(),
-            ..Ask::of(args.device.backend, args.method, update)
-        },
-    )?;
+    let ask = Ask {
+        update,
+        rays: rays.len(),
+        ..asked
+    };
+    let mut session = session::start(animation, &ask, opening)?;
     if !args.quiet {
         let taken = session.setup.auto.iter();
         taken.for_each(|t| talk::say(&t.to_string()));

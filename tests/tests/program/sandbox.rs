@@ -55,6 +55,8 @@ impl Sandbox {
         let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
         let mut command = Command::new("sh");
         command.args(["-c", &limited]).arg(program::abvh());
+        // glibc reserves 64 MB of address space when a thread first asks for memory, which may be at any moment.
+        command.env("MALLOC_ARENA_MAX", "1");
         let command = command.args(words.split(' ')).current_dir(self.path());
         Run::of(&command.output().unwrap(), words)
     }

@@ -4,6 +4,7 @@ use super::FOV;
 use crate::args::{MeasureArgs, RaysName};
 use crate::choose::{self, Ask};
 use crate::memory::device_memory;
+use crate::open::Opening;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 
@@ -101,7 +102,7 @@ pub(crate) fn measure(
         run: Some(choose::Run { frames, query }),
         ..*ask
     };
-    let mut session = session::start(&scene.animation, &ask)?;
+    let mut session = session::start(&scene.animation, &ask, Opening::LATER)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));

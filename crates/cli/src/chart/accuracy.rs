@@ -3,6 +3,7 @@
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench;
 use crate::choose::Ask;
+use crate::open::Opening;
 use crate::session;
 use crate::stop::Stop;
 use backend::{Hits, QueryKind};
@@ -92,7 +93,7 @@ impl GroundTruth {
         ask: &Ask<'_>,
         mut hear: impl FnMut(&Sheet, Hits),
     ) -> Result<(), Stop> {
-        let mut session = session::start(animation, ask)?;
+        let mut session = session::start(animation, ask, Opening::LATER)?;
         let kind = QueryKind::ClosestAndShadow { light: self.light };
         let sheets = self
             .sheets
