@@ -34,7 +34,7 @@ pub(crate) struct Ask<'a> {
     pub(crate) predict: bool,
 }
 
-impl<'a> Ask<'a> {
+impl Ask<'_> {
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
@@ -50,12 +50,6 @@ impl<'a> Ask<'a> {
             rays: 0,
             predict: true,
         }
-    }
-
-    /// The same for a run that is known.
-    pub(crate) fn for_run(self, run: Run<'a>) -> Self {
-        let run = Some(run);
-        Self { run, ..self }
     }
 
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.

@@ -43,14 +43,14 @@ pub(crate) fn bare(
 }
 
 /// A backend, and why `auto` took it.
-pub(crate) type Opened = (Box<dyn Backend>, Option<String>);
+type Opened = (Box<dyn Backend>, Option<String>);
 
 /// A backend that is opened on a thread of its own, which takes long. Whoever drops it waits for that, since drivers do not
 /// like a process to end meanwhile.
 pub(crate) struct Opening(Option<JoinHandle<Result<Opened, Stop>>>);
 
 impl Opening {
-    /// None: it is opened later.
+    /// It is not begun yet.
     pub(crate) const LATER: Self = Self(None);
 
     /// Begins as [`open`] would, if there is a thread to be had.

@@ -42,10 +42,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
     let query = view.query(&camera);
-    let ask = asked.for_run(Run {
+    let run = Run {
         frames: &frames,
         query,
-    });
+    };
+    let ask = Ask {
+        run: Some(run),
+        ..asked
+    };
     let video = video(args)?;
     let Session { mut driver, setup } = session::start(&scene.animation, &ask, opening)?;
     passed("open the device, load the scene");

@@ -74,16 +74,12 @@ pub(crate) fn start(
         let driver = backend.driver(method, update)?;
         Ok((driver, device, method, update, why))
     };
-    let first = match opening.wait().transpose()? {
-        Some((backend, why)) => ready(backend).map(|opened| (opened, why)).map(Some),
-        None => Ok(None),
-    };
-    let (opened, why) = match first {
-        Ok(Some(opened)) => opened,
-        Err(stop) if ask.backend != BackendName::Auto => return Err(stop),
-        // There may be another that can be made ready.
-        _ => open::open(ask.backend, on(ask), ready)?,
-    };
+    let opened = opening.wait().transpose()?;
+    let first = opened.map(|(backend, why)| Ok((ready(backend)?, why)));
+    // Where `auto` chose, there may be another that can be made ready.
+    let first = first.filter(|first| first.is_ok() || ask.backend != BackendName::Auto);
+    let again = || open::open(ask.backend, on(ask), ready);
+    let (opened, why) = first.unwrap_or_else(again)?;
     let (mut driver, device, method, update, reasons) = opened;
     let [why_update, mut why_intersector, mut why_layout] = reasons;
     let threads = ask.share(device.kind, update);

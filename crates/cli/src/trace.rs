@@ -18,7 +18,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     };
     files.check(std::slice::from_ref(&args.scene))?;
     let update = match args.update {
-        UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
+        UpdateName::Refit | UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
         _ => UpdateName::Rebuild,
     };
     let asked = Ask {
@@ -34,12 +34,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let scene = scene::open(&args.scene, &options)?;
     let animation = &scene.animation;
     let moments = moments(args, animation)?;
-    let update = match update {
-        UpdateName::Rebuild if moments.len() > 1 => UpdateName::Refit,
-        update => update,
-    };
     let ask = Ask {
-        update,
         rays: rays.len(),
         ..asked
     };

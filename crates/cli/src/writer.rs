@@ -210,18 +210,22 @@ impl<'a> Writer<'a> {
             camera: self.camera,
             light: self.light,
         };
-        let makes_any = self.makes_video || self.outputs.images.is_some();
-        let (pixels, width) = (&answers.pixels, self.camera.width as usize);
-        let on_device = !pixels.is_empty();
-        if makes_any && !on_device {
-            output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb);
-        } else if self.outputs.images.is_some() {
-            output::drop_alpha(pixels, rgb);
-        }
-        match (self.makes_video, on_device) {
-            (true, true) => planes.set(pixels.as_chunks::<4>().0, width),
-            (true, false) => planes.set(rgb.as_chunks::<3>().0, width),
-            (false, _) => {}
+        let (images, video) = (self.outputs.images.is_some(), self.makes_video);
+        let width = self.camera.width as usize;
+        if answers.pixels.is_empty() {
+            if images || video {
+                output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb);
+            }
+            if video {
+                planes.set(rgb.as_chunks::<3>().0, width);
+            }
+        } else {
+            if images {
+                output::drop_alpha(&answers.pixels, rgb);
+            }
+            if video {
+                planes.set(answers.pixels.as_chunks::<4>().0, width);
+            }
         }
         let size = [self.camera.width, self.camera.height];
         self.outputs

@@ -52,8 +52,8 @@ pub trait Accelerator: Send + Sync {
     /// be hit now.
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
-    /// Boxes of leaves to those boxes of inner nodes that are left. Returns the sum of all nodes' half areas, with the same bits for every
-    /// number of threads, and the box of the whole tree.
+    /// Boxes of leaves to those boxes of inner nodes that are left. Returns the sum of all nodes' half areas, with the same
+    /// bits for every number of threads, and the box of the whole tree.
     fn refit(&mut self) -> (f64, Aabb);
 
     /// Answers all rays of a task.

@@ -3,7 +3,7 @@
 use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
 use crate::simd::{Eight, Isa, Lanes, Work, each, prefetch};
-use crate::subtrees::{Level, Subtrees};
+use crate::subtrees::{LevelPart, Subtrees};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
 use bvh_layout::{Block as Source, BlockTree};
 use cpu_ref::geometry::{Geometry, Unhittable};
@@ -68,7 +68,7 @@ impl Wide {
 }
 
 struct FitLevel<'a, 'b> {
-    level: &'a mut Level<'b>,
+    level: &'a mut LevelPart<'b>,
     inputs: Inputs<'a>,
 }
 

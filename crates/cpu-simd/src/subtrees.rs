@@ -10,15 +10,15 @@ use std::ops::Add;
 const RUN: usize = 64;
 
 /// Neighbouring nodes of one level, with their blocks.
-pub(crate) struct Level<'a> {
+pub(crate) struct LevelPart<'a> {
     pub(crate) which: Which<'a>,
     pub(crate) nodes: Window<'a, Node>,
     pub(crate) blocks: Window<'a, Block>,
 }
 
-impl Level<'_> {
-    fn reborrow(&mut self) -> Level<'_> {
-        Level {
+impl LevelPart<'_> {
+    fn reborrow(&mut self) -> LevelPart<'_> {
+        LevelPart {
             which: self.which.clone(),
             nodes: self.nodes.reborrow(),
             blocks: self.blocks.reborrow(),
@@ -43,29 +43,25 @@ impl Level<'_> {
 }
 
 /// Neighbouring nodes of one level, and level by level all below them. None without a node to go over.
-pub(crate) struct Subtrees<'a>(Vec<Level<'a>>);
+pub(crate) struct Subtrees<'a>(Vec<LevelPart<'a>>);
 
 impl<'a> Subtrees<'a> {
     /// The whole tree; `which` says of each level, root first, what to go over: with a node those above it.
     pub(crate) fn of(
         shape: &BlockTree,
         which: impl Iterator<Item = Which<'a>>,
-        (nodes, blocks): (&'a mut [Node], &'a mut [Block]),
+        (mut nodes, mut blocks): (&'a mut [Node], &'a mut [Block]),
     ) -> Self {
-        let (nodes, blocks) = (Window::new(0, nodes), Window::new(0, blocks));
-        let mut rest = Some((nodes, blocks));
-        let levels = shape.levels.iter().zip(which).map_while(|(level, which)| {
-            let (nodes, blocks) = rest.take()?;
-            let [nodes, more_nodes] = nodes.split(level.end);
-            let [blocks, more_blocks] = blocks.split(shape.first_blocks[level.end] as usize);
-            rest = Some((more_nodes, more_blocks));
-            Some(Level {
+        let levels = shape.levels.iter().zip(which);
+        let parts = levels.map_while(|(level, which)| {
+            let [first, end] = [level.start, level.end].map(|n| shape.first_blocks[n] as usize);
+            Some(LevelPart {
                 which,
-                nodes,
-                blocks,
+                nodes: Window::new(level.start, nodes.split_off_mut(..level.len())?),
+                blocks: Window::new(first, blocks.split_off_mut(..end - first)?),
             })
         });
-        Self(levels.filter(|level| level.which.count() > 0).collect())
+        Self(parts.filter(|part| part.which.count() > 0).collect())
     }
 
     /// Gives each level of some subtrees to `task` after the one below, with that; many subtrees in parallel. Adds up what it
@@ -73,14 +69,14 @@ impl<'a> Subtrees<'a> {
     pub(crate) fn fold<S: Add<Output = S> + Sum + Send>(
         mut self,
         shape: &BlockTree,
-        task: &(impl Fn(&mut Level<'_>, Option<&Level<'_>>) -> S + Sync),
+        task: &(impl Fn(&mut LevelPart<'_>, Option<&LevelPart<'_>>) -> S + Sync),
     ) -> S {
         let counts = self.0.iter().map(|level| level.which.count());
         if counts.sum::<usize>() <= RUN {
             return (0..self.0.len()).rev().map(|i| self.give(i, task)).sum();
         }
         if self.0[0].which.count() == 1 {
-            let below = self.0[1..].iter_mut().map(Level::reborrow);
+            let below = self.0[1..].iter_mut().map(LevelPart::reborrow);
             let below = Subtrees(below.collect()).fold(shape, task);
             return below + self.give(0, task);
         }
@@ -92,7 +88,7 @@ impl<'a> Subtrees<'a> {
     fn give<S>(
         &mut self,
         level: usize,
-        task: &impl Fn(&mut Level<'_>, Option<&Level<'_>>) -> S,
+        task: &impl Fn(&mut LevelPart<'_>, Option<&LevelPart<'_>>) -> S,
     ) -> S {
         let (above, below) = self.0.split_at_mut(level + 1);
         task(&mut above[level], below.first())

@@ -30,8 +30,7 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
         );
         next_block += 1;
     }
-    let is_inner = |link: &&Link| !link.is_block();
-    for link in links[..children].iter().filter(is_inner) {
+    for link in links.iter().filter(|link| link.is_inner()) {
         assert_eq!(link.index(), next_child as usize, "and so do children");
         next_child += 1;
     }
