@@ -87,7 +87,7 @@ pub fn method(intersector: Intersector) -> Method {
 /// If the scene cannot be framed.
 #[must_use]
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
-    output::frame_scene(animation, 40.0, size)
+    shading::frame_scene(animation, 40.0, size)
         .camera(size)
         .expect("every scene can be framed")
 }
@@ -106,5 +106,5 @@ pub fn pixels(animation: &Animation) -> Vec<Ray> {
 /// The light that the program would choose.
 #[must_use]
 pub fn light(animation: &Animation) -> Point {
-    output::frame_scene(animation, 40.0, [64, 64]).light
+    shading::frame_scene(animation, 40.0, [64, 64]).light
 }

@@ -7,7 +7,7 @@
 //! - [`migration`]: the calls of Embree, `bvh` and `obvhs`, and what stands for them here.
 //!
 //! The examples of the package are whole programs: `hello_rays`, `stream_cloth`, `rigid_robot`, `lidar`, `many_cameras`,
-//! `picking`, `wgpu_own_device`.
+//! `picking`, `picture`, `wgpu_own_device`.
 
 pub mod accuracy;
 pub mod concepts;

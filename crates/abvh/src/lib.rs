@@ -42,6 +42,7 @@ mod mesh;
 mod motion;
 #[cfg(feature = "wgpu")]
 pub mod own_device;
+mod pictures;
 mod replacement;
 #[cfg(feature = "wgpu")]
 pub mod shader_module;

@@ -1,6 +1,7 @@
 //! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
 
 use crate::motion::{CurrentVertices, Joined};
+use crate::pictures::Painting;
 use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket};
 use geom::{Animation, Camera};
@@ -25,7 +26,9 @@ pub(crate) struct Loaded {
     /// Submissions that were not seen to be done, the oldest first.
     under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
-    results: VecDeque<(QueryId, Answer)>,
+    pub(crate) results: VecDeque<(QueryId, Answer)>,
+    /// Since there are pictures.
+    pub(crate) painting: Option<Painting>,
 }
 
 /// Where what a query found is kept.
@@ -71,6 +74,7 @@ impl Loaded {
             frames: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
+            painting: None,
         })
     }
 
@@ -227,6 +231,9 @@ impl Loaded {
         let is_old = |(query, _): &(QueryId, Answer)| query.step.0 < step;
         while self.results.front().is_some_and(is_old) {
             self.results.pop_front();
+        }
+        if let Some(painting) = &mut self.painting {
+            painting.keep_from(step);
         }
         !self.results.is_empty()
     }

@@ -10,7 +10,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Mesh {
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<Motion>,
+    pub(crate) colours: Arc<[Colour]>,
 }
+
+/// sRGB.
+pub(crate) type Colour = [u8; 3];
+
+/// Of a mesh that was given none.
+const GREY: Colour = [190; 3];
 
 impl Mesh {
     /// A mesh that never moves: vertices in any unit, and three of their indices a triangle.
@@ -78,7 +85,22 @@ impl Mesh {
         Ok(Self {
             triangles: triangles.to_vec(),
             motion: Arc::new(motion),
+            colours: Arc::new([GREY]),
         })
+    }
+
+    /// The mesh in other colours than grey, for [pictures](crate::Step::render): 8-bit sRGB, one a triangle, or one for all.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`]: there are neither so many nor one.
+    pub fn with_colours(mut self, colours: &[[u8; 3]]) -> Result<Self> {
+        let (found, triangles) = (colours.len(), self.triangle_count());
+        if found != 1 && found != triangles {
+            let why = format!("{found} triangles have a colour, there are {triangles}");
+            return Err(Error::Mesh(why));
+        }
+        self.colours = colours.into();
+        Ok(self)
     }
 
     /// How many vertices it has.

@@ -1,5 +1,6 @@
 //! How meshes move, and where all of a scene's vertices are at one moment.
 
+use crate::mesh::Colour;
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
 use geom::{Animation, KeyFrame, PointBuffer, Pose};
@@ -71,6 +72,8 @@ impl CurrentVertices {
 /// A scene's meshes in one list of vertices and one of triangles.
 pub(crate) struct Joined {
     pub(crate) motions: Vec<Arc<Motion>>,
+    /// Of each mesh: one for all its triangles, or one each.
+    colours: Vec<Arc<[Colour]>>,
     /// The first vertex of each mesh; one more entry ends them.
     vertices: Vec<usize>,
     /// Likewise of triangles.
@@ -109,7 +112,8 @@ impl Joined {
             mesh.triangles.iter().map(moved)
         });
         let all = all.collect();
-        let motions: Vec<Arc<Motion>> = meshes.into_iter().map(|mesh| mesh.motion).collect();
+        let looks = meshes.into_iter().map(|mesh| (mesh.motion, mesh.colours));
+        let (motions, colours): (Vec<_>, Vec<_>) = looks.unzip();
         let mut joined = Self {
             vertices,
             triangles,
@@ -118,6 +122,7 @@ impl Joined {
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             returned: Vec::new(),
             motions,
+            colours,
             is_told: true,
             time: 0.0,
         };
@@ -174,16 +179,32 @@ impl Joined {
     /// Takes the scene apart into the meshes that it was made of, once that is called for.
     pub(crate) fn parts(&self, animation: &Arc<Animation>) -> impl FnOnce() -> Vec<Mesh> + use<> {
         let [vertices, triangles] = [&self.vertices, &self.triangles].map(Vec::clone);
-        let (motions, animation) = (self.motions.clone(), Arc::clone(animation));
+        let looks = self.motions.iter().cloned().zip(self.colours.clone());
+        let (looks, animation) = (looks.collect::<Vec<_>>(), Arc::clone(animation));
         move || {
-            let mesh = |(i, motion): (usize, Arc<Motion>)| {
+            let mesh = |(i, (motion, colours)): (usize, (Arc<Motion>, Arc<[Colour]>))| {
                 let first = vertices[i] as u32;
                 let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
                 let triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
-                Mesh { triangles, motion }
+                Mesh {
+                    triangles,
+                    motion,
+                    colours,
+                }
             };
-            motions.into_iter().enumerate().map(mesh).collect()
+            looks.into_iter().enumerate().map(mesh).collect()
         }
+    }
+
+    /// One colour a triangle.
+    pub(crate) fn triangle_colours(&self) -> Vec<Colour> {
+        let counts = self.triangles.windows(2).map(|ends| ends[1] - ends[0]);
+        let each = self.colours.iter().zip(counts);
+        let of_mesh = |(all, count): (&Arc<[Colour]>, usize)| match **all {
+            [only] => vec![only; count],
+            _ => all.to_vec(),
+        };
+        each.flat_map(of_mesh).collect()
     }
 
     /// The mesh of a triangle, and its number there.

@@ -211,7 +211,7 @@ impl Step<'_> {
         id
     }
 
-    fn next_id(&mut self) -> QueryId {
+    pub(crate) fn next_id(&mut self) -> QueryId {
         self.queries += 1;
         QueryId {
             step: self.id,

@@ -17,6 +17,9 @@ pub enum Update {
     Auto,
     /// A new tree before each step's queries.
     Rebuild,
+    /// Likewise, made by the GPU itself from the vertices that it has: plainer trees, far sooner. For motion after which an
+    /// older tree is of no use. A device that makes none, such as the host, refuses it.
+    DeviceRebuild,
     /// The first tree for ever, its boxes refitted to each step's vertices.
     Refit,
     /// The newest tree that is finished, refitted, while the host builds the next for where the motion is going.
@@ -111,6 +114,7 @@ impl Builder {
             Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
             Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
             Update::Rebuild => pipeline::Update::Rebuild,
+            Update::DeviceRebuild => pipeline::Update::DeviceRebuild,
             Update::Refit => pipeline::Update::Refit,
         }
     }
@@ -178,7 +182,7 @@ pub struct Tracer {
     device: String,
     pub(crate) kind: DeviceKind,
     steps: u64,
-    last: Option<Statistics>,
+    pub(crate) last: Option<Statistics>,
     /// Of this tracer and its replacements.
     pub(crate) disposal: Arc<Disposal>,
 }

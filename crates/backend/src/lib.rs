@@ -47,7 +47,7 @@
 //! What a ray hits is then for whoever makes the tree to say.
 //!
 //! **Pictures.** Where [`Backend::load_palette`] says so, [`Backend::shade`] records hits to pixels after `trace`, and
-//! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `output`).
+//! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `shading`).
 //!
 //! **Positions.** [`Backend::request_positions`] records a copy of the
 //! interpolated vertices back to the host; [`Backend::take_positions`] polls

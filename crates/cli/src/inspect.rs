@@ -66,7 +66,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
     let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
-    let view = output::frame_scene(animation, FOV, SIZE);
+    let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {
         frames: &frames,

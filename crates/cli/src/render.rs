@@ -10,10 +10,11 @@ use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
 use crate::{frames, info, inspect, memory, table, talk, values};
 use geom::Camera;
-use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles, View};
+use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles};
 use pipeline::{Driver, Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
+use shading::View;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -168,7 +169,7 @@ fn wanted(
 ) -> Result<Wanted, Stop> {
     let mut wanted = outputs.wanted();
     wanted.pixels |= with_video;
-    if wanted.pixels && !driver.shade(&output::palette(&scene.colours))? {
+    if wanted.pixels && !driver.shade(&shading::palette(&scene.colours))? {
         wanted = Wanted::HITS;
     }
     Ok(wanted)
@@ -198,7 +199,7 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
 
 /// The view that frames the motion, with what was asked for in its place.
 fn view(args: &RenderArgs, scene: &Scene) -> View {
-    let framed = output::frame_scene(&scene.animation, args.fov, args.size);
+    let framed = shading::frame_scene(&scene.animation, args.fov, args.size);
     View {
         eye: args.eye.unwrap_or(framed.eye),
         look_at: args.look_at.unwrap_or(framed.look_at),

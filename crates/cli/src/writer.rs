@@ -6,10 +6,11 @@ use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use backend::Hits;
 use geom::{Camera, Point};
-use output::{FrameStats, Journal, Planes, RunTimeline, Shot, Video};
+use output::{FrameStats, Journal, Planes, RunTimeline, Video};
 use pipeline::{Answers, FrameRecord, Wanted};
 use rayon::Scope;
 use scene::Scene;
+use shading::Shot;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -44,6 +45,8 @@ pub(crate) struct Writer<'a> {
 #[derive(Default)]
 struct FrameBuffers {
     answers: Answers,
+    /// What the host shaded.
+    rgba: Vec<u8>,
     rgb: Vec<u8>,
     /// Where there is a video.
     planes: Planes,
@@ -197,6 +200,7 @@ impl<'a> Writer<'a> {
         frame: &FrameRecord,
         FrameBuffers {
             answers,
+            rgba,
             rgb,
             planes,
         }: &mut FrameBuffers,
@@ -211,21 +215,16 @@ impl<'a> Writer<'a> {
             light: self.light,
         };
         let (images, video) = (self.outputs.images.is_some(), self.makes_video);
-        let width = self.camera.width as usize;
-        if answers.pixels.is_empty() {
-            if images || video {
-                output::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgb);
-            }
-            if video {
-                planes.set(rgb.as_chunks::<3>().0, width);
-            }
-        } else {
-            if images {
-                output::drop_alpha(&answers.pixels, rgb);
-            }
-            if video {
-                planes.set(answers.pixels.as_chunks::<4>().0, width);
-            }
+        let mut pixels = &answers.pixels;
+        if pixels.is_empty() && (images || video) {
+            shading::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgba);
+            pixels = rgba;
+        }
+        if images {
+            output::drop_alpha(pixels, rgb);
+        }
+        if video {
+            planes.set(pixels.as_chunks::<4>().0, self.camera.width as usize);
         }
         let size = [self.camera.width, self.camera.height];
         self.outputs

@@ -1,4 +1,4 @@
-//! Hits to pixels, measured points to charts; arrays, pictures, videos and rows to whole files.
+//! Measured points to charts; arrays, pictures, videos and rows to whole files.
 //!
 //! Every file is written beside its final name and renamed when it is whole, so
 //! that nobody ever reads half a file. What a file holds depends on what it is
@@ -9,9 +9,9 @@ mod atomic;
 mod hits;
 mod journal;
 mod manifest;
+mod picture;
 pub mod plot;
 mod rays;
-mod shading;
 mod stats;
 mod timeline;
 mod video;
@@ -23,8 +23,8 @@ pub use atomic::{
 pub use hits::{write_found, write_hits};
 pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
 pub use manifest::{Digest, Manifest, SceneId};
+pub use picture::{drop_alpha, write_png};
 pub use rays::{read_rays, write_rays};
-pub use shading::{Shot, View, drop_alpha, frame_scene, palette, shade, write_png};
 pub use stats::{
     FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
     write_json,

@@ -74,7 +74,7 @@ const STEPS: [Moved; 10] = [
 
 /// Two of the same are moved step by step, one of them by the host alone: both see the same.
 pub(crate) fn see_as_of_the_host<S: Sheets>() {
-    for update in [Update::Async, Update::Rebuild] {
+    for update in [Update::Async, Update::Rebuild, Update::DeviceRebuild] {
         let [mut found, mut expected] = [0; 2].map(|_| S::open(update));
         for moved in STEPS {
             let hosts = moved.map(|m| m.map(|(height, _)| (height, false)));

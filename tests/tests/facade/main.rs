@@ -4,6 +4,7 @@
 
 mod cameras;
 mod oracle;
+mod pictures;
 mod pool;
 mod replace;
 
@@ -11,20 +12,23 @@ use abvh::{
     Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Step,
     Tracer, Update,
 };
-use integration::is_required;
 use integration::stage::pixels;
-use libtest_mimic::{Arguments, Trial};
+use integration::{is_full, is_required};
+use libtest_mimic::Trial;
 use pool::{Pooled, tracer};
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 12] = [
+const LAWS: [(&str, Law); 15] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
     ("cameras_of_a_step_find_what_each_does", cameras::together),
     ("every_exact_answer_is_right", oracle::exact),
+    ("pictures_are_the_hosts_byte_for_byte", pictures::shaded),
+    ("meshes_keep_their_colours", pictures::replaced),
+    ("odd_pictures_are_no_panic", pictures::odd),
     ("misuse_is_an_error", misuse),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
@@ -74,7 +78,7 @@ fn main() {
             trials.push(trial.with_ignored_flag(absent.is_some() && !is_required(name)));
         }
     }
-    let conclusion = libtest_mimic::run(&Arguments::from_args(), trials);
+    let conclusion = libtest_mimic::run(&integration::arguments(), trials);
     pool::close();
     conclusion.exit();
 }
@@ -144,7 +148,14 @@ fn streamed(device: &Device) {
         ("demo:collide:3000", Update::Auto),
         ("demo:twist:2000", Update::Rebuild),
         ("demo:shatter:2000", Update::Refit),
+        ("demo:twist:1000", Update::DeviceRebuild),
     ] {
+        if (update, device) == (Update::DeviceRebuild, &Device::Cpu) {
+            let refused = Tracer::builder().device(Device::Cpu).update(update);
+            let refused = refused.build(Scene::new());
+            assert!(matches!(refused, Err(Error::Device(_))), "{refused:?}");
+            continue;
+        }
         let demo = demo(name);
         let mut keyed = of_keys(&demo, &demo.keys, device);
         let mut scene = Scene::new();
@@ -152,8 +163,10 @@ fn streamed(device: &Device) {
         let mut live = pool::build(Tracer::builder().update(update), scene, device);
         let (mut met, mut built) = (0, false);
         // To and fro, and with leaps.
-        let keys = demo.keys.len();
-        for key in (0..keys).chain([0, keys - 1, 1]).chain((0..keys).rev()) {
+        let (keys, stride) = (demo.keys.len(), if is_full() { 1 } else { 3 });
+        let there = (0..keys).step_by(stride);
+        let back = there.clone().rev();
+        for key in there.chain([0, keys - 1, 1]).chain(back) {
             let mut step = live.step(0.0);
             match key % 2 {
                 0 => step.vertices(mesh, Source::Host(&demo.keys[key])),
@@ -182,7 +195,9 @@ fn streamed(device: &Device) {
             built |= live.statistics().unwrap().building;
         }
         assert!(met > 1000, "{name}: {met}");
-        assert!(live.statistics().unwrap().generation > 0);
+        let trees = live.statistics().unwrap().generation;
+        let is_rebuilt = matches!(update, Update::Rebuild | Update::DeviceRebuild);
+        assert!(trees > if is_rebuilt { 8 } else { 0 }, "{name}: {trees}");
         // A tree that a step waits for is taken up by that step.
         assert_eq!(built, update == Update::Auto, "{name}");
     }

@@ -37,6 +37,12 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
+//! # Pictures
+//!
+//! [`Step::render`](crate::Step::render) traces a camera with a lamp and shades what it sees: on a GPU there, else on the host.
+//! [`Tracer::pixels`](crate::Tracer::pixels) copies the result, four bytes a pixel. Every device gives the same bytes.
+//! Meshes are grey unless they [have colours](crate::Mesh::with_colours).
+//!
 //! # Units
 //!
 //! Positions have whatever unit yours have. `t` counts lengths of the ray's direction, above 2 each: a distance where that

@@ -60,6 +60,7 @@
 //! [`Update::Auto`](crate::Update::Auto) takes [`Update::Async`](crate::Update::Async) for whatever moves. Then the next
 //! tree is built for where vertices are going, on the line through their last two places.
 //! Motion may turn or jump all the same. A tree that fits badly costs time, and no hit changes.
+//! Where it jumps in every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) has the GPU make a tree for each.
 //!
 //! # Numbers that are not finite
 //!

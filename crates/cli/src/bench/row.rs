@@ -84,7 +84,7 @@ pub(crate) fn measure(
     frames: &[Frame],
     ask: &Ask<'_>,
 ) -> Result<Row, Stop> {
-    let view = output::frame_scene(&scene.animation, FOV, args.size);
+    let view = shading::frame_scene(&scene.animation, FOV, args.size);
     let camera = view.camera(args.size);
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;

@@ -10,9 +10,9 @@ use backend::{Hits, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
-use output::View;
 use output::plot::{self, TError};
 use rayon::prelude::*;
+use shading::View;
 use std::iter;
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ struct Sheet {
 
 impl GroundTruth {
     pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
-        let view = output::frame_scene(animation, bench::FOV, args.measure.size);
+        let view = shading::frame_scene(animation, bench::FOV, args.measure.size);
         let moments = moments(animation, MOMENTS);
         let plain = args.rays.div_ceil(moments.len());
         let mut sheets = Vec::new();
@@ -273,7 +273,7 @@ mod tests {
     fn every_sort_of_ray_is_made_and_the_same_ones_again() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
-        let view = output::frame_scene(a, 40.0, [64, 40]);
+        let view = shading::frame_scene(a, 40.0, [64, 40]);
         let rays = rays_at(a, &view, 1.5, 1000).concat();
         assert_eq!(rays.len(), 1250);
         assert!(rays.iter().all(Ray::is_valid));
@@ -294,7 +294,7 @@ mod tests {
     #[test]
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
-        let view = output::frame_scene(&nothing, 40.0, [64, 40]);
+        let view = shading::frame_scene(&nothing, 40.0, [64, 40]);
         assert_eq!(
             rays_at(&nothing, &view, 0.0, 100).map(|r| r.len()),
             [100, 0]

@@ -107,7 +107,7 @@ fn demo(name: &str) -> Scene {
 fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     use IntersectorName::{Auto, Watertight};
     let scene = demo("demo:collide:400");
-    let view = output::frame_scene(&scene.animation, 40.0, [64, 36]);
+    let view = shading::frame_scene(&scene.animation, 40.0, [64, 36]);
     let camera = view.camera([64, 36]).unwrap();
     let query = view.query(&camera);
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);

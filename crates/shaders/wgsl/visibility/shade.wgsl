@@ -1,5 +1,5 @@
-// Hits to pixels: face normals, file colours, one lamp with shadows, a soft sky. The host's twin, bit for bit, is the module
-// `shading` of the crate `output`; docs/design/pictures.md says why the bits are equal.
+// Hits to pixels: face normals, file colours, one lamp with shadows, a soft sky. The host's twin, bit for bit, is the
+// crate `shading`; docs/design/pictures.md says why the bits are equal.
 
 import package::geometry::triangle::points_of;
 import package::geometry::units::{flushed, scale_bits, snapped};

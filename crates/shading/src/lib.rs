@@ -1,4 +1,4 @@
-//! Hits in, pixels out: face normals, file colours, one lamp with shadows, a soft sky; pictures as `.png` files.
+//! Hits in, pixels out: face normals, one colour a triangle, one lamp with shadows, a soft sky.
 //!
 //! [`frame_scene`] finds a camera and a light for a motion that
 //! nobody described, and [`shade`] turns what a trace found into 8-bit sRGB.
@@ -9,15 +9,10 @@
 mod light;
 mod view;
 
-use crate::{WriteError, write_with};
 use geom::{Camera, Hit, Moment, Point};
 use glam::Vec3;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, ImageError};
 use light::{ambient, encode, lamp, linear, sky};
 use rayon::prelude::*;
-use std::io;
-use std::path::Path;
 
 pub use light::palette;
 pub use view::{View, frame_scene};
@@ -35,25 +30,26 @@ pub struct Shot<'a> {
     pub light: Point,
 }
 
-/// Fills `rgb` with three bytes of sRGB a pixel, row 0 at the top.
+/// Fills `rgba` with three bytes of sRGB and 255 a pixel, row 0 at the top.
 ///
 /// `hits` and `shadow` (1 = the way to the lamp is blocked) hold one entry a
 /// pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
 ///
 /// # Panics
 /// If `hits`, `shadow` or the colours are fewer than the pixels or the triangles.
-pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
-    let width = shot.camera.width as usize;
+pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgba: &mut Vec<u8>) {
+    let width = shot.camera.width.max(1) as usize;
     let pixels = shot.camera.pixels();
-    assert!(hits.len() == pixels && shadow.len() == pixels && width > 0);
+    assert!(hits.len() == pixels && shadow.len() == pixels);
     assert_eq!(shot.colours.len(), shot.moment.animation().triangle_count());
-    rgb.resize(3 * pixels, 0);
-    rgb.par_chunks_mut(3 * width)
+    rgba.resize(4 * pixels, 0);
+    rgba.par_chunks_mut(4 * width)
         .zip(hits.par_chunks(width).zip(shadow.par_chunks(width)))
         .enumerate()
         .for_each(|(y, (row, (hits, shadow)))| {
             let found = hits.iter().zip(shadow);
-            for (x, (pixel, (hit, &blocked))) in row.chunks_exact_mut(3).zip(found).enumerate() {
+            let row = row.as_chunks_mut::<4>().0.iter_mut();
+            for (x, (pixel, (hit, &blocked))) in row.zip(found).enumerate() {
                 let ray = shot.camera.ray(x as u32, y as u32);
                 let direction = unit(ray.direction.into());
                 let light = if hit.is_hit() {
@@ -61,7 +57,8 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgb: &mut Vec<u8>) {
                 } else {
                     sky(direction)
                 };
-                pixel.copy_from_slice(&encode(light));
+                let [r, g, b] = encode(light);
+                *pixel = [r, g, b, 255];
             }
         });
 }
@@ -140,33 +137,6 @@ fn unit(v: Vec3) -> Vec3 {
     w * y
 }
 
-/// Fills `rgb` with the first three bytes of every four.
-pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
-    rgb.resize(rgba.len() / 4 * 3, 0);
-    let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
-    for (to, &[r, g, b, _]) in pixels.zip(rgba.as_chunks::<4>().0) {
-        *to = [r, g, b];
-    }
-}
-
-/// Writes 8-bit sRGB pixels, three bytes each, row 0 at the top.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
-///
-/// # Panics
-/// If `rgb` does not hold `3 * width * height` bytes.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
-    write_with(path, |out| {
-        PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
-            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-            .map_err(|e| match e {
-                ImageError::IoError(e) => e,
-                other => io::Error::other(other),
-            })
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -191,10 +161,10 @@ mod tests {
             v: 0.5,
             triangle: 0,
         };
-        let mut rgb = Vec::new();
-        shade(&shot, &[hit; 12], &[0; 12], &mut rgb);
-        assert_eq!(rgb.len(), 36);
-        rgb
+        let mut rgba = Vec::new();
+        shade(&shot, &[hit; 12], &[0; 12], &mut rgba);
+        assert_eq!(rgba.len(), 48);
+        rgba
     }
 
     #[test]

@@ -1,0 +1,153 @@
+//! Pictures of a step.
+
+use crate::loaded::{Answer, Loaded, find};
+use crate::mesh::Colour;
+use crate::{Error, Point, QueryId, Result, Statistics, Step, StepId, Tracer};
+use backend::{Query, QueryKind, Rays};
+use geom::Camera;
+use shading::Shot;
+
+/// What pictures of a scene are made with.
+pub(crate) struct Painting {
+    /// One a triangle.
+    colours: Vec<Colour>,
+    /// Whether the device shades.
+    is_on_device: bool,
+    /// Pixels that the host shaded.
+    shaded: Vec<(QueryId, Vec<u8>)>,
+}
+
+impl Step<'_> {
+    /// Renders what a camera sees in the light of one lamp and the sky: meshes in their
+    /// [colours](crate::Mesh::with_colours), with shadows. [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
+    /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, in the caller's rayon
+    /// pool.
+    ///
+    /// ```
+    /// # use abvh::{Camera, Device, Mesh, Scene, Tracer};
+    /// let floor = [[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [0.0, 0.0, 9.0]];
+    /// let mut scene = Scene::new();
+    /// scene.add(Mesh::fixed(&floor, &[[0, 1, 2]])?.with_colours(&[[160, 60, 40]])?);
+    /// let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+    /// let camera = Camera::look_at([0.0, 4.0, 6.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [64, 36]).unwrap();
+    /// let mut step = tracer.step(0.0);
+    /// let picture = step.render(&camera, [3.0, 8.0, 3.0])?;
+    /// let done = step.submit()?;
+    /// let mut rgba = Vec::new();
+    /// tracer.pixels(done, picture, &mut rgba)?;
+    /// let middle = &rgba[4 * (18 * 64 + 32)..][..4];
+    /// assert!(middle[0] > middle[1] && middle[1] > middle[2] && middle[3] == 255);
+    /// # Ok::<_, abvh::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn render(&mut self, camera: &Camera, lamp: Point) -> Result<QueryId> {
+        let id = self.next_id();
+        let Tracer { current, last, .. } = &mut *self.tracer;
+        current.render((self.time, id), (camera, lamp), last)?;
+        Ok(id)
+    }
+}
+
+impl Tracer {
+    /// Waits for a picture and copies it: red, green, blue (8-bit sRGB) and 255 a pixel, row by row from the top.
+    ///
+    /// # Errors
+    /// [`Error::NoResult`] if the query is of another step, was dropped or is no picture; [`Error::Device`].
+    pub fn pixels(&mut self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
+        let (loaded, answer) = find(&mut self.current, &mut self.former, step, picture)?;
+        loaded.wait(answer.ticket, &mut self.last)?;
+        loaded.pixels(picture, answer, rgba)
+    }
+}
+
+impl Loaded {
+    fn render(
+        &mut self,
+        (time, id): (f64, QueryId),
+        (camera, light): (&Camera, Point),
+        last: &mut Option<Statistics>,
+    ) -> Result<()> {
+        let is_on_device = self.painting()?.is_on_device;
+        let rays = Rays::Camera(camera);
+        let kind = QueryKind::ClosestAndShadow { light };
+        self.begin(time, (&[id], &[Query { rays, kind }]), last)?;
+        match self.results.back() {
+            Some(&(_, answer)) if !is_on_device => {
+                self.wait(answer.ticket, last)?;
+                self.shade((id, answer), (camera, light))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What the first picture takes with it.
+    fn painting(&mut self) -> Result<&mut Painting> {
+        let painting = match self.painting.take() {
+            Some(painting) => painting,
+            None => {
+                let colours = self.joined.triangle_colours();
+                let palette = shading::palette(&colours);
+                // Without triangles nothing is traced on a device, and there is only sky.
+                let is_on_device = self.animation.live_count() > 0
+                    && self.driver.shade(&palette).map_err(Error::of_driver)?;
+                Painting {
+                    colours,
+                    is_on_device,
+                    shaded: Vec::new(),
+                }
+            }
+        };
+        Ok(self.painting.insert(painting))
+    }
+
+    /// Shades what a query found that is done, and that no step came after.
+    fn shade(
+        &mut self,
+        (id, Answer { ticket, place }): (QueryId, Answer),
+        (camera, light): (&Camera, Point),
+    ) -> Result<()> {
+        let time = match self.joined.is_live() {
+            true => self.animation.end(),
+            false => self.joined.time,
+        };
+        let hits = self.driver.backend().hits_of(ticket, place);
+        let hits = hits.map_err(Error::of_backend)?;
+        if let Some(painting) = &mut self.painting {
+            let shot = Shot {
+                moment: self.animation.at(time).map_err(Error::of_keys)?,
+                colours: &painting.colours,
+                camera,
+                light,
+            };
+            let mut rgba = Vec::new();
+            shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
+            painting.shaded.push((id, rgba));
+        }
+        Ok(())
+    }
+
+    fn pixels(&mut self, id: QueryId, answer: Answer, rgba: &mut Vec<u8>) -> Result<()> {
+        let shaded = self.painting.iter().flat_map(|painting| &painting.shaded);
+        let is_there = match shaded.into_iter().find(|(shaded, _)| *shaded == id) {
+            Some((_, found)) => {
+                rgba.clone_from(found);
+                true
+            }
+            None => {
+                let backend = self.driver.backend();
+                let fetched = backend.pixels(answer.ticket, rgba);
+                fetched.map_err(Error::of_backend)?
+            }
+        };
+        is_there.then_some(()).ok_or(Error::NoResult)
+    }
+}
+
+impl Painting {
+    /// Drops pictures of steps before one.
+    pub(crate) fn keep_from(&mut self, step: u64) {
+        self.shaded.retain(|(query, _)| query.step.0 >= step);
+    }
+}
