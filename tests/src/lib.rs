@@ -7,6 +7,8 @@ pub mod program;
 pub mod scenes;
 pub mod stage;
 
+use libtest_mimic::Arguments;
+
 /// Whether `ABVH_FULL=1` asks for the full tier: more cases, files and kills.
 #[must_use]
 pub fn is_full() -> bool {
@@ -24,6 +26,16 @@ pub fn is_required(name: &str) -> bool {
 #[must_use]
 pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
+}
+
+/// What the command line tells a harness. If it names no number of threads, there is one more than cores: while one trial
+/// waits for a driver, another goes on.
+#[must_use]
+pub fn arguments() -> Arguments {
+    let mut arguments = Arguments::from_args();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    arguments.test_threads.get_or_insert(cores + 1);
+    arguments
 }
 
 /// The number that an environment variable says, or else this.

@@ -15,7 +15,7 @@ use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use integration::{is_required, number};
-use libtest_mimic::{Arguments, Trial};
+use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A backend and what its driver complains of.
@@ -92,7 +92,7 @@ fn wgpu(kernels: KernelForm) -> Options {
 }
 
 fn main() {
-    let arguments = Arguments::from_args();
+    let arguments = integration::arguments();
     let trials = BACKENDS
         .iter()
         .map(|&(name, requirement, open)| match open() {

@@ -9,6 +9,7 @@ use bvh_layout::Topology;
 use conformance::record;
 use cpu_ref::CpuBackend;
 use geom::Animation;
+use integration::share;
 use std::sync::Arc;
 
 /// As many leaves as a chain may have: a record has 65 levels at most.
@@ -101,7 +102,7 @@ pub(crate) fn the_cost_of_a_tree_is_the_references(backend: &mut dyn Subject) {
 
 /// The swarm as it stands at first, but for a few of its triangles, which stand close together.
 fn resting() -> Arc<Animation> {
-    let swarm = swarm(200_000);
+    let swarm = swarm(share(200_000) as u32);
     let mut keys = vec![swarm.first().to_vec(); 3];
     for (k, key) in keys.iter_mut().enumerate() {
         for (v, p) in key.iter_mut().take(90).enumerate() {

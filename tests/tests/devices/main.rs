@@ -33,7 +33,7 @@ use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
 use gpu_vulkan::VulkanDevice;
 use gpu_wgpu::WgpuDevice;
 use integration::is_required;
-use libtest_mimic::{Arguments, Trial};
+use libtest_mimic::Trial;
 use shaders::BufferName;
 use std::process::ExitCode;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
@@ -192,7 +192,7 @@ const OF_EXTERNAL_SEMAPHORES: &[(&str, fn())] =
     named![external::steps_and_another_device_wait_for_each_other];
 
 fn main() -> ExitCode {
-    let arguments = Arguments::from_args();
+    let arguments = integration::arguments();
     let (open_vulkan, open_wgpu): (Open, Open) = (
         || opened::<VulkanDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
         || opened::<WgpuDevice>().map(|b| Box::new(b) as Box<dyn Subject>),

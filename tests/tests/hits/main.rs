@@ -7,11 +7,11 @@ mod schedule;
 mod watertight;
 
 use integration::scenes::{DEMOS, REAL};
-use libtest_mimic::{Arguments, Trial};
+use libtest_mimic::Trial;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::from_args();
+    let arguments = integration::arguments();
     let mut trials: Vec<Trial> = Vec::new();
     for scene in DEMOS.into_iter().chain(REAL) {
         trials.push(scene.trial("limits_cut_where_hits_are", limits::cut_where_hits_are));

@@ -21,11 +21,10 @@ mod streamed;
 mod timeline;
 mod video;
 
-use libtest_mimic::Arguments;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::from_args();
+    let arguments = integration::arguments();
     let rooms = [
         bad::trials(),
         bench::trials(),
