@@ -93,7 +93,7 @@ impl Stage {
     }
 
     fn cloth(&self, i: usize) -> Vec<Point> {
-        raised(&self.keys[i % self.keys.len()], 0.05 * i as f32)
+        raised(&self.keys[i % self.keys.len()], 0.05 * near(i))
     }
 
     /// Moves the target, too.
@@ -114,8 +114,13 @@ fn time(i: usize) -> f64 {
     0.3 * i as f64
 }
 
+/// Grows with the steps, but not beyond what is in the picture: nobody knows how many a replacement takes.
+fn near(i: usize) -> f32 {
+    (i % 12) as f32
+}
+
 fn lift(i: usize) -> abvh::Matrix {
-    let by = 0.03 * i as f32;
+    let by = 0.03 * near(i);
     [
         [1.0, 0.0, 0.0, by],
         [0.0, 1.0, 0.0, 0.0],
