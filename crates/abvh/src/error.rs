@@ -35,7 +35,8 @@ pub enum Error {
         /// Vertices, or matrices.
         what: &'static str,
     },
-    /// Meshes were moved after a query of the same step, or the step was to be encoded after one of the host's rays.
+    /// Meshes were moved after a query of the same step, or the step was to be encoded after one of the host's rays or a
+    /// picture.
     #[error("the step has begun to trace")]
     TooLate,
     /// The replacement of this mesh was prepared for another tracer.

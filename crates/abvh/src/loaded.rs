@@ -1,7 +1,7 @@
 //! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
 
 use crate::motion::{CurrentVertices, Joined};
-use crate::pictures::Painting;
+use crate::pictures::RenderState;
 use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket};
 use geom::{Animation, Camera};
@@ -27,8 +27,8 @@ pub(crate) struct Loaded {
     under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
     pub(crate) results: VecDeque<(QueryId, Answer)>,
-    /// Since there are pictures.
-    pub(crate) painting: Option<Painting>,
+    /// Since the first picture.
+    pub(crate) render_state: Option<RenderState>,
 }
 
 /// Where what a query found is kept.
@@ -74,7 +74,7 @@ impl Loaded {
             frames: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
-            painting: None,
+            render_state: None,
         })
     }
 
@@ -232,8 +232,8 @@ impl Loaded {
         while self.results.front().is_some_and(is_old) {
             self.results.pop_front();
         }
-        if let Some(painting) = &mut self.painting {
-            painting.keep_from(step);
+        if let Some(state) = &mut self.render_state {
+            state.keep_from(step);
         }
         !self.results.is_empty()
     }

@@ -235,7 +235,8 @@ impl Step<'_> {
     /// until then.
     ///
     /// # Errors
-    /// [`Error::TooLate`] if rays of the host's memory were traced in the step, which does not wait for the program.
+    /// [`Error::TooLate`] if rays of the host's memory were traced in the step, or a picture rendered: they do not wait for
+    /// the program.
     /// [`Error::Device`] on another device; before the first tree is there, see [`Tracer::warm_up`]; with
     /// [`Update::Rebuild`](crate::Update::Rebuild); with [`Intersector::Exact`](crate::Intersector::Exact) and several queries.
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {

@@ -7,8 +7,8 @@ use backend::{Query, QueryKind, Rays};
 use geom::Camera;
 use shading::Shot;
 
-/// What pictures of a scene are made with.
-pub(crate) struct Painting {
+/// What pictures of a scene take, and what the host made of them.
+pub(crate) struct RenderState {
     /// One a triangle.
     colours: Vec<Colour>,
     /// Whether the device shades.
@@ -18,8 +18,8 @@ pub(crate) struct Painting {
 }
 
 impl Step<'_> {
-    /// Renders what a camera sees in the light of one lamp and the sky: meshes in their
-    /// [colours](crate::Mesh::with_colours), with shadows. [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
+    /// Renders what a camera sees in the light of the sky and of one point, with shadows: meshes in their
+    /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
     /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, in the caller's rayon
     /// pool.
     ///
@@ -42,10 +42,10 @@ impl Step<'_> {
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn render(&mut self, camera: &Camera, lamp: Point) -> Result<QueryId> {
+    pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let id = self.next_id();
         let Tracer { current, last, .. } = &mut *self.tracer;
-        current.render((self.time, id), (camera, lamp), last)?;
+        current.render((self.time, id), (camera, light), last)?;
         Ok(id)
     }
 }
@@ -69,7 +69,7 @@ impl Loaded {
         (camera, light): (&Camera, Point),
         last: &mut Option<Statistics>,
     ) -> Result<()> {
-        let is_on_device = self.painting()?.is_on_device;
+        let is_on_device = self.render_state()?.is_on_device;
         let rays = Rays::Camera(camera);
         let kind = QueryKind::ClosestAndShadow { light };
         self.begin(time, (&[id], &[Query { rays, kind }]), last)?;
@@ -83,23 +83,23 @@ impl Loaded {
     }
 
     /// What the first picture takes with it.
-    fn painting(&mut self) -> Result<&mut Painting> {
-        let painting = match self.painting.take() {
-            Some(painting) => painting,
+    fn render_state(&mut self) -> Result<&mut RenderState> {
+        let state = match self.render_state.take() {
+            Some(state) => state,
             None => {
                 let colours = self.joined.triangle_colours();
                 let palette = shading::palette(&colours);
                 // Without triangles nothing is traced on a device, and there is only sky.
                 let is_on_device = self.animation.live_count() > 0
                     && self.driver.shade(&palette).map_err(Error::of_driver)?;
-                Painting {
+                RenderState {
                     colours,
                     is_on_device,
                     shaded: Vec::new(),
                 }
             }
         };
-        Ok(self.painting.insert(painting))
+        Ok(self.render_state.insert(state))
     }
 
     /// Shades what a query found that is done, and that no step came after.
@@ -114,22 +114,22 @@ impl Loaded {
         };
         let hits = self.driver.backend().hits_of(ticket, place);
         let hits = hits.map_err(Error::of_backend)?;
-        if let Some(painting) = &mut self.painting {
+        if let Some(state) = &mut self.render_state {
             let shot = Shot {
                 moment: self.animation.at(time).map_err(Error::of_keys)?,
-                colours: &painting.colours,
+                colours: &state.colours,
                 camera,
                 light,
             };
             let mut rgba = Vec::new();
             shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
-            painting.shaded.push((id, rgba));
+            state.shaded.push((id, rgba));
         }
         Ok(())
     }
 
     fn pixels(&mut self, id: QueryId, answer: Answer, rgba: &mut Vec<u8>) -> Result<()> {
-        let shaded = self.painting.iter().flat_map(|painting| &painting.shaded);
+        let shaded = self.render_state.iter().flat_map(|state| &state.shaded);
         let is_there = match shaded.into_iter().find(|(shaded, _)| *shaded == id) {
             Some((_, found)) => {
                 rgba.clone_from(found);
@@ -145,7 +145,7 @@ impl Loaded {
     }
 }
 
-impl Painting {
+impl RenderState {
     /// Drops pictures of steps before one.
     pub(crate) fn keep_from(&mut self, step: u64) {
         self.shaded.retain(|(query, _)| query.step.0 >= step);

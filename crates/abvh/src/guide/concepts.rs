@@ -39,7 +39,8 @@
 //!
 //! # Pictures
 //!
-//! [`Step::render`](crate::Step::render) traces a camera with a lamp and shades what it sees: on a GPU there, else on the host.
+//! [`Step::render`](crate::Step::render) traces a camera with shadows of a point light, and shades what it sees: on a GPU
+//! there, else on the host.
 //! [`Tracer::pixels`](crate::Tracer::pixels) copies the result, four bytes a pixel. Every device gives the same bytes.
 //! Meshes are grey unless they [have colours](crate::Mesh::with_colours).
 //!
