@@ -7,6 +7,7 @@ use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket}
 use geom::{Animation, Camera};
 use pipeline::{BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update};
 use std::collections::VecDeque;
+use std::mem::discriminant;
 use std::sync::Arc;
 
 /// What kernels depend on: whether rays are a camera's, and what is looked for.
@@ -180,9 +181,11 @@ impl Loaded {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(_) | Rays::OnDevice(_) => None,
         };
-        let is_same = |(c, kind): &Asked| c.is_some() == camera.is_some() && *kind == query.kind;
-        if !self.asked.iter().any(is_same) {
-            self.asked.push((camera, query.kind));
+        // Wherever the light is.
+        let form = |(camera, kind): &Asked| (camera.is_some(), discriminant(kind));
+        let asked = (camera, query.kind);
+        if !self.asked.iter().any(|other| form(other) == form(&asked)) {
+            self.asked.push(asked);
         }
     }
 
@@ -253,4 +256,23 @@ pub(crate) fn find<'t>(
         Some((loaded, answer))
     });
     found.ok_or(Error::NoResult)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Camera, Device, Scene, Tracer};
+
+    #[test]
+    fn pictures_in_any_light_are_one_kind_of_query() {
+        let tracer = Tracer::builder().device(Device::Cpu).threads(1);
+        let mut tracer = tracer.build(Scene::new()).unwrap();
+        let eye = [0.0, 0.0, 3.0];
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 50.0, [2, 2]).unwrap();
+        for i in 0..3 {
+            let mut step = tracer.step(0.0);
+            step.render(&camera, [i as f32, 1.0, 0.0]).unwrap();
+            step.submit().unwrap();
+        }
+        assert_eq!(tracer.current.asked.len(), 1);
+    }
 }
