@@ -108,3 +108,10 @@ pub fn pixels(animation: &Animation) -> Vec<Ray> {
 pub fn light(animation: &Animation) -> Point {
     shading::frame_scene(animation, 40.0, [64, 64]).light
 }
+
+/// So many colours of all kinds.
+#[must_use]
+pub fn colours(count: usize) -> Vec<[u8; 3]> {
+    let of = |t: usize| [t, t * 37, t * 101].map(|channel| channel as u8);
+    (0..count).map(of).collect()
+}

@@ -9,10 +9,8 @@ use shading::Shot;
 
 /// What pictures of a scene take, and what the host made of them.
 pub(crate) struct RenderState {
-    /// One a triangle.
-    colours: Vec<Colour>,
-    /// Whether the device shades.
-    is_on_device: bool,
+    /// One a triangle, where the host shades; else the device has them.
+    colours: Option<Vec<Colour>>,
     /// Pixels that the host shaded.
     shaded: Vec<(QueryId, Vec<u8>)>,
 }
@@ -69,7 +67,7 @@ impl Loaded {
         (camera, light): (&Camera, Point),
         last: &mut Option<Statistics>,
     ) -> Result<()> {
-        let is_on_device = self.render_state()?.is_on_device;
+        let is_on_device = self.render_state()?.colours.is_none();
         let rays = Rays::Camera(camera);
         let kind = QueryKind::ClosestAndShadow { light };
         self.begin(time, (&[id], &[Query { rays, kind }]), last)?;
@@ -93,8 +91,7 @@ impl Loaded {
                 let is_on_device = self.animation.live_count() > 0
                     && self.driver.shade(&palette).map_err(Error::of_driver)?;
                 RenderState {
-                    colours,
-                    is_on_device,
+                    colours: (!is_on_device).then_some(colours),
                     shaded: Vec::new(),
                 }
             }
@@ -114,16 +111,20 @@ impl Loaded {
         };
         let hits = self.driver.backend().hits_of(ticket, place);
         let hits = hits.map_err(Error::of_backend)?;
-        if let Some(state) = &mut self.render_state {
+        if let Some(RenderState {
+            colours: Some(colours),
+            shaded,
+        }) = &mut self.render_state
+        {
             let shot = Shot {
                 moment: self.animation.at(time).map_err(Error::of_keys)?,
-                colours: &state.colours,
+                colours,
                 camera,
                 light,
             };
             let mut rgba = Vec::new();
             shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
-            state.shaded.push((id, rgba));
+            shaded.push((id, rgba));
         }
         Ok(())
     }

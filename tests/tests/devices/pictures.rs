@@ -4,17 +4,9 @@ use crate::Subject;
 use crate::scenes::{apart, cameras, hits, look, open_laid, stand, swarm};
 use backend::{Layout, Query, QueryKind, Rays};
 use geom::{Animation, Camera, Point};
+use integration::stage::colours;
 use shading::Shot;
 use std::sync::Arc;
-
-/// Colours of all kinds.
-fn colours(animation: &Animation) -> Vec<[u8; 3]> {
-    let triangles = 0..animation.triangle_count();
-    let channel = |t: usize, step: usize| (t * step % 256) as u8;
-    triangles
-        .map(|t| [channel(t, 1), channel(t, 37), channel(t, 101)])
-        .collect()
-}
 
 /// The device's picture of the scene as it stands at `time` has the bytes of the host's, and shows some of it.
 fn check(
@@ -36,12 +28,13 @@ fn check(
     let found = hits(backend, ticket);
     let shot = Shot {
         moment: animation.at(time).unwrap(),
-        colours: &colours(animation),
+        colours: &colours(animation.triangle_count()),
         camera,
         light,
     };
     let mut expected = Vec::new();
     shading::shade(&shot, &found.closest, &found.blocked, &mut expected);
+    assert!(pixels.chunks(4).all(|pixel| pixel[3] == 255));
     assert!(pixels == expected, "{camera:?} at {time} under {light:?}");
     assert!(found.closest.iter().any(|hit| hit.is_hit()), "{camera:?}");
 }
@@ -64,7 +57,7 @@ fn mixed() -> Arc<Animation> {
 pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
     let load = |animation: &Arc<Animation>, backend: &mut dyn Subject| {
         open_laid(backend, animation, Layout::Fast);
-        let palette = shading::palette(&colours(animation));
+        let palette = shading::palette(&colours(animation.triangle_count()));
         assert!(backend.load_palette(&palette).unwrap());
     };
     let lamp = [2.0, 5.0, 3.0];

@@ -120,9 +120,9 @@ pub(crate) fn buffers_of_rays_are_let_go_of() {
         let report = own.device.device.generate_allocator_report();
         report.map(|report| report.total_allocated_bytes)
     };
-    let held: Vec<_> = (0..24).filter_map(|_| step()).collect();
-    let most = held.iter().skip(12).max();
-    let grown = most.map(|most| most.saturating_sub(held[11]));
+    let held: Vec<_> = (0..40).filter_map(|_| step()).collect();
+    let most = held.iter().skip(20).max();
+    let grown = most.map(|most| most.saturating_sub(held[19]));
     assert!(
         grown.is_some_and(|grown| grown <= 2 * BYTES as u64),
         "{held:?}"

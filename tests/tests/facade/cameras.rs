@@ -12,10 +12,8 @@ fn told(hits: Hits<'_>) -> (Vec<bool>, Vec<[u32; 4]>) {
 /// Beside rays of a list, of which every step has another number; and results stay until the second step after.
 pub(crate) fn together(device: &Device) {
     let demo = demo("demo:collide:3000");
-    let animation = scene::open("demo:collide:3000", &scene::Options::default());
-    let animation = animation.unwrap().animation;
     let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, &demo.keys, device));
-    let camera = |size| integration::stage::camera(&animation, size);
+    let camera = |size| integration::stage::camera(&demo.animation, size);
     let sizes = [[40, 30], [1, 1], [64, 3], [40, 30], [17, 90]];
     let kinds = [Query::Closest, Query::Any];
     let all = |count: usize| (0..count).map(|i| (camera(sizes[i % 5]), kinds[i % 2]));

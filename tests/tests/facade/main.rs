@@ -12,10 +12,12 @@ use abvh::{
     Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Step,
     Tracer, Update,
 };
+use geom::Animation;
 use integration::stage::pixels;
 use integration::{is_full, is_required};
 use libtest_mimic::Trial;
 use pool::{Pooled, tracer};
+use std::sync::Arc;
 
 type Law = fn(&Device);
 
@@ -85,6 +87,7 @@ fn main() {
 
 /// A demo: its key frames, its triangles and a picture's rays.
 struct Demo {
+    animation: Arc<Animation>,
     keys: Vec<Vec<Point>>,
     triangles: Vec<[u32; 3]>,
     rays: Vec<Ray>,
@@ -99,6 +102,7 @@ fn demo(name: &str) -> Demo {
         keys: keys.iter().map(|key| key.to_vec()).collect(),
         triangles: animation.triangles().to_vec(),
         rays: pixels(&animation),
+        animation,
     }
 }
 

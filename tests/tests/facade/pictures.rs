@@ -4,19 +4,13 @@ use crate::{Demo, demo, pool};
 use abvh::{Camera, Device, Error, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
 use backend::{QueryKind, Rays};
 use geom::Animation;
-use integration::stage::{Stage, camera};
+use integration::stage::{Stage, camera, colours};
 use shading::Shot;
 use std::sync::Arc;
 
 const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.0]];
 const FLOOR_COLOUR: [u8; 3] = [200, 20, 90];
 const LAMP: Point = [2.0, 4.0, 1.5];
-
-fn colours(count: usize) -> Vec<[u8; 3]> {
-    (0..count)
-        .map(|t| [t, t * 37, t * 101].map(|x| x as u8))
-        .collect()
-}
 
 /// A floor of one colour under a mesh of many.
 fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
@@ -50,9 +44,8 @@ fn floor() -> Mesh {
 pub(crate) fn shaded(device: &Device) {
     let demo = demo("demo:twist:2000");
     let own = colours(demo.triangles.len());
-    let animation = scene::open("demo:twist:2000", &scene::Options::default());
     let sizes = [[40, 30], [33, 20], [64, 50]];
-    let cameras = sizes.map(|size| camera(&animation.as_ref().unwrap().animation, size));
+    let cameras = sizes.map(|size| camera(&demo.animation, size));
     let live = Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap();
     let keyed = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
     for (mesh, is_live) in [(live, true), (keyed, false)] {
@@ -104,8 +97,7 @@ pub(crate) fn replaced(device: &Device) {
     scene.add(floor());
     let id = scene.add(Mesh::fixed(&FLOOR, &[]).unwrap());
     let mut tracer = pool::tracer(scene, device);
-    let animation = scene::open("demo:twist:300", &scene::Options::default());
-    let camera = camera(&animation.unwrap().animation, [40, 30]);
+    let camera = camera(&demo.animation, [40, 30]);
     let before = picture(&mut tracer, &camera);
     let replacement = tracer.replace(id, mesh.with_colours(&own).unwrap());
     tracer.commit(replacement.unwrap()).unwrap();

@@ -10,8 +10,8 @@ pub struct Planes {
 }
 
 impl Planes {
-    /// Takes sRGB pixels (the fourth byte says nothing), in rows of so many. Works on the calling thread alone: there are other
-    /// frames.
+    /// Takes sRGB pixels (the fourth byte says nothing), in rows of so many. Works on the calling thread alone: there are
+    /// other frames.
     pub fn set(&mut self, pixels: &[[u8; 4]], width: usize) {
         separate(pixels, &mut self.full);
         for (full, half) in self.full[1..].iter().zip(&mut self.halves) {
