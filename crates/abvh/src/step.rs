@@ -41,13 +41,13 @@ pub enum Source<'a> {
     Host(&'a [Point]),
     /// A buffer on a wgpu device of the program's own ([`crate::own_device`]): three floats a vertex, one after another. It
     /// needs the usage `COPY_SRC`, and is read in the order of the queue when the step's first query is traced. No host sees
-    /// these vertices, so trees are built from those of the moment that asks, read back, and not for moments to come. wgpu mistakes
+    /// these vertices, so those of two steps are read back for each tree, which is built for where they are going. wgpu mistakes
     /// a buffer of another instance's for one of this.
     #[cfg(feature = "wgpu")]
     Wgpu(wgpu::BufferSlice<'a>),
     /// A buffer that is shared with another interface to the GPU ([`crate::external_memory`]): three floats a vertex, one after
     /// another. It is read when the next query is traced, or before [`Step::synchronize`] has anything signalled. No host sees
-    /// these vertices, so trees are built from those of the moment that asks, read back, and not for moments to come.
+    /// these vertices, so those of two steps are read back for each tree, which is built for where they are going.
     #[cfg(feature = "vulkan")]
     External {
         /// Made by the same tracer.

@@ -191,6 +191,12 @@ impl Animation {
         self.moment(self.pose(time))
     }
 
+    /// What stands between two frames that are not the animation's own and have as many vertices, or beyond them: by the
+    /// pose's weight alone.
+    pub fn moment_between(&self, frames: [KeyFrame; 2], pose: Pose) -> Moment<'_> {
+        Moment::new(self, pose, frames)
+    }
+
     /// Three vertices a triangle.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles

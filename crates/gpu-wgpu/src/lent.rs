@@ -42,14 +42,21 @@ impl DevicePoints {
         let Some(all) = &self.all else {
             return;
         };
-        self.copies.extend(self.runs.iter().map(|run| {
+        let copy = |run: &Range<usize>| {
             let at = run.start as u64 * POINT;
+            let newest = self
+                .copies
+                .iter()
+                .rfind(|copy| copy.to == (all.clone(), at));
             PointsCopy {
-                from: (all.clone(), at),
+                // A copy that reads what another writes would wait for it.
+                from: newest.map_or_else(|| (all.clone(), at), |copy| copy.from.clone()),
                 to: (key.clone(), at),
                 bytes: run.len() as u64 * POINT,
             }
-        }));
+        };
+        let all: Vec<_> = self.runs.iter().map(copy).collect();
+        self.copies.extend(all);
     }
 
     /// Writes the copies that are due.

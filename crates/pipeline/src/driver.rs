@@ -323,11 +323,8 @@ impl Driver {
 
     /// Brings positions to `pose`; says whether records and boxes must follow.
     fn record_geometry(&mut self, pose: Pose) -> Result<bool, PipelineError> {
-        let asked = self
-            .build
-            .as_ref()
-            .is_some_and(|f| f.frame == self.frames && f.arrived.is_none());
         let moved = self.pose != Some(pose);
+        let asked = self.wants_positions(moved);
         if moved {
             self.backend.interpolate(pose)?;
             self.pose = Some(pose);

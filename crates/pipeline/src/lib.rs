@@ -30,4 +30,6 @@ pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
 pub use policy::RunFacts;
 pub use schedule::{Pace, Update};
 pub use threads::Threads;
-pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};
+pub use tree_builder::{
+    BuildMoments, BuildStrategy, Built, Made, Observation, TreeBuilder, Vertices,
+};

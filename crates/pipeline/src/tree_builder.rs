@@ -2,6 +2,7 @@
 
 mod degradation;
 pub(crate) mod for_all;
+mod observed;
 
 use crate::builder_thread::Job;
 use backend::{Backend, Snapshot};
@@ -11,7 +12,9 @@ use bvh_build::{
 use bvh_layout::{Converter, First, Spare, Topology};
 pub use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
-use geom::{Aabb, Animation, KeyFrameError, Moment, Point, Pose};
+use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Moment, Point, Pose};
+pub use observed::Observation;
+use observed::{Moments, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -21,6 +24,8 @@ pub enum Vertices {
     ReadBack(Snapshot),
     /// Key frames, to be blended here: the same bits as any backend's.
     KeyFrames(Pose),
+    /// Positions that a backend alone knows, to be followed to where they are going.
+    Observed(Observation),
 }
 
 /// What came of a build.
@@ -95,6 +100,8 @@ pub struct TreeBuilder {
     spare: Spare,
     forms: Forms,
     degradation: DegradationMonitor,
+    /// What was observed last.
+    observed: [KeyFrame; 2],
 }
 
 /// Costs that differ by less than this share are one, however they were added up.
@@ -144,7 +151,7 @@ impl TreeBuilder {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         match halves {
-            Some(halves) => self.sweep(animation, halves)?,
+            Some(halves) => self.sweep(&Moments::of(animation), halves)?,
             None => fill(&mut self.boxes, &(animation, positions)),
         }
         self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
@@ -186,6 +193,8 @@ impl TreeBuilder {
     /// `halves`, as one: what parts within the time of use is then parted by the
     /// tree, too.
     ///
+    /// An [`Observation`] says all of that itself.
+    ///
     /// # Errors
     /// See [`BuildError`].
     pub fn rebuild(
@@ -195,7 +204,31 @@ impl TreeBuilder {
         rival_at: Option<Pose>,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
+        let Vertices::Observed(seen) = vertices else {
+            let moments = Moments::of(animation);
+            return self.rebuild_among(&moments, (vertices, halves), rival_at, cancel);
+        };
+        let middle = seen.pose(seen.middle);
+        let halves = seen.halves.map(|time| seen.pose(time));
+        let each = seen.positions.into_iter().zip(&mut self.observed);
+        each.for_each(|(seen, frame)| keep(seen, frame));
+        let moments = Moments {
+            animation,
+            observed: Some(self.observed.clone()),
+        };
+        let what = (Vertices::KeyFrames(middle), Some(halves));
+        self.rebuild_among(&moments, what, Some(middle), cancel)
+    }
+
+    fn rebuild_among(
+        &mut self,
+        moments: &Moments<'_>,
+        (vertices, halves): (Vertices, Option<[Pose; 2]>),
+        rival_at: Option<Pose>,
+        cancel: &Cancel,
+    ) -> Result<Made, BuildError> {
         let begun = Instant::now();
+        let animation = moments.animation;
         let rival = self.holds_all_of(animation) && rival_at.is_some();
         let strategy = match rival {
             true => self.degradation.strategy(),
@@ -203,13 +236,13 @@ impl TreeBuilder {
         };
         let (blended_at, costs);
         if let Some(halves) = halves.filter(|_| self.degradation.parts) {
-            self.sweep(animation, halves)?;
+            self.sweep(moments, halves)?;
             self.build_over_boxes(strategy, cancel)?;
-            (blended_at, costs) = (self.take_in(animation, vertices)?, None);
+            (blended_at, costs) = (self.take_in(moments, vertices)?, None);
         } else if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
-            (blended_at, costs) = self.rebuild_subtrees_at(animation, vertices, cancel)?;
+            (blended_at, costs) = self.rebuild_subtrees_at(moments, vertices, cancel)?;
         } else {
-            blended_at = self.take_in(animation, vertices)?;
+            blended_at = self.take_in(moments, vertices)?;
             costs = self.build_over_boxes(strategy, cancel)?;
         }
         let built = Instant::now();
@@ -217,7 +250,7 @@ impl TreeBuilder {
         if let Some(at) = rival_at.filter(|_| rival) {
             let costs = costs.filter(|_| blended_at == rival_at);
             if costs.is_none() && blended_at != rival_at {
-                fill(&mut self.boxes, &animation.moment(at)?);
+                fill(&mut self.boxes, &moments.at(at)?);
             }
             let costs = costs.unwrap_or_else(|| self.costs());
             self.degradation.note(costs);
@@ -242,12 +275,12 @@ impl TreeBuilder {
     /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
     fn rebuild_subtrees_at(
         &mut self,
-        animation: &Animation,
+        moments: &Moments<'_>,
         vertices: Vertices,
         cancel: &Cancel,
     ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = stand(animation, &vertices, &mut self.positions)?;
-        let from = (&self.in_use, &(animation, positions));
+        let (pose, positions) = stand(moments, &vertices, &mut self.positions)?;
+        let from = (&self.in_use, &(moments.animation, positions));
         let costs =
             self.subtree_rebuilder
                 .build(&mut self.builder, from, cancel, &mut self.tree)?;
@@ -261,21 +294,21 @@ impl TreeBuilder {
     }
 
     /// Brings boxes to hold each triangle at both poses.
-    fn sweep(&mut self, animation: &Animation, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
-        self.take_in(animation, Vertices::KeyFrames(a))?;
-        blend(&animation.moment(b)?, &mut self.positions);
-        grow(&mut self.boxes, &(animation, &self.positions[..]));
+    fn sweep(&mut self, moments: &Moments<'_>, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
+        self.take_in(moments, Vertices::KeyFrames(a))?;
+        blend(&moments.at(b)?, &mut self.positions);
+        grow(&mut self.boxes, &(moments.animation, &self.positions[..]));
         Ok(())
     }
 
     /// Brings boxes to `vertices`; gives their pose if they were blended here.
     fn take_in(
         &mut self,
-        animation: &Animation,
+        moments: &Moments<'_>,
         vertices: Vertices,
     ) -> Result<Option<Pose>, KeyFrameError> {
-        let (pose, positions) = stand(animation, &vertices, &mut self.positions)?;
-        fill(&mut self.boxes, &(animation, positions));
+        let (pose, positions) = stand(moments, &vertices, &mut self.positions)?;
+        fill(&mut self.boxes, &(moments.animation, positions));
         Ok(pose)
     }
 
@@ -344,14 +377,15 @@ impl TreeBuilder {
 
 /// Where vertices stand, and their pose if they were blended here.
 fn stand<'a>(
-    animation: &Animation,
+    moments: &Moments<'_>,
     vertices: &'a Vertices,
     blended: &'a mut Vec<Point>,
 ) -> Result<(Option<Pose>, &'a [Point]), KeyFrameError> {
     Ok(match vertices {
         Vertices::ReadBack(snapshot) => (None, snapshot),
+        Vertices::Observed(seen) => (None, &seen.positions[1]),
         Vertices::KeyFrames(pose) => {
-            blend(&animation.moment(*pose)?, blended);
+            blend(&moments.at(*pose)?, blended);
             (Some(*pose), blended)
         }
     })

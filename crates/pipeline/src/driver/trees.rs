@@ -5,14 +5,17 @@ use crate::builder_thread::{BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
 use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, Made, Vertices};
-use backend::Generation;
+use crate::tree_builder::{Built, Made, Observation, Vertices};
+use backend::{Generation, Snapshot};
 use bvh_build::Cancel;
 use geom::{Point, Pose};
 use std::time::Instant;
 
 /// The generation of the tree that the first frame builds.
 pub(super) const FIRST: Generation = Generation(1);
+
+/// Frames after which a scene is taken to be at rest.
+const AT_REST: u64 = 32;
 
 /// The tree in use.
 pub(super) struct Tree {
@@ -30,14 +33,18 @@ pub(super) struct Tree {
 pub(super) struct PendingBuild {
     pub(super) generation: Generation,
     pub(super) frame: u64,
+    /// When that frame is; and where vertices are observed, the later one that shows where they go, once it came.
+    times: [f64; 2],
+    /// What was observed of the first.
+    observed: Option<Snapshot>,
     pub(super) pose: Pose,
     /// The moment that it is best used at.
     middle: f64,
     asked: Instant,
     /// How many frames it took, once it is finished.
     latency: Option<u64>,
-    /// Poses early and late in its use.
-    halves: Option<[Pose; 2]>,
+    /// Moments early and late in its use.
+    halves: [f64; 2],
     /// Where it must be cheaper than the tree in use.
     rival_at: Option<Pose>,
     /// When its vertices were seen on the host and how many bytes they took; none before.
@@ -50,8 +57,7 @@ impl Driver {
         if self.build.as_ref().is_some_and(|f| f.arrived.is_none())
             && let Some((_, positions)) = self.backend.take_positions()?
         {
-            let read = bytes(self.animation.vertex_count());
-            self.start_build(Vertices::ReadBack(positions), read)?;
+            self.take_read_back(positions)?;
         }
         if let Some((generation, result)) = self.builder_thread.try_take() {
             self.file(generation, result);
@@ -134,7 +140,58 @@ impl Driver {
     }
 
     fn predicts(&self) -> bool {
-        self.options.predict && self.knows_key_frames && !self.schedule.waits_at_once()
+        self.knows_key_frames && self.looks_ahead()
+    }
+
+    /// Whether trees are for moments to come.
+    fn looks_ahead(&self) -> bool {
+        self.options.predict && !self.schedule.waits_at_once()
+    }
+
+    /// Whether two frames' positions are read back for a tree, as nobody else knows where vertices go.
+    fn observes(&self) -> bool {
+        !self.knows_key_frames && self.looks_ahead()
+    }
+
+    /// Whether the builder needs the positions of the frame at hand.
+    pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
+        let observes = self.observes();
+        let pending = self.build.as_mut().filter(|f| f.arrived.is_none());
+        let Some(pending) = pending else {
+            return false;
+        };
+        let since = self.frames - pending.frame;
+        let is_second = observes && pending.times[1].is_nan() && (moved || since > AT_REST);
+        if since > 0 && is_second {
+            pending.times[1] = self.record.frame.time;
+        }
+        since == 0 || is_second
+    }
+
+    /// Begins a build with positions that were read back, unless they are the first of two.
+    fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
+        let observes = self.observes();
+        let Some(pending) = &mut self.build else {
+            return Ok(());
+        };
+        let read = bytes(self.animation.vertex_count());
+        let (vertices, read) = match pending.observed.take() {
+            Some(earlier) => {
+                let seen = Observation {
+                    positions: [earlier, positions],
+                    times: pending.times,
+                    middle: pending.middle,
+                    halves: pending.halves,
+                };
+                (Vertices::Observed(seen), 2 * read)
+            }
+            None if observes => {
+                pending.observed = Some(positions);
+                return Ok(());
+            }
+            None => (Vertices::ReadBack(positions), read),
+        };
+        self.start_build(vertices, read)
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
@@ -186,19 +243,20 @@ impl Driver {
         PendingBuild {
             generation,
             frame: self.frames,
+            times: [self.record.frame.time, f64::NAN],
+            observed: None,
             pose,
             middle,
             asked: Instant::now(),
             latency: None,
-            halves: self
-                .predicts()
-                .then(|| self.poses(self.predictor.halves_of_use())),
+            halves: self.predictor.halves_of_use(),
             rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
         }
     }
 
     fn start_build(&mut self, vertices: Vertices, read_back: u64) -> Result<(), PipelineError> {
+        let predicts = self.predicts();
         let Some(pending) = self.build.as_mut() else {
             return Ok(());
         };
@@ -208,7 +266,7 @@ impl Driver {
         let job = Job {
             generation,
             vertices,
-            halves: pending.halves,
+            halves: predicts.then(|| pending.halves.map(|time| self.animation.pose(time))),
             rival_at: pending.rival_at,
             toward: self.light,
             spare: std::mem::take(&mut self.spare),

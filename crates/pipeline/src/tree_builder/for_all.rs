@@ -5,7 +5,7 @@
 //! vertices go. Each stands for the time nearer to it than to another, so the
 //! mean over them is a mean over time.
 
-use super::{BuildStrategy, Built, TreeBuilder, Vertices};
+use super::{BuildStrategy, Built, Moments, TreeBuilder, Vertices};
 use crate::motion::distance;
 use bvh_build::{
     BinaryTree, BuildError, Cancel, MAX_MOMENTS, Moment, TemporalBuilder, order_toward, sah_cost,
@@ -65,7 +65,7 @@ impl TreeBuilder {
             return Ok(());
         }
         for _ in 0..ROUNDS {
-            self.rebuild_subtrees_at(animation, Vertices::KeyFrames(pose), cancel)?;
+            self.rebuild_subtrees_at(&Moments::of(animation), Vertices::KeyFrames(pose), cancel)?;
             let record = self.convert(animation);
             self.reuse(record.into_spare());
         }

@@ -227,6 +227,41 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     assert_eq!(x, y);
 }
 
+/// The tree that a builder makes for `middle` of what it observed.
+fn observed(times: [f64; 2], middle: f64) -> Vec<u32> {
+    let mut course = Course::over(shuffled(), Forms::default());
+    let seen = Vertices::Observed(Observation {
+        positions: times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot),
+        times,
+        middle,
+        halves: [middle; 2],
+    });
+    let (a, builder) = (&course.animation, &mut course.builder);
+    match builder.rebuild(a, (seen, None), None, &Cancel::new()) {
+        Ok(Made::Tree(built)) => built.topology.into_words(),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+    let moment = animation.at(time).unwrap();
+    (0..192).map(|v| moment.vertex(v)).collect()
+}
+
+#[test]
+fn what_was_observed_is_followed_to_where_it_is_going() {
+    let known = |time| {
+        let mut course = Course::over(shuffled(), Forms::default());
+        let tree = course.rebuild(time, Some([time; 2]), Some(time));
+        tree.unwrap().topology.into_words()
+    };
+    // All these places are exact in floats.
+    let ahead = observed([0.125, 0.25], 0.5);
+    assert!(ahead == known(0.5) && ahead != known(0.25));
+    // Seen twice at one time, it stays.
+    assert_eq!(observed([0.25; 2], 9.0), known(0.25));
+}
+
 #[test]
 fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let mut course = Course::over(shuffled(), Forms::default());

@@ -1,11 +1,15 @@
 //! Trees for what comes: built ahead, built for all times, and left where they are no better.
 
-use crate::{Run, drifting, run_paced, run_scene};
-use backend::Generation;
+use crate::fake::{Fake, Log};
+use crate::{Run, drifting, driver, query, read, run_paced, run_scene};
+use backend::{Generation, QueryKind};
 use bvh_build::Cancel;
 use geom::{Animation, Point};
-use pipeline::{Adopted, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
+use pipeline::{
+    Adopted, Frame, FrameRecord, Made, Pace, PipelineError, TreeBuilder, Update, Vertices, Wanted,
+};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Triangles in a row whose order is another in every key frame.
 fn shuffled(keys: u32) -> Arc<Animation> {
@@ -216,4 +220,44 @@ fn a_tree_for_all_times_is_built_once_without_the_device() {
     assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
     let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
     assert_ne!(run.log.trees, refitted.log.trees);
+}
+
+/// Frames of a scene whose vertices the backend alone knows, each after a millisecond: until it comes to rest, and as many after.
+fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
+    let animation = many_shuffled(65, 64);
+    let (fake, log) = Fake::new(Some(1), None);
+    let mut driver = driver(fake, &animation, FREE).unwrap();
+    driver.forget_key_frames();
+    let list = (0..frames).map(|index| Frame {
+        index,
+        time: index.min(moving) as f64 * 0.25,
+    });
+    let mut records = Vec::new();
+    let query = query(QueryKind::Closest);
+    let run = driver.run(list, query, Wanted::default(), |record, _| {
+        records.push(record.clone());
+        std::thread::sleep(Duration::from_millis(1));
+        Ok::<(), PipelineError>(())
+    });
+    run.unwrap();
+    drop(driver);
+    (records, read(log))
+}
+
+#[test]
+fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
+    let (records, log) = unknown(60, 60);
+    let trees: Vec<Adopted> = records[1..].iter().filter_map(|r| r.adopted).collect();
+    let bytes = 2 * (64 * 3 * size_of::<Point>()) as u64;
+    assert!(trees.len() > 2 && trees.iter().all(|t| t.snapshot_bytes == bytes));
+    // The first tree is of its own frame alone.
+    let asked = records.iter().filter(|r| r.asked.is_some()).count() - 1;
+    assert!((2 * asked..=2 * asked + 1).contains(&log.requested));
+}
+
+#[test]
+fn a_scene_of_such_vertices_that_comes_to_rest_gets_its_tree() {
+    let (records, _) = unknown(120, 5);
+    let last = records.iter().rev().find_map(|r| r.adopted);
+    assert_eq!(moment(&last.unwrap()), 1.25);
 }

@@ -6,6 +6,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
+use std::collections::VecDeque;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -82,7 +83,8 @@ pub(crate) struct Fake {
     generation: Generation,
     fresh: (bool, bool),
     ticket: u64,
-    requested: Option<(u32, Ticket, Pose)>,
+    /// In their order.
+    requested: VecDeque<(u32, Ticket, Pose)>,
     record_request: bool,
     /// Whether anything was.
     traced: bool,
@@ -113,7 +115,7 @@ impl Fake {
             generation: Generation(0),
             fresh: (false, false),
             ticket: 0,
-            requested: None,
+            requested: VecDeque::new(),
             record_request: false,
             traced: false,
             polls,
@@ -192,7 +194,7 @@ impl Backend for Fake {
         Ok(())
     }
     fn request_positions(&mut self) -> Result<()> {
-        assert!(self.requested.is_none(), "one request at a time");
+        assert!(!self.record_request, "one request a submission");
         self.record_request = true;
         self.note(|log| log.requested += 1);
         Ok(())
@@ -202,7 +204,8 @@ impl Backend for Fake {
         if std::mem::take(&mut self.record_request) {
             let polls = self.polls.unwrap_or(u32::MAX);
             let polls = if self.traced { polls } else { 0 };
-            self.requested = Some((polls, Ticket(self.ticket), self.pose.unwrap()));
+            let request = (polls, Ticket(self.ticket), self.pose.unwrap());
+            self.requested.push_back(request);
         }
         Ok(Ticket(self.ticket))
     }
@@ -218,10 +221,10 @@ impl Backend for Fake {
     }
     fn keep(&mut self, _: usize) {}
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
-        match &mut self.requested {
+        match self.requested.front_mut() {
             Some((0, ticket, pose)) => {
                 let (ticket, pose) = (*ticket, *pose);
-                self.requested = None;
+                self.requested.pop_front();
                 if let Some(prepared) = &mut self.prepared {
                     let snapshot = prepared.pop().expect("enough were made");
                     return Ok(Some((ticket, snapshot)));
