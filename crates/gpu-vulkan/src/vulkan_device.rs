@@ -334,6 +334,7 @@ impl GpuDevice for VulkanDevice {
         (self.senders, self.outgrown) = (Sender::all(&self.gpu), Pool::default());
         self.keys_read = KeysRead::default();
         (self.spares, self.lent) = (Spares::default(), Lent::default());
+        self.windows = Windows::default();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
     }

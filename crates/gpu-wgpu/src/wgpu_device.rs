@@ -310,7 +310,7 @@ impl GpuDevice for WgpuDevice {
         slots.for_each(Slot::forget);
         (self.staging, self.last_sent) = (Staging::default(), [0; 2]);
         self.free = Default::default();
-        self.spares = Spares::default();
+        (self.spares, self.windows) = (Spares::default(), Windows::default());
         (self.points, self.rays) = (DevicePoints::default(), DeviceRays::default());
         self.encoder = LentEncoder::default();
         Ok(())
