@@ -140,17 +140,17 @@ impl Driver {
     }
 
     fn predicts(&self) -> bool {
-        self.knows_key_frames && self.looks_ahead()
+        self.knows_key_frames && self.builds_ahead()
     }
 
     /// Whether trees are for moments to come.
-    fn looks_ahead(&self) -> bool {
+    fn builds_ahead(&self) -> bool {
         self.options.predict && !self.schedule.waits_at_once()
     }
 
     /// Whether two frames' positions are read back for a tree, as nobody else knows where vertices go.
     fn observes(&self) -> bool {
-        !self.knows_key_frames && self.looks_ahead()
+        !self.knows_key_frames && self.builds_ahead()
     }
 
     /// Whether the builder needs the positions of the frame at hand.
