@@ -28,13 +28,17 @@ pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
 
+/// Trials at a time: one driver (NVIDIA's 580) loses devices where seventeen threads open them and compile kernels.
+const MOST_THREADS: usize = 8;
+
 /// What the command line tells a harness. If it names no number of threads, there is one more than cores: while one trial
 /// waits for a driver, another goes on.
 #[must_use]
 pub fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    arguments.test_threads.get_or_insert(cores + 1);
+    let threads = MOST_THREADS.min(cores + 1);
+    arguments.test_threads.get_or_insert(threads);
     arguments
 }
 
