@@ -47,7 +47,7 @@ impl DevicePoints {
             let newest = self
                 .copies
                 .iter()
-                .rfind(|copy| copy.to == (all.clone(), at));
+                .rfind(|copy| copy.to.0 == *all && copy.to.1 == at);
             PointsCopy {
                 // A copy that reads what another writes would wait for it.
                 from: newest.map_or_else(|| (all.clone(), at), |copy| copy.from.clone()),

@@ -2,7 +2,7 @@
 
 use crate::driver::PipelineError;
 use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
-use backend::{Generation, TreeWriter};
+use backend::{Generation, Snapshot, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
 use geom::{Point, Pose};
@@ -14,16 +14,23 @@ use std::thread::JoinHandle;
 /// What came of a build, or why nothing did.
 pub(crate) type BuildResult<T> = Result<T, String>;
 
-/// Vertices that wait to become a tree.
-pub(crate) struct Job {
-    /// Which tree it will be.
-    pub(crate) generation: Generation,
+/// What a tree is made from, and what for: see [`TreeBuilder::rebuild`].
+pub(crate) struct BuildInput {
     /// What it is built from.
     pub(crate) vertices: Vertices,
     /// Poses early and late in the time it will be used, if that is known.
     pub(crate) halves: Option<[Pose; 2]>,
     /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
     pub(crate) rival_at: Option<Pose>,
+    /// What all poses stand between or beyond, by their weights, where that is not key frames.
+    pub(crate) observed: Option<[Snapshot; 2]>,
+}
+
+/// Vertices that wait to become a tree.
+pub(crate) struct Job {
+    /// Which tree it will be.
+    pub(crate) generation: Generation,
+    pub(crate) input: BuildInput,
     /// Where rays end that ask for any hit, if they end in one place.
     pub(crate) toward: Option<Point>,
     /// An old record's memory, or nothing.
@@ -197,9 +204,12 @@ mod tests {
     fn job(n: u64) -> Job {
         Job {
             generation: Generation(n),
-            vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
-            halves: None,
-            rival_at: None,
+            input: BuildInput {
+                vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
+                halves: None,
+                rival_at: None,
+                observed: None,
+            },
             toward: None,
             spare: Spare::default(),
             left_last: false,

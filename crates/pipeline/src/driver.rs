@@ -1,5 +1,6 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
+mod read_back;
 mod run;
 mod trees;
 mod warm_up;

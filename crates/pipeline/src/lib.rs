@@ -30,6 +30,4 @@ pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
 pub use policy::RunFacts;
 pub use schedule::{Pace, Update};
 pub use threads::Threads;
-pub use tree_builder::{
-    BuildMoments, BuildStrategy, Built, Made, Observation, TreeBuilder, Vertices,
-};
+pub use tree_builder::{BuildMoments, BuildStrategy, Built, Made, TreeBuilder, Vertices};

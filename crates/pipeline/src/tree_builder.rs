@@ -2,9 +2,9 @@
 
 mod degradation;
 pub(crate) mod for_all;
-mod observed;
+mod moments;
 
-use crate::builder_thread::Job;
+use crate::builder_thread::{BuildInput, Job};
 use backend::{Backend, Snapshot};
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
@@ -12,9 +12,9 @@ use bvh_build::{
 use bvh_layout::{Converter, First, Spare, Topology};
 pub use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
-use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Moment, Point, Pose};
-pub use observed::Observation;
-use observed::{Moments, keep};
+use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
+pub(crate) use moments::pose_between;
+use moments::{Moments, blend, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -24,8 +24,6 @@ pub enum Vertices {
     ReadBack(Snapshot),
     /// Key frames, to be blended here: the same bits as any backend's.
     KeyFrames(Pose),
-    /// Positions that a backend alone knows, to be followed to where they are going.
-    Observed(Observation),
 }
 
 /// What came of a build.
@@ -175,8 +173,17 @@ impl TreeBuilder {
         if job.left_last {
             self.revert();
         }
-        let what = (job.vertices, job.halves);
-        let made = self.rebuild(animation, what, job.rival_at, cancel)?;
+        let BuildInput {
+            vertices,
+            halves,
+            rival_at,
+            observed,
+        } = job.input;
+        let moments = Moments {
+            animation,
+            observed: observed.map(|seen| self.keep(seen)),
+        };
+        let made = self.rebuild_among(&moments, (vertices, halves), rival_at, cancel)?;
         if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
             write(&built.topology);
         }
@@ -193,8 +200,6 @@ impl TreeBuilder {
     /// `halves`, as one: what parts within the time of use is then parted by the
     /// tree, too.
     ///
-    /// An [`Observation`] says all of that itself.
-    ///
     /// # Errors
     /// See [`BuildError`].
     pub fn rebuild(
@@ -204,20 +209,14 @@ impl TreeBuilder {
         rival_at: Option<Pose>,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
-        let Vertices::Observed(seen) = vertices else {
-            let moments = Moments::of(animation);
-            return self.rebuild_among(&moments, (vertices, halves), rival_at, cancel);
-        };
-        let middle = seen.pose(seen.middle);
-        let halves = seen.halves.map(|time| seen.pose(time));
-        let each = seen.positions.into_iter().zip(&mut self.observed);
-        each.for_each(|(seen, frame)| keep(seen, frame));
-        let moments = Moments {
-            animation,
-            observed: Some(self.observed.clone()),
-        };
-        let what = (Vertices::KeyFrames(middle), Some(halves));
-        self.rebuild_among(&moments, what, Some(middle), cancel)
+        let moments = Moments::of(animation);
+        self.rebuild_among(&moments, (vertices, halves), rival_at, cancel)
+    }
+
+    /// Has what was observed stand in place of key frames.
+    fn keep(&mut self, seen: [Snapshot; 2]) -> [KeyFrame; 2] {
+        seen.into_iter().zip(&mut self.observed).for_each(keep);
+        self.observed.clone()
     }
 
     fn rebuild_among(
@@ -279,7 +278,7 @@ impl TreeBuilder {
         vertices: Vertices,
         cancel: &Cancel,
     ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = stand(moments, &vertices, &mut self.positions)?;
+        let (pose, positions) = moments.stand(&vertices, &mut self.positions)?;
         let from = (&self.in_use, &(moments.animation, positions));
         let costs =
             self.subtree_rebuilder
@@ -307,7 +306,7 @@ impl TreeBuilder {
         moments: &Moments<'_>,
         vertices: Vertices,
     ) -> Result<Option<Pose>, KeyFrameError> {
-        let (pose, positions) = stand(moments, &vertices, &mut self.positions)?;
+        let (pose, positions) = moments.stand(&vertices, &mut self.positions)?;
         fill(&mut self.boxes, &(moments.animation, positions));
         Ok(pose)
     }
@@ -375,22 +374,6 @@ impl TreeBuilder {
     }
 }
 
-/// Where vertices stand, and their pose if they were blended here.
-fn stand<'a>(
-    moments: &Moments<'_>,
-    vertices: &'a Vertices,
-    blended: &'a mut Vec<Point>,
-) -> Result<(Option<Pose>, &'a [Point]), KeyFrameError> {
-    Ok(match vertices {
-        Vertices::ReadBack(snapshot) => (None, snapshot),
-        Vertices::Observed(seen) => (None, &seen.positions[1]),
-        Vertices::KeyFrames(pose) => {
-            blend(&moments.at(*pose)?, blended);
-            (Some(*pose), blended)
-        }
-    })
-}
-
 /// Grows the box of each triangle to hold that from `from`, too.
 fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
     boxes
@@ -407,15 +390,6 @@ fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
         .with_min_len(1 << 12)
         .map(|triangle| from.get(triangle))
         .collect_into_vec(boxes);
-}
-
-/// All vertices at a moment.
-fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
-    (0..moment.animation().vertex_count() as u32)
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|v| moment.vertex(v))
-        .collect_into_vec(positions);
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
 
 use super::{Driver, PipelineError};
-use crate::builder_thread::{BuildResult, Job};
+use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
 use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, Made, Observation, Vertices};
+use crate::tree_builder::{Built, Made, Vertices};
 use backend::{Generation, Snapshot};
 use bvh_build::Cancel;
 use geom::{Point, Pose};
@@ -13,9 +13,6 @@ use std::time::Instant;
 
 /// The generation of the tree that the first frame builds.
 pub(super) const FIRST: Generation = Generation(1);
-
-/// Frames after which a scene is taken to be at rest.
-const AT_REST: u64 = 32;
 
 /// The tree in use.
 pub(super) struct Tree {
@@ -33,18 +30,19 @@ pub(super) struct Tree {
 pub(super) struct PendingBuild {
     pub(super) generation: Generation,
     pub(super) frame: u64,
-    /// When that frame is; and where vertices are observed, the later one that shows where they go, once it came.
-    times: [f64; 2],
-    /// What was observed of the first.
-    observed: Option<Snapshot>,
+    /// When that frame is.
+    pub(super) time: f64,
+    /// When the next is that moves, if its positions are read back, too; and those of the first, until then.
+    pub(super) moved_at: Option<f64>,
+    pub(super) observed: Option<Snapshot>,
     pub(super) pose: Pose,
     /// The moment that it is best used at.
-    middle: f64,
+    pub(super) middle: f64,
     asked: Instant,
     /// How many frames it took, once it is finished.
     latency: Option<u64>,
     /// Moments early and late in its use.
-    halves: [f64; 2],
+    pub(super) halves: [f64; 2],
     /// Where it must be cheaper than the tree in use.
     rival_at: Option<Pose>,
     /// When its vertices were seen on the host and how many bytes they took; none before.
@@ -54,11 +52,7 @@ pub(super) struct PendingBuild {
 impl Driver {
     /// Passes vertices on to the builder and takes finished trees. Never waits.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
-        if self.build.as_ref().is_some_and(|f| f.arrived.is_none())
-            && let Some((_, positions)) = self.backend.take_positions()?
-        {
-            self.take_read_back(positions)?;
-        }
+        self.poll_read_back()?;
         if let Some((generation, result)) = self.builder_thread.try_take() {
             self.file(generation, result);
             self.bring_finished()?;
@@ -144,54 +138,8 @@ impl Driver {
     }
 
     /// Whether trees are for moments to come.
-    fn builds_ahead(&self) -> bool {
+    pub(super) fn builds_ahead(&self) -> bool {
         self.options.predict && !self.schedule.waits_at_once()
-    }
-
-    /// Whether two frames' positions are read back for a tree, as nobody else knows where vertices go.
-    fn observes(&self) -> bool {
-        !self.knows_key_frames && self.builds_ahead()
-    }
-
-    /// Whether the builder needs the positions of the frame at hand.
-    pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
-        let observes = self.observes();
-        let pending = self.build.as_mut().filter(|f| f.arrived.is_none());
-        let Some(pending) = pending else {
-            return false;
-        };
-        let since = self.frames - pending.frame;
-        let is_second = observes && pending.times[1].is_nan() && (moved || since > AT_REST);
-        if since > 0 && is_second {
-            pending.times[1] = self.record.frame.time;
-        }
-        since == 0 || is_second
-    }
-
-    /// Begins a build with positions that were read back, unless they are the first of two.
-    fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
-        let observes = self.observes();
-        let Some(pending) = &mut self.build else {
-            return Ok(());
-        };
-        let read = bytes(self.animation.vertex_count());
-        let (vertices, read) = match pending.observed.take() {
-            Some(earlier) => {
-                let seen = Observation {
-                    positions: [earlier, positions],
-                    times: pending.times,
-                    middle: pending.middle,
-                    halves: pending.halves,
-                };
-                (Vertices::Observed(seen), 2 * read)
-            }
-            None if observes => {
-                pending.observed = Some(positions);
-                return Ok(());
-            }
-            None => (Vertices::ReadBack(positions), read),
-        };
-        self.start_build(vertices, read)
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
@@ -212,7 +160,8 @@ impl Driver {
         } else {
             self.build = Some(pending);
             if self.predicts() {
-                self.start_build(Vertices::KeyFrames(pose), 0)?;
+                let input = self.input(Vertices::KeyFrames(pose));
+                self.start_build(input, 0)?;
             }
         }
         Ok(())
@@ -243,7 +192,8 @@ impl Driver {
         PendingBuild {
             generation,
             frame: self.frames,
-            times: [self.record.frame.time, f64::NAN],
+            time: self.record.frame.time,
+            moved_at: None,
             observed: None,
             pose,
             middle,
@@ -255,8 +205,23 @@ impl Driver {
         }
     }
 
-    fn start_build(&mut self, vertices: Vertices, read_back: u64) -> Result<(), PipelineError> {
-        let predicts = self.predicts();
+    /// What the build in flight is made from and for, as far as key frames tell.
+    pub(super) fn input(&self, vertices: Vertices) -> BuildInput {
+        let pending = self.build.as_ref();
+        let halves = pending.map(|f| f.halves).filter(|_| self.predicts());
+        BuildInput {
+            vertices,
+            halves: halves.map(|times| self.poses(times)),
+            rival_at: pending.and_then(|f| f.rival_at),
+            observed: None,
+        }
+    }
+
+    pub(super) fn start_build(
+        &mut self,
+        input: BuildInput,
+        read_back: u64,
+    ) -> Result<(), PipelineError> {
         let Some(pending) = self.build.as_mut() else {
             return Ok(());
         };
@@ -265,9 +230,7 @@ impl Driver {
         let generation = pending.generation;
         let job = Job {
             generation,
-            vertices,
-            halves: predicts.then(|| pending.halves.map(|time| self.animation.pose(time))),
-            rival_at: pending.rival_at,
+            input,
             toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
@@ -415,6 +378,6 @@ impl Driver {
 }
 
 /// Bytes of so many positions.
-fn bytes(vertices: usize) -> u64 {
+pub(super) fn bytes(vertices: usize) -> u64 {
     (vertices * size_of::<Point>()) as u64
 }

@@ -215,9 +215,7 @@ fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
 fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     let (a, cancel) = (shuffled(), Cancel::new());
     let pose = a.pose(0.3);
-    let moment = a.moment(pose).unwrap();
-    let positions: Vec<Point> = (0..192).map(|v| moment.vertex(v)).collect();
-    let read_back = Vertices::ReadBack(Box::new(positions));
+    let read_back = Vertices::ReadBack(Box::new(positions(&a, 0.3)));
     let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
         match TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel) {
             Ok(Made::Tree(built)) => (built.topology.into_words(), built.cost),
@@ -230,14 +228,15 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
 /// The tree that a builder makes for `middle` of what it observed.
 fn observed(times: [f64; 2], middle: f64) -> Vec<u32> {
     let mut course = Course::over(shuffled(), Forms::default());
-    let seen = Vertices::Observed(Observation {
-        positions: times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot),
-        times,
-        middle,
-        halves: [middle; 2],
-    });
-    let (a, builder) = (&course.animation, &mut course.builder);
-    match builder.rebuild(a, (seen, None), None, &Cancel::new()) {
+    let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
+    let moments = Moments {
+        animation: &course.animation,
+        observed: Some(course.builder.keep(seen)),
+    };
+    let pose = pose_between(times, middle);
+    let what = (Vertices::KeyFrames(pose), Some([pose; 2]));
+    let builder = &mut course.builder;
+    match builder.rebuild_among(&moments, what, Some(pose), &Cancel::new()) {
         Ok(Made::Tree(built)) => built.topology.into_words(),
         other => panic!("{other:?}"),
     }

@@ -78,25 +78,12 @@ fn run_paced(
 ) -> Run {
     let (fake, log) = Fake::new(polls, gate.clone());
     let mut driver = driver(fake, animation, (update, predict)).unwrap();
-    let query = query(QueryKind::Closest);
-    let mut records = Vec::new();
     let step = animation.end() / frames as f64;
-    let list = (0..frames).map(|index| Frame {
-        index,
-        time: index as f64 * step,
+    let times = (0..frames).map(|index| index as f64 * step);
+    let records = play(&mut driver, times, |index| {
+        gate.iter().for_each(|g| g.step(1));
+        rest(index)
     });
-    driver
-        .run(list, query, Wanted::HITS, |record, _| {
-            records.push(record.clone());
-            gate.iter().for_each(|g| g.step(1));
-            let rest = std::time::Duration::from_millis(rest(record.frame.index));
-            // Not even for nothing: who sleeps is woken late.
-            if !rest.is_zero() {
-                std::thread::sleep(rest);
-            }
-            Ok::<(), PipelineError>(())
-        })
-        .unwrap();
     let built = driver.has_builder();
     gate.iter().for_each(|g| g.open());
     drop(driver);
@@ -106,6 +93,28 @@ fn run_paced(
         log,
         built,
     }
+}
+
+/// Frames at these times, each followed by a rest of so many milliseconds.
+fn play(
+    driver: &mut Driver,
+    times: impl Iterator<Item = f64>,
+    rest: impl Fn(u64) -> u64,
+) -> Vec<FrameRecord> {
+    let mut records = Vec::new();
+    let frames = (0..).zip(times).map(|(index, time)| Frame { index, time });
+    let query = query(QueryKind::Closest);
+    let run = driver.run(frames, query, Wanted::HITS, |record, _| {
+        records.push(record.clone());
+        let rest = std::time::Duration::from_millis(rest(record.frame.index));
+        // Not even for nothing: who sleeps is woken late.
+        if !rest.is_zero() {
+            std::thread::sleep(rest);
+        }
+        Ok::<(), PipelineError>(())
+    });
+    run.unwrap();
+    records
 }
 
 struct Run {

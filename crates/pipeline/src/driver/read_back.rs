@@ -1,0 +1,80 @@
+//! Positions that the backend gives back for trees: of the frame that asks, or, where the backend alone knows where vertices
+//! are, also of the next that moves, which shows where they go.
+
+use super::trees::bytes;
+use super::{Driver, PipelineError};
+use crate::builder_thread::BuildInput;
+use crate::tree_builder::{Vertices, pose_between};
+use backend::Snapshot;
+
+/// Frames after which a scene is taken to be at rest.
+const AT_REST: u64 = 32;
+
+impl Driver {
+    /// Whether two frames' positions are read back for a tree.
+    fn observes(&self) -> bool {
+        !self.knows_key_frames && self.builds_ahead()
+    }
+
+    /// Whether the builder needs the positions of the frame at hand.
+    pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
+        let (observes, frame) = (self.observes(), self.frames);
+        let pending = self.build.as_mut().filter(|f| f.arrived.is_none());
+        let Some(pending) = pending else {
+            return false;
+        };
+        let is_first = pending.frame == frame;
+        let is_second = observes && moved && !is_first && pending.moved_at.is_none();
+        if is_second {
+            pending.moved_at = Some(self.record.frame.time);
+        }
+        is_first || is_second
+    }
+
+    /// Begins the build that waits for positions, once all are there.
+    pub(super) fn poll_read_back(&mut self) -> Result<(), PipelineError> {
+        let waits = self.build.as_ref().is_some_and(|f| f.arrived.is_none());
+        if waits && let Some((_, positions)) = self.backend.take_positions()? {
+            self.take_read_back(positions)?;
+        }
+        let frames = self.frames;
+        let at_rest = self.build.as_mut().filter(|f| {
+            let since = frames - f.frame;
+            f.moved_at.is_none() && since > AT_REST
+        });
+        match at_rest.and_then(|f| f.observed.take()) {
+            Some(positions) => self.build_read_back(positions),
+            None => Ok(()),
+        }
+    }
+
+    fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
+        let observes = self.observes();
+        let Some(pending) = &mut self.build else {
+            return Ok(());
+        };
+        let seen = pending.observed.take().zip(pending.moved_at);
+        let Some((earlier, moved_at)) = seen else {
+            if !observes {
+                return self.build_read_back(positions);
+            }
+            pending.observed = Some(positions);
+            return Ok(());
+        };
+        let at = |time| pose_between([pending.time, moved_at], time);
+        let middle = at(pending.middle);
+        let input = BuildInput {
+            vertices: Vertices::KeyFrames(middle),
+            halves: Some(pending.halves.map(at)),
+            rival_at: Some(middle),
+            observed: Some([earlier, positions]),
+        };
+        self.start_build(input, 2 * bytes(self.animation.vertex_count()))
+    }
+
+    /// Begins a build for the frame that asked.
+    fn build_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
+        let input = self.input(Vertices::ReadBack(positions));
+        self.start_build(input, bytes(self.animation.vertex_count()))
+    }
+}
