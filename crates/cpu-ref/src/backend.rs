@@ -124,10 +124,16 @@ impl CpuBackend {
             next.begin(Ticket(self.submitted), begun_ms);
         }
         let (commands, copies) = (&mut self.commands, &mut self.copies);
-        self.pool.install(|| {
+        let done = self.pool.install(|| {
             let mut all = commands.drain(..);
             all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
-        })?;
+        });
+        if done.is_err() {
+            // Nothing is up to date, and nothing is left of the submission.
+            (self.state, self.has_trace) = (State::Nothing, false);
+            next.ticket = None;
+            return done;
+        }
         let report = &mut next.report;
         report.times.device_ms += ms_since(start);
         report.inactive = scene.unhittable.inactive;

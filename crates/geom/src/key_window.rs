@@ -83,11 +83,14 @@ impl KeyWindow {
         &self.shared.first
     }
 
-    /// Waits for a key frame.
+    /// Waits for a key frame. One that could not be read is read again when it is wanted again.
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         let mut state = self.shared.lock();
         loop {
             if let Some(found) = self.shared.take(&mut state, key) {
+                if found.is_err() {
+                    state.entries.remove(&key);
+                }
                 return found;
             }
             self.read(&mut state, key);

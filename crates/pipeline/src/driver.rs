@@ -15,7 +15,7 @@ use backend::{
 };
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
-pub use run::{Answers, Wanted};
+pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -218,6 +218,19 @@ impl Driver {
     /// # Errors
     /// The backend's.
     pub fn begin_together(
+        &mut self,
+        frame: Frame,
+        queries: &[Query<'_>],
+    ) -> Result<Ticket, PipelineError> {
+        let begun = self.record_and_submit(frame, queries);
+        if begun.is_err() {
+            // Nobody knows how far the backend came.
+            self.pose = None;
+        }
+        begun
+    }
+
+    fn record_and_submit(
         &mut self,
         frame: Frame,
         queries: &[Query<'_>],

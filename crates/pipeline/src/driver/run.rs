@@ -5,7 +5,7 @@ use crate::frame::{Frame, FrameRecord};
 use backend::{FRAMES_IN_FLIGHT, Hits, Query, Ticket};
 
 /// Frames whose key frames are read before they come, where not all are held.
-const LOOK_AHEAD: usize = 64;
+pub const LOOK_AHEAD: usize = 64;
 
 /// What is fetched of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,6 +21,12 @@ impl Wanted {
     pub const HITS: Self = Self {
         hits: true,
         pixels: false,
+    };
+
+    /// Pixels alone.
+    pub const PIXELS: Self = Self {
+        hits: false,
+        pixels: true,
     };
 }
 
@@ -48,17 +54,10 @@ impl Driver {
         mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut answers = Answers::default();
-        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        let own = self.makes_trees();
-        let under_way = if self.schedule.waits_at_once() && !own {
-            1
-        } else {
-            FRAMES_IN_FLIGHT
-        };
+        let under_way = self.most_under_way();
         let frames: Vec<Frame> = frames.into_iter().collect();
         let mut finish = |driver: &mut Self| -> Result<bool, E> {
-            let read = |driver: &mut Self, ticket| driver.fetch(ticket, wanted, &mut answers);
-            let Some(record) = driver.end(read)? else {
+            let Some(record) = driver.finish_frame(wanted, &mut answers)? else {
                 return Ok(false);
             };
             on_frame(&record, &mut answers)?;
@@ -74,6 +73,28 @@ impl Driver {
         }
         while finish(self)? {}
         Ok(())
+    }
+
+    /// Waits for the oldest frame under way and takes what is wanted of it, in exchange for the memory of earlier answers;
+    /// `None` if there is none.
+    ///
+    /// # Errors
+    /// The backend's.
+    pub fn finish_frame(
+        &mut self,
+        wanted: Wanted,
+        answers: &mut Answers,
+    ) -> Result<Option<FrameRecord>, PipelineError> {
+        self.end(|driver, ticket| driver.fetch(ticket, wanted, answers))
+    }
+
+    /// Frames that may be under way when another is [begun](Self::begin), that one included.
+    pub fn most_under_way(&self) -> usize {
+        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
+        match self.schedule.waits_at_once() && !self.makes_trees() {
+            true => 1,
+            false => FRAMES_IN_FLIGHT,
+        }
     }
 
     fn fetch(
