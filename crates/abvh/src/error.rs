@@ -1,9 +1,11 @@
 //! What can go wrong.
 
 use crate::MeshId;
+use backend::BackendError;
+use pipeline::PipelineError;
 
 /// Shorthand.
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why something was not done. Nothing panics that a caller could cause.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -48,28 +50,43 @@ pub enum Error {
     /// A result is of another step, was given already, or was dropped: results stay until the second step after theirs.
     #[error("there is no result of this query any more, or it is of another step")]
     NoResult,
+    /// A key frame cannot be read, or a file that is to have some.
+    #[error("{0}")]
+    KeyFrame(String),
     /// No device suits, or the one named cannot run here.
     #[error("{0}")]
     NoDevice(String),
-    /// The device failed, or the scene is beyond its limits.
+    /// The device does not do what was asked, or the scene is beyond its limits; or so many threads are beyond the machine's.
+    #[error("{0}")]
+    Unsupported(String),
+    /// The device failed, or was asked for what its memory has no room for.
     #[error("{0}")]
     Device(String),
 }
 
 // No `From`: what is inside is no promise.
 impl Error {
-    pub(crate) fn of_backend(e: backend::BackendError) -> Self {
+    pub(crate) fn of_backend(e: BackendError) -> Self {
         match e {
-            backend::BackendError::NoDevice(why) => Self::NoDevice(why),
+            BackendError::NoDevice(why) => Self::NoDevice(why),
+            BackendError::KeyFrame(e) => Self::of_reading(e),
+            BackendError::Unsupported { .. } | BackendError::Limit { .. } => {
+                Self::Unsupported(e.to_string())
+            }
             other => Self::Device(other.to_string()),
         }
     }
 
-    pub(crate) fn of_driver(e: pipeline::PipelineError) -> Self {
+    pub(crate) fn of_driver(e: PipelineError) -> Self {
         match e {
-            pipeline::PipelineError::Backend(e) => Self::of_backend(e),
-            other => Self::Device(other.to_string()),
+            PipelineError::Backend(e) => Self::of_backend(e),
+            PipelineError::Threads(_) => Self::Unsupported(e.to_string()),
+            PipelineError::FirstTree(_) => Self::Device(e.to_string()),
         }
+    }
+
+    pub(crate) fn of_reading(e: geom::KeyFrameError) -> Self {
+        Self::KeyFrame(e.0)
     }
 
     pub(crate) fn of_keys(e: geom::KeyFrameError) -> Self {

@@ -157,7 +157,7 @@ impl Loaded {
 
     fn exporter(&mut self) -> Result<&mut VulkanDevice> {
         let none =
-            || Error::Device("it is no device of Vulkan's, which alone exports memory".into());
+            || Error::Unsupported("it is no device of Vulkan's, which alone exports memory".into());
         self.vulkan().ok_or_else(none)
     }
 
@@ -205,8 +205,8 @@ impl Tracer {
     /// Device-local memory that is exported, of at least so many bytes. Nothing is written there yet.
     ///
     /// # Errors
-    /// [`Error::Device`] on another device than Vulkan's, where the driver does not export, with the extension's name, and
-    /// where there is no room.
+    /// [`Error::Unsupported`] on another device than Vulkan's, where the driver does not export, with the extension's name, and
+    /// beyond its limits; [`Error::Device`] where there is no room.
     pub fn external_buffer(&mut self, bytes: u64) -> Result<ExternalBuffer> {
         let gpu = &self.current.exporter()?.gpu;
         let made = ExternalMemory::new(gpu, bytes).map_err(Error::of_backend)?;
@@ -251,7 +251,7 @@ impl Step<'_> {
     /// As [`Step::trace`], of rays that lie in an external buffer, which no host sees.
     ///
     /// # Errors
-    /// [`Error::Device`], also on another device and where a buffer is too small or of another device.
+    /// [`Error::Unsupported`] on another device; [`Error::Device`], also where a buffer is too small or of another device.
     pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
         rays.lend(self.tracer.current.exporter()?, query)?;
         self.trace(Rays::OnDevice(rays.count), query)

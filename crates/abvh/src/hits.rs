@@ -1,7 +1,7 @@
 //! What rays met.
 
-use crate::MeshId;
 use crate::motion::Joined;
+use crate::{MeshId, SceneHit};
 
 /// Where a ray met a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +58,19 @@ impl<'a> Hits<'a> {
     pub fn is_hit(&self, ray: usize) -> bool {
         let closest = self.found.closest.get(ray).is_some_and(|hit| hit.is_hit());
         closest || self.found.blocked.get(ray).is_some_and(|&met| met != 0)
+    }
+
+    /// Closest hits as they lie, one a ray, to be read at once: triangles are numbered through all meshes of the scene, in the
+    /// order in which these were added. Empty if closest hits were not asked for.
+    #[must_use]
+    pub fn in_scene(&self) -> &'a [SceneHit] {
+        &self.found.closest
+    }
+
+    /// 1 for each ray that met anything, else 0. Empty if closest hits were asked for.
+    #[must_use]
+    pub fn any(&self) -> &'a [u8] {
+        &self.found.blocked
     }
 
     /// `t` of closest hits, one a ray: infinite for a miss. Empty if closest hits were not asked for.

@@ -34,6 +34,9 @@ mod doctor;
 mod error;
 #[cfg(feature = "vulkan")]
 pub mod external_memory;
+#[cfg(feature = "files")]
+mod files;
+pub mod frames;
 #[cfg(doc)]
 pub mod guide;
 mod hits;
@@ -53,7 +56,7 @@ pub use backend::{Intersector, Layout, Rays};
 pub use device::Device;
 pub use doctor::{Diagnosis, Problem, doctor};
 pub use error::{Error, Result};
-pub use geom::{Camera, Point, Ray};
+pub use geom::{Camera, Hit as SceneHit, Point, Ray};
 pub use hits::{Hit, Hits};
 pub use mesh::{Mesh, MeshId, Scene};
 pub use motion::Matrix;

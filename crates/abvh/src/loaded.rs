@@ -3,9 +3,11 @@
 use crate::motion::{CurrentVertices, Joined};
 use crate::pictures::RenderState;
 use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
-use backend::{Backend, FRAMES_IN_FLIGHT, Method, Query, QueryKind, Rays, Ticket};
+use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Animation, Camera};
-use pipeline::{BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update};
+use pipeline::{
+    Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update, Wanted,
+};
 use std::collections::VecDeque;
 use std::mem::discriminant;
 use std::sync::Arc;
@@ -44,22 +46,15 @@ impl Loaded {
     pub(crate) fn new(
         meshes: Vec<Mesh>,
         backend: Box<dyn Backend>,
-        (method, update): (Method, Update),
+        mut options: DriverOptions,
         builders: BuilderThreads,
     ) -> Result<Self> {
         let (mut joined, animation) = Joined::of(meshes)?;
-        let last = match joined.is_live() {
-            true => f64::MAX,
-            false => animation.end(),
+        // Key frames that arrive are numbered from 0 on, whatever time a step has.
+        options.time_range = match joined.is_live() {
+            true => [0.0, f64::MAX],
+            false => options.time_range.map(|time| time.min(animation.end())),
         };
-        let options = DriverOptions {
-            method,
-            update,
-            builder_threads: 0,
-            time_range: [0.0, last],
-            predict: true,
-        };
-        let animation = Arc::new(animation);
         let (of_driver, threads) = (Arc::clone(&animation), builders.clone());
         let driver = Driver::with_builders(backend, of_driver, options, threads);
         let mut driver = driver.map_err(Error::of_driver)?;
@@ -68,7 +63,7 @@ impl Loaded {
             driver,
             joined,
             animation,
-            update,
+            update: options.update,
             builders,
             asked: Vec::new(),
             trees_before: 0,
@@ -131,11 +126,7 @@ impl Loaded {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
             return each.try_for_each(|one| self.begin(time, one, last));
         }
-        let most = match self.update {
-            Update::Rebuild => 1,
-            _ => FRAMES_IN_FLIGHT,
-        };
-        while self.under_way.len() >= most {
+        while self.under_way.len() >= self.driver.most_under_way() {
             self.finish(last)?;
         }
         let ticket = self.submit(time, queries)?;
@@ -145,6 +136,28 @@ impl Loaded {
             self.results.push_back((id, Answer { ticket, place }));
         }
         Ok(())
+    }
+
+    /// Begins one query of which nothing is kept.
+    pub(crate) fn begin_frame(&mut self, time: f64, query: Query<'_>) -> Result<()> {
+        let ticket = self.submit(time, &[query])?;
+        self.note(query);
+        self.under_way.push_back(ticket);
+        Ok(())
+    }
+
+    /// Waits for the oldest query under way, and takes what is wanted of it.
+    pub(crate) fn finish_frame(
+        &mut self,
+        wanted: Wanted,
+        answers: &mut Answers,
+        last: &mut Option<Statistics>,
+    ) -> Result<FrameRecord> {
+        self.under_way.pop_front();
+        let finished = self.driver.finish_frame(wanted, answers);
+        let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
+        *last = Some(self.statistics(&record));
+        Ok(record)
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
@@ -198,10 +211,9 @@ impl Loaded {
     }
 
     /// Waits for all submissions.
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn finish_all(&mut self) -> Result<()> {
+    pub(crate) fn finish_all(&mut self, last: &mut Option<Statistics>) -> Result<()> {
         while !self.under_way.is_empty() {
-            self.finish(&mut None)?;
+            self.finish(last)?;
         }
         Ok(())
     }

@@ -2,12 +2,15 @@
 
 use crate::motion::Motion;
 use crate::{Error, Point, Result};
+use geom::{Animation, KeyFrameError};
+use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Triangles, and how they move.
 #[derive(Clone, Debug)]
 pub struct Mesh {
+    /// None where its motion has them.
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<Motion>,
     pub(crate) colours: Arc<[Colour]>,
@@ -45,6 +48,50 @@ impl Mesh {
         Self::new(triangles, vertices, Motion::Keys(keys))
     }
 
+    /// A mesh that goes through `keys` key frames, likewise, of which no more than about `window` are held: `read` gives each
+    /// where it is about to be played, from a file or by computing it, again and again the same. Several threads call it at a
+    /// time. All are read once before the first step, to learn what stands still.
+    ///
+    /// A scene of nothing else is blended on the device, which holds as many; beside other meshes it is blended on the host.
+    ///
+    /// # Errors
+    /// As for [`Mesh::keyframes`]; [`Error::KeyFrame`], with what `read` said, also later from steps.
+    pub fn sequence<E: Display>(
+        keys: usize,
+        window: usize,
+        read: impl Fn(usize) -> Result<Vec<Point>, E> + Send + Sync + 'static,
+        triangles: &[[u32; 3]],
+    ) -> Result<Self> {
+        if keys == 0 {
+            return Err(Error::Mesh("it has no key frame".to_owned()));
+        }
+        let read = move |key: usize| read(key).map_err(|e| KeyFrameError(e.to_string()));
+        let first = read(0).map_err(Error::of_reading)?.len();
+        check_triangles(triangles, first)?;
+        let checked = move |key: usize| {
+            let frame = read(key)?;
+            match frame.len() {
+                found if found == first => Ok(frame),
+                found => Err(KeyFrameError(format!(
+                    "key frame {key} has {found} vertices, the first has {first}"
+                ))),
+            }
+        };
+        let size = [keys, window];
+        let animation = Animation::streamed(Arc::new(checked), size, triangles.to_vec());
+        let animation = animation.map_err(Error::of_reading)?;
+        Ok(Self::animated(Arc::new(animation)))
+    }
+
+    /// A mesh of one colour that moves as an animation does.
+    pub(crate) fn animated(animation: Arc<Animation>) -> Self {
+        Self {
+            triangles: Vec::new(),
+            motion: Arc::new(Motion::Animated(animation)),
+            colours: Arc::new([GREY]),
+        }
+    }
+
     /// A mesh whose vertices arrive while it is traced: see [`Step::vertices`](crate::Step::vertices). Until then it stands at `rest`.
     ///
     /// # Errors
@@ -74,14 +121,7 @@ impl Mesh {
     }
 
     fn new(triangles: &[[u32; 3]], vertices: usize, motion: Motion) -> Result<Self> {
-        let outside = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
-        if let Some(triangle) = triangles.iter().position(outside) {
-            let [a, b, c] = triangles[triangle];
-            let why = format!(
-                "triangle {triangle} names vertices {a}, {b} and {c}, but there are {vertices}"
-            );
-            return Err(Error::Mesh(why));
-        }
+        check_triangles(triangles, vertices)?;
         Ok(Self {
             triangles: triangles.to_vec(),
             motion: Arc::new(motion),
@@ -112,8 +152,31 @@ impl Mesh {
     /// How many triangles it has.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
-        self.triangles.len()
+        self.triangles().len()
     }
+
+    pub(crate) fn triangles(&self) -> &[[u32; 3]] {
+        self.animation().map_or(&self.triangles, |a| a.triangles())
+    }
+
+    /// What it moves as, if that has triangles of its own.
+    pub(crate) fn animation(&self) -> Option<&Arc<Animation>> {
+        match &*self.motion {
+            Motion::Animated(animation) => Some(animation),
+            _ => None,
+        }
+    }
+}
+
+fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
+    let outside = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
+    let Some(triangle) = triangles.iter().position(outside) else {
+        return Ok(());
+    };
+    let [a, b, c] = triangles[triangle];
+    let why =
+        format!("triangle {triangle} names vertices {a}, {b} and {c}, but there are {vertices}");
+    Err(Error::Mesh(why))
 }
 
 /// A mesh of a scene. It stays the same as long as the scene is traced, whatever is [replaced](crate::Tracer::replace).

@@ -18,6 +18,8 @@ pub(crate) enum Motion {
     Fixed(Vec<Point>),
     /// One at least.
     Keys(Vec<Vec<Point>>),
+    /// Key frames that may be read while they are played, with triangles.
+    Animated(Arc<Animation>),
     Streamed(Vec<Point>),
     Rigid {
         rest: Vec<Point>,
@@ -31,24 +33,37 @@ impl Motion {
     pub(crate) fn first(&self) -> &[Point] {
         match self {
             Self::Keys(keys) => &keys[0],
+            Self::Animated(animation) => animation.first(),
             Self::Fixed(rest) | Self::Streamed(rest) | Self::Rigid { rest, .. } => rest,
         }
     }
 
-    fn keys(&self) -> &[Vec<Point>] {
+    /// Key frames that an animation of all meshes takes of it.
+    fn key_count(&self) -> usize {
         match self {
-            Self::Keys(keys) => keys,
-            Self::Fixed(only) | Self::Streamed(only) | Self::Rigid { rest: only, .. } => {
-                std::slice::from_ref(only)
-            }
+            Self::Keys(keys) => keys.len(),
+            _ => 1,
+        }
+    }
+
+    /// One of them; the last one after that.
+    fn key(&self, key: usize) -> &[Point] {
+        match self {
+            Self::Keys(keys) => &keys[key.min(keys.len() - 1)],
+            _ => self.first(),
         }
     }
 
     pub(crate) fn is_fixed(&self) -> bool {
-        self.keys().len() == 1 && matches!(self, Self::Fixed(_) | Self::Keys(_))
+        match self {
+            Self::Fixed(_) => true,
+            Self::Keys(keys) => keys.len() == 1,
+            Self::Animated(animation) => animation.key_count() == 1,
+            Self::Streamed(_) | Self::Rigid { .. } => false,
+        }
     }
 
-    /// Whether where it goes is not known beforehand.
+    /// Whether steps say where it goes.
     fn is_live(&self) -> bool {
         matches!(self, Self::Streamed(_) | Self::Rigid { .. })
     }
@@ -93,7 +108,7 @@ pub(crate) struct Joined {
 
 impl Joined {
     /// Joins meshes, and makes an animation of them.
-    pub(crate) fn of(meshes: Vec<Mesh>) -> Result<(Self, Animation)> {
+    pub(crate) fn of(meshes: Vec<Mesh>) -> Result<(Self, Arc<Animation>)> {
         let starts = |count: fn(&Mesh) -> usize| {
             let ends = meshes.iter().scan(0, |end, mesh| {
                 *end += count(mesh);
@@ -109,9 +124,16 @@ impl Joined {
         }
         let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
             let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
-            mesh.triangles.iter().map(moved)
+            mesh.triangles().iter().map(moved)
         });
-        let all = all.collect();
+        let alone = match &*meshes {
+            [only] => only.animation().cloned(),
+            _ => None,
+        };
+        let all = match alone {
+            Some(_) => Vec::new(),
+            None => all.collect(),
+        };
         let looks = meshes.into_iter().map(|mesh| (mesh.motion, mesh.colours));
         let (motions, colours): (Vec<_>, Vec<_>) = looks.unzip();
         let mut joined = Self {
@@ -126,18 +148,18 @@ impl Joined {
             is_told: true,
             time: 0.0,
         };
-        let animation = match joined.is_live() {
-            true => joined.live(all)?,
-            false => joined.keyed(all)?,
+        let animation = match alone {
+            Some(animation) => animation,
+            None if joined.is_live() => Arc::new(joined.live(all)?),
+            None => Arc::new(joined.keyed(all)?),
         };
         Ok((joined, animation))
     }
 
     fn keyed(&self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
-        let counts = self.motions.iter().map(|motion| motion.keys().len());
+        let counts = self.motions.iter().map(|motion| motion.key_count());
         let frame = |key: usize| {
-            let all = self.motions.iter();
-            let each = all.flat_map(|m| &m.keys()[key.min(m.keys().len() - 1)]);
+            let each = self.motions.iter().flat_map(|motion| motion.key(key));
             each.copied().collect::<Vec<_>>()
         };
         let frames = (0..counts.max().unwrap_or(1)).map(frame);
@@ -153,15 +175,22 @@ impl Joined {
         Animation::live(first, &marks, triangles).map_err(Error::of_keys)
     }
 
+    /// Whether vertices arrive while the scene is traced: steps bring them, or they are read beside those of other meshes.
     pub(crate) fn is_live(&self) -> bool {
-        self.motions.iter().any(|motion| motion.is_live())
+        let is_alone = self.motions.len() == 1;
+        let is_read = |motion: &Motion| {
+            let is_animated = matches!(motion, Motion::Animated(_));
+            is_animated && !motion.is_fixed() && !is_alone
+        };
+        let mut all = self.motions.iter();
+        all.any(|motion| motion.is_live() || is_read(motion))
     }
 
     /// Where meshes stand, but for what no query has seen yet.
     pub(crate) fn current_vertices(&self, animation: &Animation) -> Result<CurrentVertices> {
         let newest = animation.key(animation.key_count() - 1);
         Ok(CurrentVertices {
-            newest: newest.map_err(Error::of_keys)?,
+            newest: newest.map_err(Error::of_reading)?,
             starts: self.vertices.clone(),
         })
     }
@@ -185,7 +214,10 @@ impl Joined {
             let mesh = |(i, (motion, colours)): (usize, (Arc<Motion>, Arc<[Colour]>))| {
                 let first = vertices[i] as u32;
                 let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
-                let triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
+                let triangles = match &*motion {
+                    Motion::Animated(_) => Vec::new(),
+                    _ => own.iter().map(|t| t.map(|v| v - first)).collect(),
+                };
                 Mesh {
                     triangles,
                     motion,
@@ -197,8 +229,13 @@ impl Joined {
     }
 
     /// One colour a triangle.
-    pub(crate) fn triangle_colours(&self) -> Vec<Colour> {
+    pub(crate) fn triangle_colours(&self) -> Arc<[Colour]> {
         let counts = self.triangles.windows(2).map(|ends| ends[1] - ends[0]);
+        if let ([only], Some(&count)) = (&*self.colours, self.triangles.last())
+            && only.len() == count
+        {
+            return Arc::clone(only);
+        }
         let each = self.colours.iter().zip(counts);
         let of_mesh = |(all, count): (&Arc<[Colour]>, usize)| match **all {
             [only] => vec![only; count],
@@ -241,6 +278,15 @@ impl Joined {
         self.returned.retain(|other| *other != range);
     }
 
+    /// Has key frames be read that will be played next, where not all are held.
+    pub(crate) fn look_ahead(&self, times: impl Iterator<Item = f64> + Clone) {
+        for motion in &self.motions {
+            if let Motion::Animated(animation) = &**motion {
+                animation.look_ahead(times.clone());
+            }
+        }
+    }
+
     /// Has steps to come prepared where the device reads them.
     pub(crate) fn prepare(
         &mut self,
@@ -281,12 +327,12 @@ impl Joined {
             return Ok(time);
         }
         if passed {
-            self.blend(time);
+            self.blend(time)?;
         }
         if std::mem::replace(&mut self.is_told, true) {
             return Ok(animation.end());
         }
-        let last = animation.at(animation.end()).map_err(Error::of_keys)?;
+        let last = animation.at(animation.end()).map_err(Error::of_reading)?;
         let [last, _] = last.key_frames();
         for mesh in (0..self.motions.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
@@ -308,21 +354,25 @@ impl Joined {
     }
 
     /// Brings key-framed meshes to `time`, with the bits that a device would blend.
-    fn blend(&mut self, time: f64) {
-        let motions = std::mem::take(&mut self.motions);
-        for (mesh, motion) in motions.iter().enumerate() {
-            let Motion::Keys(keys) = &**motion else {
-                continue;
-            };
-            if keys.len() == 1 {
-                continue;
+    fn blend(&mut self, time: f64) -> Result<()> {
+        for mesh in 0..self.motions.len() {
+            let motion = Arc::clone(&self.motions[mesh]);
+            match &*motion {
+                motion if motion.is_fixed() => (),
+                Motion::Keys(keys) => {
+                    let pose = Pose::at(time, keys.len());
+                    let [earlier, later] =
+                        [0, 1].map(|after| motion.key(pose.key as usize + after));
+                    set(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
+                }
+                Motion::Animated(animation) => {
+                    let moment = animation.at(time).map_err(Error::of_reading)?;
+                    set(self.vertices_of(mesh), |v| moment.vertex(v as u32));
+                }
+                Motion::Fixed(_) | Motion::Streamed(_) | Motion::Rigid { .. } => (),
             }
-            let pose = Pose::at(time, keys.len());
-            let earlier = &keys[pose.key as usize];
-            let later = keys.get(pose.key as usize + 1).unwrap_or(earlier);
-            set(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
         }
-        self.motions = motions;
+        Ok(())
     }
 }
 

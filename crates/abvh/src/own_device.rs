@@ -152,7 +152,7 @@ impl Loaded {
             .is_some_and(|backend| backend.gpu().has_encoded())
         {
             // What it takes over must have been submitted.
-            before.finish_all()?;
+            before.finish_all(&mut None)?;
         }
         for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
@@ -214,7 +214,7 @@ impl Step<'_> {
     /// step is submitted, and no host sees them.
     ///
     /// # Errors
-    /// [`Error::Device`], also on another device and where a buffer is too small or lacks a usage.
+    /// [`Error::Unsupported`] on another device; [`Error::Device`], also where a buffer is too small or lacks a usage.
     pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
         buffers.check(query)?;
         self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
@@ -237,7 +237,7 @@ impl Step<'_> {
     /// # Errors
     /// [`Error::TooLate`] if rays of the host's memory were traced in the step, or a picture rendered: they do not wait for
     /// the program.
-    /// [`Error::Device`] on another device; before the first tree is there, see [`Tracer::warm_up`]; with
+    /// [`Error::Unsupported`] on another device; [`Error::Device`] before the first tree is there, see [`Tracer::warm_up`]; with
     /// [`Update::Rebuild`](crate::Update::Rebuild); with [`Intersector::Exact`](crate::Intersector::Exact) and several queries.
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
         if self.deferred.len() < self.queries as usize {
@@ -257,7 +257,7 @@ impl Step<'_> {
 }
 
 pub(crate) fn no_wgpu() -> Error {
-    Error::Device("it has no buffers of wgpu's".into())
+    Error::Unsupported("it has no buffers of wgpu's".into())
 }
 
 impl Tracer {
@@ -266,7 +266,8 @@ impl Tracer {
     /// ([`Tracer::first_triangle`]) or 4294967295 for a miss. It is used again when the query's results are dropped.
     ///
     /// # Errors
-    /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Device`] on another device.
+    /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Unsupported`] on another
+    /// device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
         let (loaded, answer) = find(&mut self.current, &mut self.former, step, query)?;
         let backend = loaded.wgpu().ok_or_else(no_wgpu)?;

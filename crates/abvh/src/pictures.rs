@@ -4,13 +4,15 @@ use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::{Error, Point, QueryId, Result, Statistics, Step, StepId, Tracer};
 use backend::{Query, QueryKind, Rays};
-use geom::Camera;
+use geom::{Animation, Camera};
+use pipeline::Answers;
 use shading::Shot;
+use std::sync::Arc;
 
 /// What pictures of a scene take, and what the host made of them.
 pub(crate) struct RenderState {
     /// One a triangle, where the host shades; else the device has them.
-    colours: Option<Vec<Colour>>,
+    colours: Option<Arc<[Colour]>>,
     /// Pixels that the host shaded.
     shaded: Vec<(QueryId, Vec<u8>)>,
 }
@@ -39,7 +41,7 @@ impl Step<'_> {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// As for [`Step::trace`].
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let id = self.next_id();
         let Tracer { current, last, .. } = &mut *self.tracer;
@@ -67,7 +69,7 @@ impl Loaded {
         (camera, light): (&Camera, Point),
         last: &mut Option<Statistics>,
     ) -> Result<()> {
-        let is_on_device = self.render_state()?.colours.is_none();
+        let is_on_device = self.is_shaded_on_device()?;
         let rays = Rays::Camera(camera);
         let kind = QueryKind::ClosestAndShadow { light };
         self.begin(time, (&[id], &[Query { rays, kind }]), last)?;
@@ -78,6 +80,11 @@ impl Loaded {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether pictures come from the device; from the first picture on it has all that they take.
+    pub(crate) fn is_shaded_on_device(&mut self) -> Result<bool> {
+        Ok(self.render_state()?.colours.is_none())
     }
 
     /// What the first picture takes with it.
@@ -105,28 +112,37 @@ impl Loaded {
         (id, Answer { ticket, place }): (QueryId, Answer),
         (camera, light): (&Camera, Point),
     ) -> Result<()> {
-        let time = match self.joined.is_live() {
-            true => self.animation.end(),
-            false => self.joined.time,
-        };
+        let at = self.time_of_last(self.joined.time);
         let hits = self.driver.backend().hits_of(ticket, place);
         let hits = hits.map_err(Error::of_backend)?;
-        if let Some(RenderState {
-            colours: Some(colours),
-            shaded,
-        }) = &mut self.render_state
-        {
-            let shot = Shot {
-                moment: self.animation.at(time).map_err(Error::of_keys)?,
-                colours,
-                camera,
-                light,
-            };
+        if let Some(state) = &mut self.render_state {
             let mut rgba = Vec::new();
-            shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
-            shaded.push((id, rgba));
+            state.shade((&self.animation, at), (camera, light), (hits, &mut rgba))?;
+            state.shaded.push((id, rgba));
         }
         Ok(())
+    }
+
+    /// Likewise, of a frame at a time.
+    pub(crate) fn shade_frame(
+        &self,
+        time: f64,
+        shot: (&Camera, Point),
+        Answers { hits, pixels }: &mut Answers,
+    ) -> Result<()> {
+        let at = self.time_of_last(time);
+        let state = self.render_state.as_ref();
+        state.map_or(Ok(()), |state| {
+            state.shade((&self.animation, at), shot, (hits, pixels))
+        })
+    }
+
+    /// Where the last step stands in the animation, at a time of its own.
+    fn time_of_last(&self, time: f64) -> f64 {
+        match self.joined.is_live() {
+            true => self.animation.end(),
+            false => time,
+        }
     }
 
     fn pixels(&mut self, id: QueryId, answer: Answer, rgba: &mut Vec<u8>) -> Result<()> {
@@ -147,6 +163,22 @@ impl Loaded {
 }
 
 impl RenderState {
+    fn shade(
+        &self,
+        (animation, time): (&Animation, f64),
+        (camera, light): (&Camera, Point),
+        (hits, rgba): (&backend::Hits, &mut Vec<u8>),
+    ) -> Result<()> {
+        let shot = Shot {
+            moment: animation.at(time).map_err(Error::of_reading)?,
+            colours: self.colours.as_deref().unwrap_or_default(),
+            camera,
+            light,
+        };
+        shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
+        Ok(())
+    }
+
     /// Drops pictures of steps before one.
     pub(crate) fn keep_from(&mut self, step: u64) {
         self.shaded.retain(|(query, _)| query.step.0 >= step);

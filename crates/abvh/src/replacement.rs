@@ -184,10 +184,10 @@ impl Preparation {
             let why = format!("{expected} cannot be opened once more, only {found}");
             return Err(Error::Device(why));
         }
-        let how = (self.builder.method, update);
+        let options = self.builder.options(update);
         let builders = self.builders.clone();
         self.builders.install(move || {
-            let mut loaded = Loaded::new(meshes, backend, how, builders)?;
+            let mut loaded = Loaded::new(meshes, backend, options, builders)?;
             loaded.joined.move_to(&current_vertices, self.mesh);
             if is_given_up.load(Ordering::Relaxed) {
                 return Err(Error::Device("it was given up".to_owned()));

@@ -58,7 +58,8 @@ impl Tracer {
     /// after that step and before the next. The buffers are mostly the same as before: compare, to bind them anew if not.
     ///
     /// # Errors
-    /// [`Error::Device`] before there was such a step, by another intersector or layout, or on another device.
+    /// [`Error::Unsupported`] on another device; [`Error::Device`] before there was such a step, or by another intersector or
+    /// layout.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         self.current.scene_buffers()
     }

@@ -192,6 +192,7 @@ impl Step<'_> {
     /// than a large one.
     ///
     /// # Errors
+    /// [`Error::KeyFrame`] where one is read; [`Error::Unsupported`] if there are more rays than the device takes;
     /// [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
         let rays = rays.into();
@@ -222,7 +223,7 @@ impl Step<'_> {
     /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`] waits for them.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// As for [`Step::trace`].
     pub fn submit(mut self) -> Result<StepId> {
         self.begin_deferred()?;
         #[cfg(feature = "vulkan")]

@@ -4,7 +4,7 @@ use crate::disposal::Disposal;
 use crate::loaded::{Answer, Loaded, find};
 use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
 use backend::{Backend, DeviceKind, Method, Query};
-use pipeline::{BuilderThreads, Pace, Threads};
+use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
 use std::fmt;
 use std::sync::Arc;
 
@@ -24,6 +24,12 @@ pub enum Update {
     Refit,
     /// The newest tree that is finished, refitted, while the host builds the next for where the motion is going.
     Async,
+    /// Likewise, with each tree taken up exactly so many steps after it was asked for, and waited for if it must be: then each
+    /// run goes through the same trees.
+    Lockstep(u32),
+    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it is the best that a motion can have
+    /// which repeats itself. T-SAH: Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
+    TSah,
 }
 
 /// What a tracer is to be.
@@ -33,6 +39,9 @@ pub struct Builder {
     update: Update,
     pub(crate) method: Method,
     threads: Option<usize>,
+    builder_threads: Option<usize>,
+    time_range: [f64; 2],
+    predict: bool,
 }
 
 impl Builder {
@@ -71,31 +80,57 @@ impl Builder {
         Self { threads, ..self }
     }
 
+    /// Threads of the host that build trees beside those that trace; see [`Builder::threads`] if nothing is said.
+    #[must_use]
+    pub fn builder_threads(self, threads: usize) -> Self {
+        let builder_threads = Some(threads.max(1));
+        Self {
+            builder_threads,
+            ..self
+        }
+    }
+
+    /// The first and the last time of all steps to come, in key frames, as far as that is known: no tree is built for others.
+    #[must_use]
+    pub fn time_range(self, time_range: [f64; 2]) -> Self {
+        Self { time_range, ..self }
+    }
+
+    /// Whether trees are built for where the motion is going; else for where it was when they were asked for, to measure by.
+    #[must_use]
+    pub fn predict(self, predict: bool) -> Self {
+        Self { predict, ..self }
+    }
+
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`], or [`Error::Device`] if the scene is beyond its limits.
+    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::Device`].
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
-        self.load(backend, scene)
+        self.build_on(backend, scene)
     }
 
     /// Likewise, on the device that a tracer has open: its kernels stay ready. What was said of a device counts for nothing, nor
     /// that of threads where the host traces.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// [`Error::Unsupported`], [`Error::Device`].
     pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
-        self.load(former.current.driver.into_backend(), scene)
+        self.build_on(former.current.driver.into_backend(), scene)
     }
 
-    fn load(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
+    /// Likewise, on a device that is open, as of a backend of the program's own. The trait is one of the crates that promise
+    /// nothing: it may change with each version. Only [`Device`]s have meshes [replaced](Tracer::replace).
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`], [`Error::Device`].
+    pub fn build_on(self, backend: Box<dyn Backend>, scene: Scene) -> Result<Tracer> {
         let update = self.policy(&scene.meshes);
         let (device, kind) = (name(backend.as_ref()), backend.device().kind);
         let builders = self.builders(kind, update)?;
-        let how = (self.method, update);
         Ok(Tracer {
-            current: Loaded::new(scene.meshes, backend, how, builders)?,
+            current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
             former: Vec::new(),
             builder: self,
             scene: scene.number,
@@ -113,9 +148,22 @@ impl Builder {
         match self.update {
             Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
             Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
+            Update::Lockstep(steps) => pipeline::Update::Async(Pace::Lockstep(steps)),
+            Update::TSah => pipeline::Update::TSah,
             Update::Rebuild => pipeline::Update::Rebuild,
             Update::DeviceRebuild => pipeline::Update::DeviceRebuild,
             Update::Refit => pipeline::Update::Refit,
+        }
+    }
+
+    /// What a driver is to do; it is given threads that build.
+    pub(crate) fn options(&self, update: pipeline::Update) -> DriverOptions {
+        DriverOptions {
+            method: self.method,
+            update,
+            builder_threads: 0,
+            time_range: self.time_range,
+            predict: self.predict,
         }
     }
 
@@ -129,7 +177,8 @@ impl Builder {
         kind: DeviceKind,
         update: pipeline::Update,
     ) -> Result<BuilderThreads> {
-        let threads = match (self.threads, self.share(kind, update).build) {
+        let asked = self.threads.or(self.builder_threads);
+        let threads = match (asked, self.share(kind, update).build) {
             // With all of them steps wait for cores longer than they gain by trees.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
@@ -138,11 +187,12 @@ impl Builder {
     }
 
     fn share(&self, kind: DeviceKind, update: pipeline::Update) -> Threads {
-        Threads::share(host::cores(), kind, update, [self.threads, None])
+        let asked = [self.threads, self.builder_threads];
+        Threads::share(host::cores(), kind, update, asked)
     }
 }
 
-fn moment(time: f64) -> f64 {
+pub(crate) fn moment(time: f64) -> f64 {
     if time.is_nan() { 0.0 } else { time }
 }
 
@@ -199,6 +249,9 @@ impl Tracer {
                 layout: Layout::Fast,
             },
             threads: None,
+            builder_threads: None,
+            time_range: [0.0, f64::INFINITY],
+            predict: true,
         }
     }
 
@@ -211,7 +264,7 @@ impl Tracer {
     /// Builds the first tree, for `time`, and makes kernels ready: then the first step waits for neither. Later it does nothing.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// [`Error::KeyFrame`] where one is read; [`Error::Device`].
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         match self.current.has_tree() {
             true => Ok(()),

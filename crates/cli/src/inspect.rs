@@ -78,7 +78,9 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         run,
         ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start(animation, &ask, Opening::LATER)?.setup.auto)
+    Ok(session::start(animation, &ask, Opening::LATER)?
+        .setup
+        .auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {
@@ -305,7 +307,7 @@ mod tests {
         let scene = Scene {
             name: String::new(),
             animation: std::sync::Arc::new(animation),
-            colours: vec![[0; 3]],
+            colours: [[0; 3]].into(),
             facts: scene::Facts::default(),
         };
         let r = reduce(&scene, Tolerance::Share(0.1)).unwrap();

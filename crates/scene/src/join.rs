@@ -136,7 +136,10 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
         name,
         animation: Arc::new(timed(spec, animation, &scenes)?),
         facts: facts(&scenes),
-        colours: scenes.into_iter().flat_map(|s| s.colours).collect(),
+        colours: scenes
+            .iter()
+            .flat_map(|s| s.colours.iter().copied())
+            .collect(),
     })
 }
 

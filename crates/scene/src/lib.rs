@@ -38,7 +38,7 @@ pub struct Scene {
     /// What rays hit.
     pub animation: Arc<geom::Animation>,
     /// sRGB, one a triangle.
-    pub colours: Vec<Rgb>,
+    pub colours: Arc<[Rgb]>,
     /// Where it came from.
     pub facts: Facts,
 }

@@ -62,7 +62,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     Ok(Scene {
         name,
         animation,
-        colours,
+        colours: colours.into(),
         facts,
     })
 }

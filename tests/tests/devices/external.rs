@@ -200,7 +200,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
     }
     for bytes in [1 << 60, u64::MAX] {
         let said = own.tracer.external_buffer(bytes);
-        assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
+        assert!(matches!(said, Err(Error::Unsupported(_))), "{said:?}");
     }
     let host = Tracer::builder().device(Device::Cpu).build(Scene::new());
     let mut host = host.unwrap();
@@ -210,7 +210,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
     ];
     assert!(matches!(
         said,
-        [Some(Error::Device(_)), Some(Error::Device(_))]
+        [Some(Error::Unsupported(_)), Some(Error::Unsupported(_))]
     ));
     // Where there is no semaphore, its extension is named.
     if let Err(e) = own.tracer.external_semaphore() {

@@ -3,6 +3,7 @@
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
 mod cameras;
+mod frames;
 mod oracle;
 mod pictures;
 mod pool;
@@ -21,7 +22,7 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 15] = [
+const LAWS: [(&str, Law); 19] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
@@ -31,6 +32,13 @@ const LAWS: [(&str, Law); 15] = [
     ("pictures_are_the_hosts_byte_for_byte", pictures::shaded),
     ("meshes_keep_their_colours", pictures::replaced),
     ("odd_pictures_are_no_panic", pictures::odd),
+    ("frames_are_the_pictures_of_steps", frames::as_steps),
+    ("key_frames_that_are_read_are_as_those_held", frames::read),
+    (
+        "key_frames_that_cannot_be_read_are_errors",
+        frames::unreadable,
+    ),
+    ("no_policy_changes_a_hit", frames::policies),
     ("misuse_is_an_error", misuse),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
@@ -51,6 +59,9 @@ const OWN: (&str, Law) = (
     replace::own,
 );
 
+/// Likewise, of a backend that the program opened.
+const GIVEN: (&str, Law) = ("a_backend_of_the_program_traces", frames::on_backend);
+
 /// Whatever a program holds may go to another thread.
 const _: () = {
     const fn is_send<T: Send>() {}
@@ -67,7 +78,11 @@ fn main() {
     for (name, device) in devices {
         let absent = Tracer::builder().device(device.clone()).build(Scene::new());
         let absent = absent.err().map(|e| e.to_string());
-        let own = (name == "wgpu").then_some(OWN);
+        let own = match name {
+            "cpu" => Some(GIVEN),
+            "wgpu" => Some(OWN),
+            _ => None,
+        };
         for (law, holds) in LAWS.into_iter().chain(own) {
             let (device, why) = (device.clone(), absent.clone());
             let trial = Trial::test(format!("{name}::{law}"), move || match why {
@@ -157,7 +172,7 @@ fn streamed(device: &Device) {
         if (update, device) == (Update::DeviceRebuild, &Device::Cpu) {
             let refused = Tracer::builder().device(Device::Cpu).update(update);
             let refused = refused.build(Scene::new());
-            assert!(matches!(refused, Err(Error::Device(_))), "{refused:?}");
+            assert!(matches!(refused, Err(Error::Unsupported(_))), "{refused:?}");
             continue;
         }
         let demo = demo(name);

@@ -60,7 +60,7 @@ pub(crate) fn open(name: &str, options: &Options) -> Result<Scene> {
     Ok(Scene {
         name: name.to_owned(),
         animation: Arc::new(animation),
-        colours,
+        colours: colours.into(),
         facts,
     })
 }

@@ -131,7 +131,7 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
     close(keys[2][1], [0.0, 3.0, 0.0]);
     close(keys[2][2], [1.0, 2.0, 0.0]);
     assert_eq!(scene.animation.triangles(), [[0, 1, 2]]);
-    assert_eq!(scene.colours, [[255, 0, 128]]);
+    assert_eq!(*scene.colours, [[255, 0, 128]]);
 }
 
 #[test]

@@ -1,0 +1,106 @@
+//! Pictures of many moments, one after another, as fast as the device makes them.
+//!
+//! ```
+//! use abvh::frames::{Frame, Wanted};
+//! use abvh::{Camera, Device, Mesh, Scene, Tracer};
+//!
+//! let [low, high] = [0.0, 2.0].map(|y| vec![[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 1.0]]);
+//! let mut scene = Scene::new();
+//! scene.add(Mesh::keyframes(vec![low, high], &[[0, 1, 2]])?);
+//! let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+//! let camera = Camera::look_at([0.0, 4.0, 6.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [64, 36]).unwrap();
+//! let frames: Vec<Frame> = (0..5).map(|i| Frame { index: i, time: i as f64 / 4.0 }).collect();
+//! let (light, mut pictures) = ([3.0, 8.0, 3.0], Vec::new());
+//! tracer.render_frames(&frames, (&camera, light), Wanted::PIXELS, |_, answers| {
+//!     pictures.push(std::mem::take(&mut answers.pixels));
+//!     Ok::<_, abvh::Error>(())
+//! })?;
+//! assert!(pictures.len() == 5 && pictures.iter().all(|rgba| rgba.len() == 4 * 64 * 36));
+//! # Ok::<_, abvh::Error>(())
+//! ```
+
+use crate::loaded::Loaded;
+use crate::tracer::moment;
+use crate::{Error, Point, Result, Tracer};
+use backend::{Query, QueryKind, Rays};
+use geom::Camera;
+use pipeline::LOOK_AHEAD;
+pub use pipeline::{Answers, Frame, FrameRecord, Wanted};
+
+impl Tracer {
+    /// Begins to make ready what such frames take, beside other work: kernels are compiled on threads of their own. Says
+    /// whether pixels, if they are wanted, come from the device; else the host shades hits.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn prepare_frames(&mut self, shot: (&Camera, Point), wanted: Wanted) -> Result<bool> {
+        let loaded = &mut self.current;
+        let shades = wanted.pixels && loaded.is_shaded_on_device()?;
+        loaded.driver.prepare(query(shot));
+        Ok(shades)
+    }
+
+    /// Renders what a camera sees at the times of `frames`, in the light of the sky and of one point. As many are under way as
+    /// the device allows, and key frames that are not held are read ahead. Each is shown to `on_frame` when it is done, in the
+    /// order of `frames`, with what is wanted of it, in memory that `on_frame` may take: what it leaves there is used for a later one.
+    /// Meshes that steps move stand where the last step left them. Results of earlier steps are dropped.
+    ///
+    /// A frame's `index` is the caller's own. What a [`FrameRecord`] tells, for those who measure, may grow with each version.
+    ///
+    /// # Errors
+    /// [`Error::KeyFrame`], [`Error::Unsupported`], [`Error::Device`], or whatever `on_frame` returns.
+    pub fn render_frames<E: From<Error>>(
+        &mut self,
+        frames: &[Frame],
+        shot: (&Camera, Point),
+        wanted: Wanted,
+        mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.drop_results()?;
+        let Self { current, last, .. } = self;
+        let shades_here = wanted.pixels && !current.is_shaded_on_device()?;
+        let most = match shades_here && current.joined.is_live() {
+            // Later frames would take its vertices away.
+            true => 1,
+            false => current.driver.most_under_way(),
+        };
+        let mut answers = Answers::default();
+        let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
+            let mut record = loaded.finish_frame(wanted, &mut answers, last)?;
+            if shades_here {
+                loaded.shade_frame(moment(frame.time), shot, &mut answers)?;
+            }
+            record.frame = frame;
+            on_frame(&record, &mut answers)
+        };
+        let mut oldest = 0;
+        for (i, &frame) in frames.iter().enumerate() {
+            let times = frames[i..].iter().map(|frame| moment(frame.time));
+            current.joined.look_ahead(times.take(LOOK_AHEAD));
+            current.begin_frame(moment(frame.time), query(shot))?;
+            if i - oldest + 1 >= most {
+                finish(current, frames[oldest])?;
+                oldest += 1;
+            }
+        }
+        let mut rest = frames[oldest..].iter();
+        rest.try_for_each(|&frame| finish(current, frame))
+    }
+
+    /// Waits for what is under way, and forgets it.
+    fn drop_results(&mut self) -> Result<()> {
+        self.current.finish_all(&mut self.last)?;
+        self.current.keep_from(u64::MAX);
+        for former in self.former.drain(..) {
+            self.disposal.begin(move || drop(former));
+        }
+        Ok(())
+    }
+}
+
+fn query((camera, light): (&Camera, Point)) -> Query<'_> {
+    Query {
+        rays: Rays::Camera(camera),
+        kind: QueryKind::ClosestAndShadow { light },
+    }
+}

@@ -1,0 +1,209 @@
+//! Frames of an animation, and key frames that are read while they are played.
+
+use crate::{Demo, bits, demo, of_keys, pool, seen, still};
+use abvh::frames::{Frame, Wanted};
+use abvh::{Camera, Device, Error, Mesh, Point, Query, Scene, Source, Tracer, Update};
+use integration::stage::{camera, colours};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const LAMP: Point = [2.0, 4.0, 1.5];
+/// To and fro, between key frames, twice the same, and beyond the ends.
+const TIMES: [f64; 8] = [0.0, 0.5, 1.25, 1.25, 7.0, 2.5, -1.0, 1e9];
+
+/// Key frames of a demo, read when they are wanted.
+fn sequence(demo: &Demo) -> Mesh {
+    let (keys, read) = (demo.keys.len(), demo.keys.clone());
+    let read = move |key: usize| Ok::<_, Error>(read[key].clone());
+    let mesh = Mesh::sequence(keys, 4, read, &demo.triangles).unwrap();
+    mesh.with_colours(&colours(demo.triangles.len())).unwrap()
+}
+
+/// A mesh above the ground that goes up and down.
+fn sail(height: f32) -> [Point; 3] {
+    [
+        [-0.5, height, -0.5],
+        [0.5, height, -0.5],
+        [0.0, height, 0.5],
+    ]
+}
+
+fn all_frames() -> Vec<Frame> {
+    let frame = |(i, &time): (usize, &f64)| Frame {
+        index: 100 - i as u64,
+        time,
+    };
+    TIMES.iter().enumerate().map(frame).collect()
+}
+
+/// The picture of a step, and what was hit in it.
+fn picture(tracer: &mut Tracer, time: f64, camera: &Camera) -> (Vec<u8>, Vec<u32>) {
+    let mut step = tracer.step(time);
+    let picture = step.render(camera, LAMP).unwrap();
+    let done = step.submit().unwrap();
+    let mut rgba = Vec::new();
+    tracer.pixels(done, picture, &mut rgba).unwrap();
+    let hits = tracer.hits(done, picture).unwrap();
+    let hit = hits.in_scene().iter().map(|hit| hit.triangle);
+    (rgba, hit.collect())
+}
+
+/// Also beside a mesh that steps move, and after a caller gave up in the middle.
+pub(crate) fn as_steps(device: &Device) {
+    let demo = demo("demo:twist:2000");
+    let camera = camera(&demo.animation, [40, 30]);
+    let wanted = Wanted {
+        hits: true,
+        pixels: true,
+    };
+    for is_alone in [true, false] {
+        let mut scene = Scene::new();
+        scene.add(sequence(&demo));
+        let moved =
+            (!is_alone).then(|| scene.add(Mesh::streamed(&sail(0.0), &[[0, 1, 2]]).unwrap()));
+        let mut tracer = pool::tracer(scene, device);
+        if let Some(sail_id) = moved {
+            let mut step = tracer.step(0.0);
+            step.vertices(sail_id, Source::Host(&sail(0.4))).unwrap();
+            step.submit().unwrap();
+        }
+        let expected = TIMES.map(|time| picture(&mut tracer, time, &camera));
+        assert!(expected[0] != expected[1]);
+        let mut step = tracer.step(0.0);
+        let query = step.trace(&demo.rays, Query::Closest).unwrap();
+        let before = step.submit().unwrap();
+        let is_prepared = tracer.prepare_frames((&camera, LAMP), wanted);
+        assert_eq!(is_prepared, Ok(*device != Device::Cpu));
+        for most in [3, TIMES.len()] {
+            let mut found = Vec::new();
+            let given_up = Err(Error::NoDevice("enough".to_owned()));
+            let all = all_frames();
+            let ended = tracer.render_frames(&all, (&camera, LAMP), wanted, |record, answers| {
+                assert_eq!(record.frame, all[found.len()]);
+                let hit = answers.hits.closest.iter().map(|hit| hit.triangle);
+                found.push((std::mem::take(&mut answers.pixels), hit.collect::<Vec<_>>()));
+                match found.len() {
+                    count if count == most => given_up.clone(),
+                    _ => Ok(()),
+                }
+            });
+            assert_eq!(ended, given_up);
+            assert!(found == expected[..most], "alone: {is_alone}");
+            assert!(picture(&mut tracer, TIMES[1], &camera) == expected[1]);
+        }
+        let dropped = tracer.hits(before, query).err();
+        assert_eq!(dropped, Some(Error::NoResult));
+    }
+}
+
+/// Alone and beside others, one of which is replaced.
+pub(crate) fn read(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let mut held = of_keys(&demo, &demo.keys, device);
+    let mut scene = Scene::new();
+    scene.add(sequence(&demo));
+    let mut alone = pool::tracer(scene, device);
+    let far = |x: f32| sail(0.0).map(|p| [p[0] + x, p[1] - 900.0, p[2]]);
+    let mut scene = Scene::new();
+    scene.add(sequence(&demo));
+    let other = scene.add(Mesh::fixed(&far(0.0), &[[0, 1, 2]]).unwrap());
+    let mut beside = pool::tracer(scene, device);
+    for (i, time) in TIMES.into_iter().enumerate() {
+        let expected = still(&mut held, time, &demo.rays);
+        assert!(still(&mut alone, time, &demo.rays) == expected, "{time}");
+        assert!(still(&mut beside, time, &demo.rays) == expected, "{time}");
+        if i == 3 {
+            let with = Mesh::fixed(&far(5.0), &[[0, 1, 2]]).unwrap();
+            let replacement = beside.replace(other, with).unwrap();
+            beside.commit(replacement).unwrap();
+        }
+    }
+}
+
+/// A source that fails, or has fewer vertices than it began with.
+pub(crate) fn unreadable(device: &Device) {
+    let demo = demo("demo:collide:300");
+    let fails = Arc::new(AtomicBool::new(false));
+    let (keys, heard) = (demo.keys.clone(), Arc::clone(&fails));
+    let read = move |key: usize| match key > 8 && heard.load(Ordering::Relaxed) {
+        true => Err(format!("key frame {key} is gone")),
+        false => Ok(keys[key].clone()),
+    };
+    let mut scene = Scene::new();
+    scene.add(Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap());
+    let mut tracer = pool::tracer(scene, device);
+    let first = still(&mut tracer, 0.0, &demo.rays);
+    fails.store(true, Ordering::Relaxed);
+    let said = tracer.step(12.0).trace(&demo.rays, Query::Closest);
+    let why = said.unwrap_err();
+    assert!(
+        matches!(&why, Error::KeyFrame(why) if why.contains("is gone")),
+        "{why:?}"
+    );
+    assert!(still(&mut tracer, 0.0, &demo.rays) == first);
+    assert!(tracer.step(12.0).trace(&demo.rays, Query::Closest).is_err());
+    fails.store(false, Ordering::Relaxed);
+    let expected = still(&mut of_keys(&demo, &demo.keys, device), 12.0, &demo.rays);
+    assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
+    let shrinks = |key: usize| Ok::<_, Error>(vec![[0.0; 3]; 5 - key]);
+    let none = |_: usize| Err::<Vec<Point>, _>("nothing there");
+    let made = [
+        Mesh::sequence(3, 4, shrinks, &[]),
+        Mesh::sequence(1, 4, none, &[]),
+    ];
+    for made in made {
+        assert!(matches!(made, Err(Error::KeyFrame(_))), "{made:?}");
+    }
+    for (keys, triangles) in [(0, [0, 1, 2]), (1, [0, 1, 5])] {
+        let made = Mesh::sequence(keys, 4, shrinks, &[triangles]);
+        assert!(matches!(made, Err(Error::Mesh(_))), "{made:?}");
+    }
+}
+
+/// Nor does a range of time that is odd, or threads without end.
+pub(crate) fn policies(device: &Device) {
+    let demo = demo("demo:twist:2000");
+    let mut usual = of_keys(&demo, &demo.keys, device);
+    let expected = TIMES.map(|time| still(&mut usual, time, &demo.rays));
+    for update in [
+        Update::Lockstep(0),
+        Update::Lockstep(2),
+        Update::TSah,
+        Update::Rebuild,
+    ] {
+        for time_range in [[0.0, f64::INFINITY], [f64::NAN, -7.0]] {
+            let mut scene = Scene::new();
+            scene.add(Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap());
+            let streamed = Mesh::streamed(&sail(-900.0), &[[0, 1, 2]]).unwrap();
+            let sail_id = time_range[0].is_nan().then(|| scene.add(streamed));
+            let builder = Tracer::builder().update(update).builder_threads(1);
+            let builder = builder.predict(false).time_range(time_range);
+            let mut tracer = pool::build(builder, scene, device);
+            for (time, expected) in TIMES.into_iter().zip(&expected) {
+                let found = seen(&mut tracer, time, &demo.rays, |step| {
+                    sail_id.map_or(Ok(()), |id| step.vertices(id, Source::Host(&sail(-901.0))))
+                });
+                assert!(found == *expected, "{update:?} at {time}");
+            }
+            let trees = tracer.statistics().unwrap().generation;
+            assert_eq!(trees > 1, update != Update::TSah, "{update:?}");
+        }
+    }
+}
+
+/// By a backend of the program's own.
+pub(crate) fn on_backend(device: &Device) {
+    let demo = demo("demo:twist:2000");
+    let mut usual = of_keys(&demo, &demo.keys, device);
+    let mut scene = Scene::new();
+    scene.add(Mesh::from(
+        &scene::open("demo:twist:2000", &scene::Options::default()).unwrap(),
+    ));
+    let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
+    let mut tracer = Tracer::builder().build_on(backend, scene).unwrap();
+    let mut step = tracer.step(1.5);
+    let query = step.trace(&demo.rays, Query::Closest).unwrap();
+    let done = step.submit().unwrap();
+    let found = bits(tracer.hits(done, query).unwrap());
+    assert!(found == still(&mut usual, 1.5, &demo.rays));
+}
