@@ -78,7 +78,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         run,
         ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start(animation, &ask, Opening::LATER)?
+    Ok(session::start_driver(animation, &ask, Opening::LATER)?
         .setup
         .auto)
 }

@@ -9,9 +9,10 @@ use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
 use crate::{frames, info, inspect, memory, table, talk, values};
+use abvh::Tracer;
+use abvh::frames::{Frame, Wanted};
 use geom::Camera;
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles};
-use pipeline::{Driver, Frame, Wanted};
 use scene::Scene;
 use serde_json::{Value, json};
 use shading::View;
@@ -52,10 +53,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         ..asked
     };
     let video = video(args)?;
-    let Session { mut driver, setup } = session::start(&scene.animation, &ask, opening)?;
+    let Session {
+        traces: mut tracer,
+        setup,
+    } = session::start(&scene, &ask, opening)?;
     passed("open the device, load the scene");
-    let wanted = wanted((&outputs, video.is_some()), &scene, &mut driver)?;
-    driver.prepare(query);
+    let mut wanted = outputs.wanted();
+    wanted.pixels |= video.is_some();
+    let shades = tracer.prepare_frames((&camera, view.light), wanted)?;
+    if wanted.pixels && !shades {
+        wanted = Wanted::HITS;
+    }
     let new = outputs.prepare()?;
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
@@ -80,7 +88,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         args,
         (&scene, &camera, &view),
         (todo, old.len()),
-        (driver, &setup),
+        (tracer, &setup),
         (&outputs, video, wanted),
         (&mut journals, notes.as_mut()),
     )?;
@@ -161,20 +169,6 @@ fn video(args: &RenderArgs) -> Result<Option<Video<Lent>>, Stop> {
     Video::begin(&files).map_err(Stop::bad)
 }
 
-/// What is fetched of each frame, for files and maybe a video.
-fn wanted(
-    (outputs, with_video): (&Outputs, bool),
-    scene: &Scene,
-    driver: &mut Driver,
-) -> Result<Wanted, Stop> {
-    let mut wanted = outputs.wanted();
-    wanted.pixels |= with_video;
-    if wanted.pixels && !driver.shade(&shading::palette(&scene.colours))? {
-        wanted = Wanted::HITS;
-    }
-    Ok(wanted)
-}
-
 /// Results go to standard output, unless statistics or a video go there.
 fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
     let files = [&args.stats, &args.y4m].map(Option::as_deref);
@@ -227,7 +221,7 @@ fn trace_all(
     args: &RenderArgs,
     (scene, camera, view): (&Scene, &Camera, &View),
     (todo, done): (Vec<Frame>, usize),
-    (mut driver, setup): (Driver, &Setup),
+    (mut tracer, setup): (Tracer, &Setup),
     (outputs, video, wanted): (&Outputs, Option<Video<Lent>>, Wanted),
     (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
@@ -240,18 +234,18 @@ fn trace_all(
         let all = done + todo.len();
         progress.say(&format!("{done} of {all} frames are there already"));
     }
-    let query = view.query(camera);
     let shown = (scene, camera, view.light);
     let made = (outputs, video, wanted);
     let writer = Writer::new(shown, made, (journals, notes), progress);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        driver.run::<Stop>(todo, query, wanted, |frame, answers| {
+        let shot = (camera, view.light);
+        tracer.render_frames::<Stop>(&todo, shot, wanted, |frame, answers| {
             writer.take(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;
     // The device is closed while an encoder finishes.
-    drop(driver);
+    drop(tracer);
     writer.rows()
 }
 

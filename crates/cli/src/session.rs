@@ -1,4 +1,4 @@
-//! A driver set up as asked, ready for its first frame.
+//! A tracer set up as asked, ready for its first frame; to measure, the library's own driver.
 
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose;
@@ -6,17 +6,19 @@ pub(crate) use crate::choose::Ask;
 use crate::memory;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
+use abvh::{Builder, Mesh, Tracer};
 use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use output::Taken;
 use pipeline::{Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update};
+use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// A driver, and what it was made from.
-pub(crate) struct Session {
-    pub(crate) driver: Driver,
+/// What traces, and what it was made from.
+pub(crate) struct Session<T> {
+    pub(crate) traces: T,
     pub(crate) setup: Setup,
 }
 
@@ -60,19 +62,62 @@ fn on<'a>(ask: &Ask<'a>) -> (Option<&'a str>, usize) {
 
 /// Settles what is left to `auto`, and loads the scene on the backend that is being opened.
 pub(crate) fn start(
+    scene: &Scene,
+    ask: &Ask<'_>,
+    opening: Opening,
+) -> Result<Session<Tracer>, Stop> {
+    load(&scene.animation, ask, opening, |backend, options| {
+        let mut scene_of_one = abvh::Scene::new();
+        scene_of_one.add(Mesh::from(scene));
+        Ok(builder(options).build_on(backend, scene_of_one)?)
+    })
+}
+
+/// Likewise, to measure each stage.
+pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
     opening: Opening,
-) -> Result<Session, Stop> {
+) -> Result<Session<Driver>, Stop> {
+    load(animation, ask, opening, |backend, options| {
+        Ok(Driver::new(backend, Arc::clone(animation), options)?)
+    })
+}
+
+/// The library's words for what a driver is to do.
+fn builder(options: DriverOptions) -> Builder {
+    let update = match options.update {
+        Update::Rebuild => abvh::Update::Rebuild,
+        Update::Refit => abvh::Update::Refit,
+        Update::Async(Pace::Free) => abvh::Update::Async,
+        Update::Async(Pace::Lockstep(frames)) => abvh::Update::Lockstep(frames),
+        Update::TSah => abvh::Update::TSah,
+        Update::DeviceRebuild => abvh::Update::DeviceRebuild,
+    };
+    Tracer::builder()
+        .update(update)
+        .intersector(options.method.intersector)
+        .layout(options.method.layout)
+        .builder_threads(options.builder_threads)
+        .time_range(options.time_range)
+        .predict(options.predict)
+}
+
+fn load<T>(
+    animation: &Arc<Animation>,
+    ask: &Ask<'_>,
+    opening: Opening,
+    load: impl Fn(Box<dyn Backend>, DriverOptions) -> Result<T, Stop>,
+) -> Result<Session<T>, Stop> {
     let rays = ask.rays();
     memory::check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
-        let device = backend.device().clone();
         let mut backend = ReusedBackend::new(backend, animation, ask);
         let (method, update, why) = choose::settle(&mut backend, ask)?;
-        let driver = backend.driver(method, update)?;
-        Ok((driver, device, method, update, why))
+        let (backend, options) = backend.take(method, update)?;
+        let device = backend.device().clone();
+        Ok((load(backend, options)?, device, method, update, why))
     };
     let opened = opening.wait().transpose()?;
     let first = opened.map(|(backend, why)| Ok((ready(backend)?, why)));
@@ -80,7 +125,7 @@ pub(crate) fn start(
     let first = first.filter(|first| first.is_ok() || ask.backend != BackendName::Auto);
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
-    let (mut driver, device, method, update, reasons) = opened;
+    let (traces, device, method, update, reasons) = opened;
     let [why_update, mut why_intersector, mut why_layout] = reasons;
     let threads = ask.share(device.kind, update);
     let mut names = [method.intersector.name(), method.layout.name()];
@@ -96,7 +141,6 @@ pub(crate) fn start(
         choose::taken("layout", names[1], why_layout),
     ];
     let memory = ExpectedMemory::of(animation, device.kind, (method, update), rays);
-    let device = driver.backend().device().clone();
     let mut setup = Setup {
         backend: device.backend,
         adapter: device.adapter,
@@ -116,7 +160,7 @@ pub(crate) fn start(
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
-    Ok(Session { driver, setup })
+    Ok(Session { traces, setup })
 }
 
 /// What is asked of a backend that makes its trees itself: nothing is left to choose there.
@@ -205,6 +249,16 @@ impl<'a> ReusedBackend<'a> {
 
     /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
     pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
+        let (backend, options) = self.take(method, update)?;
+        Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
+    }
+
+    /// The backend, which has room for the scene, and what a driver is to do with it.
+    fn take(
+        &mut self,
+        method: Method,
+        update: Update,
+    ) -> Result<(Box<dyn Backend>, DriverOptions), Stop> {
         let threads = self.ask.share(self.device.kind, update);
         let options = DriverOptions {
             method,
@@ -213,9 +267,9 @@ impl<'a> ReusedBackend<'a> {
             time_range: self.ask.time_range(),
             predict: self.ask.predict,
         };
-        let backend = self.take(threads.render)?;
+        let backend = self.on(threads.render)?;
         memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
-        Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
+        Ok((backend, options))
     }
 
     pub(crate) fn put_back(&mut self, driver: Driver) {
@@ -223,7 +277,7 @@ impl<'a> ReusedBackend<'a> {
     }
 
     /// The backend at hand, or another of the same kind if that computes on other threads or is gone.
-    fn take(&mut self, threads: usize) -> Result<Box<dyn Backend>, Stop> {
+    fn on(&mut self, threads: usize) -> Result<Box<dyn Backend>, Stop> {
         if let Some(backend) = self.backend.take() {
             // 0 of those whose device computes.
             if [0, threads].contains(&backend.device().threads) {

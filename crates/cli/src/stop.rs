@@ -92,6 +92,17 @@ impl From<BackendError> for Stop {
     }
 }
 
+impl From<abvh::Error> for Stop {
+    fn from(e: abvh::Error) -> Self {
+        match e {
+            abvh::Error::NoDevice(_) | abvh::Error::Unsupported(_) | abvh::Error::Mesh(_) => {
+                Self::bad(e)
+            }
+            _ => Self::failed(e),
+        }
+    }
+}
+
 impl From<PipelineError> for Stop {
     fn from(e: PipelineError) -> Self {
         match e {

@@ -3,12 +3,11 @@
 use crate::args::{TraceArgs, UpdateName};
 use crate::choose::Ask;
 use crate::conflicts::Files;
-use crate::session;
+use crate::session::{self, Session};
 use crate::stop::Stop;
 use crate::table::counted;
 use crate::{frames, memory, talk};
-use backend::{Hits, QueryKind};
-use geom::Animation;
+use abvh::Query;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let files = Files {
@@ -32,43 +31,44 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let rays = output::read_rays(&args.rays)?;
     let options = memory::with_run(args.source.options(), rays.len());
     let scene = scene::open(&args.scene, &options)?;
-    let animation = &scene.animation;
-    let moments = moments(args, animation)?;
+    let (tree_time, time) = moments(args, scene.animation.whole_times())?;
+    let query = match args.any_hit {
+        true => Query::Any,
+        false => Query::Closest,
+    };
     let ask = Ask {
         rays: rays.len(),
         ..asked
     };
-    let mut session = session::start(animation, &ask, opening)?;
+    let Session {
+        traces: mut tracer,
+        setup,
+    } = session::start(&scene, &ask, opening)?;
     if !args.quiet {
-        let taken = session.setup.auto.iter();
-        taken.for_each(|t| talk::say(&t.to_string()));
+        setup.auto.iter().for_each(|t| talk::say(&t.to_string()));
     }
-    let kind = match args.any_hit {
-        true => QueryKind::Any,
-        false => QueryKind::Closest,
-    };
-    // At all moments but the last there are no rays.
-    let last = moments.len() - 1;
-    let lists = (0..).zip(moments);
-    let lists = lists.map(|(i, time)| (time, if i == last { &rays[..] } else { &[] }));
-    let traced = session::trace_lists(&mut session.driver, kind, lists);
-    let hits = traced.last().unwrap_or_else(|| Ok(Hits::default()))?;
+    if let Some(time) = tree_time {
+        tracer.warm_up(time)?;
+    }
+    let mut step = tracer.step(time);
+    let query = step.trace(&rays, query)?;
+    let done = step.submit()?;
+    let hits = tracer.hits(done, query)?;
     if args.any_hit {
-        output::write_found(&args.out, &hits.blocked)?;
+        output::write_found(&args.out, hits.any())?;
     } else {
-        output::write_hits(&args.out, &[rays.len() as u64], &hits.closest, None)?;
+        output::write_hits(&args.out, &[rays.len() as u64], hits.in_scene(), None)?;
     }
-    let closest = hits.closest.iter().filter(|h| h.is_hit()).count();
-    let any = hits.blocked.iter().filter(|&&b| b != 0).count();
-    let caption = &session.setup.caption;
-    let (time, rays) = (args.time, counted(rays.len(), ["ray", "rays"]));
+    let closest = hits.in_scene().iter().filter(|h| h.is_hit()).count();
+    let any = hits.any().iter().filter(|&&b| b != 0).count();
+    let caption = &setup.caption;
+    let rays = counted(rays.len(), ["ray", "rays"]);
     let met = counted(closest + any, ["hit", "hits"]);
     talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }
 
 /// The moment of the tree, if it is another, and the moment to trace.
-fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
-    let keys = animation.whole_times();
+fn moments(args: &TraceArgs, keys: usize) -> Result<(Option<f64>, f64), Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
         (UpdateName::Async, _) => Err(Stop::bad(
@@ -76,8 +76,8 @@ fn moments(args: &TraceArgs, animation: &Animation) -> Result<Vec<f64>, Stop> {
         )),
         (UpdateName::Refit, tree_time) => {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
-            Ok(vec![tree_time, time])
+            Ok((Some(tree_time), time))
         }
-        _ => Ok(vec![time]),
+        _ => Ok((None, time)),
     }
 }

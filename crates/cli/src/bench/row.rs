@@ -102,7 +102,7 @@ pub(crate) fn measure(
         run: Some(choose::Run { frames, query }),
         ..*ask
     };
-    let mut session = session::start(&scene.animation, &ask, Opening::LATER)?;
+    let mut session = session::start_driver(&scene.animation, &ask, Opening::LATER)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));
@@ -110,7 +110,7 @@ pub(crate) fn measure(
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
-    let driver = &mut session.driver;
+    let driver = &mut session.traces;
     let (warm_up, rest) = warm_up(args.warm_up, driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;

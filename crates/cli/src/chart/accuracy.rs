@@ -93,14 +93,14 @@ impl GroundTruth {
         ask: &Ask<'_>,
         mut hear: impl FnMut(&Sheet, Hits),
     ) -> Result<(), Stop> {
-        let mut session = session::start(animation, ask, Opening::LATER)?;
+        let mut session = session::start_driver(animation, ask, Opening::LATER)?;
         let kind = QueryKind::ClosestAndShadow { light: self.light };
         let sheets = self
             .sheets
             .iter()
             .map(|sheet| (sheet.time, &sheet.rays[..]));
         let lists = iter::once((0.0, &[][..])).chain(sheets);
-        let mut traced = session::trace_lists(&mut session.driver, kind, lists);
+        let mut traced = session::trace_lists(&mut session.traces, kind, lists);
         traced.next().transpose()?;
         for (sheet, hits) in self.sheets.iter().zip(traced) {
             hear(sheet, hits?);
