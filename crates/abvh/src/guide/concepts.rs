@@ -8,8 +8,11 @@
 //! |---|---|---|
 //! | [`Mesh::fixed`](crate::Mesh::fixed) | nothing | |
 //! | [`Mesh::keyframes`](crate::Mesh::keyframes) | the step's time, in key frames: at 2.5, halfway from key 2 to key 3 | follows the time |
+//! | [`Mesh::sequence`](crate::Mesh::sequence) | likewise, by key frames that are read while they are played | follows the time |
 //! | [`Mesh::streamed`](crate::Mesh::streamed) | [`Step::vertices`](crate::Step::vertices) | stays |
 //! | [`Mesh::rigid`](crate::Mesh::rigid) | [`Step::poses`](crate::Step::poses), a matrix for each part | stays |
+//!
+//! With the feature `files`, `Mesh::open` makes a mesh of files: OBJ, PLY and glTF, with their motion and colours.
 //!
 //! A [`Step`](crate::Step) is one moment: first meshes are moved, then any number of queries is traced, then it is
 //! submitted. [`Tracer::hits`](crate::Tracer::hits) waits for a query and borrows its result.
@@ -43,6 +46,7 @@
 //! there, else on the host.
 //! [`Tracer::pixels`](crate::Tracer::pixels) copies the result, four bytes a pixel. Every device gives the same bytes.
 //! Meshes are grey unless they [have colours](crate::Mesh::with_colours).
+//! [`Tracer::render_frames`](crate::Tracer::render_frames) makes many, one after another, and lends each: see [`frames`](crate::frames).
 //!
 //! # Units
 //!

@@ -15,7 +15,8 @@
 //! A device that you name is never replaced: if it cannot run, the error is [`Error::NoDevice`](crate::Error::NoDevice).
 //! [`Tracer::device`](crate::Tracer::device) tells what was taken, [`doctor`](crate::doctor()) why no GPU can be, and how
 //! to mend that. To open a device takes longer than to load a scene:
-//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another one on a device that is open.
+//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another one on a device that is open,
+//! [`Builder::build_on`](crate::Builder::build_on) a scene on a backend of the program's own.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Scene, Tracer};
@@ -51,7 +52,8 @@
 //!
 //! # Threads
 //!
-//! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host.
+//! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host;
+//! [`Builder::builder_threads`](crate::Builder::builder_threads) sets the former alone.
 //! Otherwise one a core traces, and beside a GPU one for two cores builds. A [`Tracer`](crate::Tracer) may be sent to
 //! another thread, and several may exist side by side. Each has its own device and its own trees.
 //!

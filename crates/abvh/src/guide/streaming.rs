@@ -62,6 +62,9 @@
 //! Motion may turn or jump all the same. A tree that fits badly costs time, and no hit changes.
 //! Where it jumps in every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) has the GPU make a tree for each.
 //!
+//! Which step gets which tree depends on how fast the machine is. [`Update::Lockstep`](crate::Update::Lockstep) fixes it, so
+//! that each run does the same work.
+//!
 //! # Numbers that are not finite
 //!
 //! A vertex may be NaN or infinite: its triangles are then inactive, never hit, and counted by
