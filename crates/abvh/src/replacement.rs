@@ -5,6 +5,7 @@ use crate::loaded::{Asked, Loaded};
 use crate::motion::CurrentVertices;
 use crate::tracer::{Builder, name};
 use crate::{Error, Mesh, MeshId, Result, Tracer};
+use backend::Backend;
 use pipeline::{BuilderThreads, Pace, Update};
 use std::fmt;
 use std::sync::Arc;
@@ -66,7 +67,7 @@ impl fmt::Debug for Replacement {
 impl Tracer {
     /// Begins to replace a mesh: by any number of other vertices and triangles, which may move in another way. A scene with
     /// them is loaded and its first tree built beside the steps, which go on with the old one until
-    /// [`Tracer::commit`]. The device holds both until then, and until the last results of the old one are dropped.
+    /// [`Tracer::commit`]. A GPU is not opened again: it holds both scenes until then, and until the last results of the old one are dropped.
     ///
     /// ```
     /// # use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
@@ -136,9 +137,11 @@ impl Tracer {
 
     fn preparation(&self, mesh: usize, with: Mesh) -> Result<Preparation> {
         let current = &self.current;
+        let another = current.driver.another_backend();
         Ok(Preparation {
             builder: self.builder.clone(),
             device: self.device().to_owned(),
+            another: another.map_err(Error::of_driver)?,
             parts: Box::new(current.joined.parts(&current.animation)),
             mesh,
             with,
@@ -159,8 +162,9 @@ impl Tracer {
 /// What a scene with another mesh is made of.
 struct Preparation {
     builder: Builder,
-    /// What is to be opened once more.
+    /// What is to be opened once more, unless it has room for another scene.
     device: String,
+    another: Option<Box<dyn Backend>>,
     /// The meshes as they are.
     parts: Box<dyn FnOnce() -> Vec<Mesh> + Send>,
     mesh: usize,
@@ -178,7 +182,10 @@ impl Preparation {
         let mut meshes = (self.parts)();
         meshes[self.mesh] = self.with;
         let update = self.builder.policy(&meshes);
-        let backend = self.builder.open(update)?;
+        let backend = match self.another {
+            Some(another) => another,
+            None => self.builder.open(update)?,
+        };
         let (found, expected) = (name(backend.as_ref()), self.device);
         if found != expected {
             let why = format!("{expected} cannot be opened once more, only {found}");

@@ -123,6 +123,15 @@ pub trait Backend: Send + Any {
     /// Who is at work: shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 
+    /// A further backend on the same device, for another scene that is loaded and traced beside this one, on any thread;
+    /// `None` where one has to be opened, which may hold up what the device does.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn another(&self) -> Result<Option<Box<dyn Backend>>> {
+        Ok(None)
+    }
+
     /// Whether scenes can be traced by `method`. Touches no device.
     fn supports(&self, _method: Method) -> bool {
         true

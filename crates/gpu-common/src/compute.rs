@@ -51,14 +51,18 @@ impl<D: GpuDevice> ComputeBackend<D> {
             packets,
             rasterizes,
         };
-        Ok(Self {
+        Ok(Self::with(engine))
+    }
+
+    fn with(engine: Engine<D>) -> Self {
+        Self {
             engine,
             tree: None,
             method: Method::default(),
             stale: Stale::Positions,
             progress: Progress::default(),
             measured: false,
-        })
+        }
     }
 
     /// The device.
@@ -139,6 +143,11 @@ fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
 impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn device(&self) -> &Device {
         &self.engine.device
+    }
+
+    fn another(&self) -> Result<Option<Box<dyn Backend>>> {
+        let engine = self.engine.another()?;
+        Ok(Some(Box::new(Self::with(engine))))
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {

@@ -80,9 +80,9 @@ pub struct LentRays<B> {
     pub answers: Option<B>,
 }
 
-/// A device that runs kernels. It has one owner, so nothing of it needs a lock.
+/// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
-/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device. Submissions run in their order;
+/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device: for what this scene had it do. Submissions run in their order;
 /// what is recorded reads what was recorded before. Where copies have queues of their own, the device puts them in order
 /// with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
@@ -104,6 +104,12 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
     fn open(options: &Options) -> Result<Self>;
+
+    /// The same device for another scene, which is traced beside this one.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn another(&self) -> Result<Self>;
 
     /// Who is at work. How it computes is found out later.
     fn device(&self) -> Device;

@@ -77,6 +77,25 @@ impl<D: GpuDevice> Engine<D> {
         Ok((made, found))
     }
 
+    /// Another on the same device, whose arithmetic is known.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn another(&self) -> Result<Self> {
+        let gpu = self.gpu.another()?;
+        Ok(Self {
+            device: self.device.clone(),
+            frames: Frames::new(&gpu)?,
+            traces: Traces::default(),
+            snapshots: Snapshots::default(),
+            scene: None,
+            position: 0,
+            pose: Pose::default(),
+            pipelines: Pipelines::with_traits(self.pipelines.traits),
+            gpu,
+        })
+    }
+
     /// The scene.
     ///
     /// # Panics

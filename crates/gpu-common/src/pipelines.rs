@@ -37,13 +37,18 @@ impl<D: GpuDevice> Pipelines<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if the driver refuses one.
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
-        let mut all = Self {
-            made: Vec::new(),
-            making: Vec::new(),
-            traits: Traits::default(),
-        };
+        let mut all = Self::with_traits(Traits::default());
         all.prepare(gpu, kernels)?;
         Ok(all)
+    }
+
+    /// None yet, of a device that takes kernels of these forms.
+    pub(crate) fn with_traits(traits: Traits) -> Self {
+        Self {
+            made: Vec::new(),
+            making: Vec::new(),
+            traits,
+        }
     }
 
     /// Begins to make what is not there yet, and does not wait for it. What goes wrong is found when it is needed.

@@ -1,31 +1,28 @@
 //! The logical device and its queues.
 
-use crate::errors::failed;
 use crate::external;
 use crate::instance::Host;
 use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
 use crate::pipeline_cache::PipelineCache;
-use crate::queues::{QueueIndex, Queues};
+use crate::queues::{QueueIndex, QueueSet, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::{Options, device_door};
 use shaders::Packets;
 use std::ffi::CStr;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
 pub struct Gpu {
     /// Its calls.
     pub vk: ash::Device,
     pub(crate) memory: Memory,
-    /// For frames.
-    pub compute: Queue,
-    /// For what the host sends; another queue where the device has one.
-    pub upload: Queue,
-    /// For what the host fetches; likewise.
-    pub readback: Queue,
+    queues: [QueueSet<Arc<Queue>>; 2],
+    /// Scenes so far that took queues.
+    taken: AtomicUsize,
     /// Families whose queues share all buffers.
     pub(crate) families: Vec<u32>,
     /// Who it is.
@@ -51,10 +48,9 @@ pub const RAY_EXTENSIONS: [&CStr; 3] = [
     khr::deferred_host_operations::NAME,
 ];
 
-/// A queue and its family.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// A queue and its family. Scenes may share it.
 pub struct Queue {
-    pub(crate) queue: vk::Queue,
+    pub(crate) queue: Mutex<vk::Queue>,
     pub(crate) family: u32,
 }
 
@@ -77,11 +73,7 @@ impl Gpu {
         let extras = Extras::of(&host, physical);
         let exporting = external::extensions(&host, physical);
         let vk = create(&host, physical, &queues, (traces_rays, extras, &exporting))?;
-        let queue = |place: QueueIndex| Queue {
-            // SAFETY: the family was asked for at creation with as many queues.
-            queue: unsafe { vk.get_device_queue(place.family, place.index) },
-            family: place.family,
-        };
+        let all = all_queues(&vk, &queues);
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
@@ -92,9 +84,8 @@ impl Gpu {
         };
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
-            compute: queue(queues.compute),
-            upload: queue(queues.upload),
-            readback: queue(queues.readback),
+            queues: all,
+            taken: AtomicUsize::new(0),
             vk,
             cache,
             memory,
@@ -109,6 +100,17 @@ impl Gpu {
         }))
     }
 
+    /// Queues for one more scene.
+    pub(crate) fn take_queues(&self) -> QueueSet<Arc<Queue>> {
+        let before = self.taken.fetch_add(1, Ordering::Relaxed);
+        self.queues[before % self.queues.len()].clone()
+    }
+
+    /// The family of queues that compute.
+    pub(crate) fn computing_family(&self) -> u32 {
+        self.queues[0].compute.family
+    }
+
     /// Whether a driver on the host's cores does the work.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
@@ -119,18 +121,35 @@ impl Gpu {
         let subgroups = self.extras.subgroups.map(|size| (size, size));
         Packets::for_device(subgroups, self.is_software())
     }
+}
 
-    /// Waits until the device has nothing left to do.
-    pub(crate) fn wait_idle(&self) -> Result<()> {
-        // SAFETY: the backend has one owner, so nobody else submits.
-        unsafe { self.vk.device_wait_idle() }.map_err(failed("waiting for the device"))
-    }
+/// Each queue once, however many take it.
+fn all_queues(vk: &ash::Device, queues: &Queues) -> [QueueSet<Arc<Queue>>; 2] {
+    let mut known: Vec<(QueueIndex, Arc<Queue>)> = Vec::new();
+    let mut queue = |place: QueueIndex| match known.iter().find(|(other, _)| *other == place) {
+        Some((_, queue)) => Arc::clone(queue),
+        None => {
+            // SAFETY: the family was asked for at creation with as many queues.
+            let queue = unsafe { vk.get_device_queue(place.family, place.index) };
+            let made = Arc::new(Queue {
+                queue: Mutex::new(queue),
+                family: place.family,
+            });
+            known.push((place, Arc::clone(&made)));
+            made
+        }
+    };
+    queues.sets.map(|set| QueueSet {
+        compute: queue(set.compute),
+        upload: queue(set.upload),
+        readback: queue(set.readback),
+    })
 }
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        // A device that is lost has nothing to wait for.
-        let _ = self.wait_idle();
+        // SAFETY: nobody is left who submits. A device that is lost has nothing to wait for.
+        let _ = unsafe { self.vk.device_wait_idle() };
         let _door = device_door();
         self.cache.close(&self.vk);
         self.memory.close();
@@ -154,7 +173,7 @@ fn create(
         ));
     }
     let families = queues.families();
-    let priorities = [1.0; 3];
+    let priorities = [1.0; 6];
     let asked: Vec<_> = families
         .iter()
         .map(|&(family, count)| {

@@ -63,6 +63,12 @@ impl Lent {
         open.map(|step| step.timeline.at(step.wait))
     }
 
+    /// Waits until semaphores have signalled what they were told to.
+    pub(crate) fn wait(&self) -> Result<()> {
+        let mut told = self.steps.iter().filter(|step| step.is_signalled);
+        told.try_for_each(|step| step.timeline.wait(step.signal))
+    }
+
     /// A submission waits for all, and so does what follows it.
     pub(crate) fn are_awaited(&mut self) {
         for step in &mut self.steps {
@@ -128,7 +134,7 @@ impl VulkanDevice {
             return Ok(None);
         }
         self.copy_points(None)?;
-        self.upload.done.wait(self.upload.last)?;
+        self.upload.wait()?;
         let Some(all) = &self.lent.points.all else {
             return Ok(None);
         };
@@ -253,7 +259,7 @@ impl VulkanDevice {
             done: step.timeline.at(step.signal),
         });
         let batches: Vec<_> = batches.collect();
-        submit(&self.gpu, self.gpu.compute, &batches)?;
+        submit(&self.gpu, &self.compute, &batches)?;
         self.lent.are_awaited();
         for step in &mut self.lent.steps {
             step.is_signalled = true;

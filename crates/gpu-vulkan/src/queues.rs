@@ -15,12 +15,25 @@ pub(crate) struct QueueIndex {
 /// own where the device has them: copy engines if it can, else spare queues of
 /// the computing family. Where it has neither, all share the one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct QueueSet<Q> {
+    pub(crate) compute: Q,
+    pub(crate) upload: Q,
+    pub(crate) readback: Q,
+}
+
+/// Those of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    pub(crate) compute: QueueIndex,
-    pub(crate) upload: QueueIndex,
-    pub(crate) readback: QueueIndex,
+    /// Of a scene, and of another beside it. Where there are too few, some are the same.
+    pub(crate) sets: [QueueSet<QueueIndex>; 2],
     /// Bits of a timestamp that count; 0 where the computing family has no clock.
     pub(crate) timestamp_bits: u32,
+}
+
+impl<Q> QueueSet<Q> {
+    pub(crate) fn all(self) -> [Q; 3] {
+        [self.compute, self.upload, self.readback]
+    }
 }
 
 impl Queues {
@@ -47,14 +60,24 @@ impl Queues {
             family: family as u32,
             index: index.min(families[family].queue_count - 1),
         };
-        let [upload, readback] = match moving {
-            Some(family) => [place(family, 0), place(family, 1)],
-            None => [place(computing, 1), place(computing, 2)],
+        let set = |before: u32| {
+            let [compute, upload, readback] = match moving {
+                Some(family) => [
+                    (computing, before),
+                    (family, 2 * before),
+                    (family, 2 * before + 1),
+                ],
+                None => [0, 1, 2].map(|index| (computing, 3 * before + index)),
+            }
+            .map(|(family, index)| place(family, index));
+            QueueSet {
+                compute,
+                upload,
+                readback,
+            }
         };
         Some(Self {
-            compute: place(computing, 0),
-            upload,
-            readback,
+            sets: [0, 1].map(set),
             timestamp_bits: families[computing].timestamp_valid_bits,
         })
     }
@@ -62,7 +85,7 @@ impl Queues {
     /// Families in use, each once, with as many queues as are used.
     pub(crate) fn families(&self) -> Vec<(u32, u32)> {
         let mut all: Vec<(u32, u32)> = Vec::new();
-        for place in [self.compute, self.upload, self.readback] {
+        for place in self.sets.into_iter().flat_map(QueueSet::all) {
             match all.iter_mut().find(|(family, _)| *family == place.family) {
                 Some((_, count)) => *count = (*count).max(place.index + 1),
                 None => all.push((place.family, place.index + 1)),
@@ -73,14 +96,22 @@ impl Queues {
 
     /// Names and values, to be shown.
     pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
-        let transfer = if self.upload == self.compute {
+        let [
+            QueueSet {
+                compute,
+                upload,
+                readback,
+            },
+            _,
+        ] = self.sets;
+        let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {
-            let kind = match self.upload.family == self.compute.family {
+            let kind = match upload.family == compute.family {
                 true => "computes too",
                 false => "only copies",
             };
-            let (family, up, back) = (self.upload.family, self.upload.index, self.readback.index);
+            let (family, up, back) = (upload.family, upload.index, readback.index);
             format!("family {family} ({kind}), queue {up} up, queue {back} back")
         };
         vec![
@@ -101,9 +132,9 @@ mod tests {
             .timestamp_valid_bits(36)
     }
 
-    fn places(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
-        let q = Queues::among(families).unwrap();
-        [q.compute, q.upload, q.readback].map(|p| (p.family, p.index))
+    fn places(families: &[vk::QueueFamilyProperties]) -> [[(u32, u32); 3]; 2] {
+        let sets = Queues::among(families).unwrap().sets;
+        sets.map(|set| set.all().map(|p| (p.family, p.index)))
     }
 
     #[test]
@@ -115,16 +146,20 @@ mod tests {
         );
         let all = family(g | c | t, 16);
         let engines = [all, family(t, 2), family(c | t, 8)];
-        assert_eq!(places(&engines), [(0, 0), (1, 0), (1, 1)]);
+        let beside = [(0, 1), (1, 1), (1, 1)];
+        assert_eq!(places(&engines), [[(0, 0), (1, 0), (1, 1)], beside]);
         let engine = [family(t, 1), all];
-        assert_eq!(places(&engine), [(1, 0), (0, 0), (0, 0)]);
-        assert_eq!(places(&[all]), [(0, 0), (0, 1), (0, 2)]);
-        assert_eq!(places(&[family(g | c | t, 2)]), [(0, 0), (0, 1), (0, 1)]);
+        let [first, _] = places(&engine);
+        assert_eq!(first, [(1, 0), (0, 0), (0, 0)]);
+        let beside = [(0, 3), (0, 4), (0, 5)];
+        assert_eq!(places(&[all]), [[(0, 0), (0, 1), (0, 2)], beside]);
+        let two = [family(g | c | t, 2)];
+        assert_eq!(places(&two), [[(0, 0), (0, 1), (0, 1)], [(0, 1); 3]]);
         let lone = family(g | c | t, 1);
-        assert_eq!(places(&[family(g, 1), lone]), [(1, 0), (1, 0), (1, 0)]);
+        assert_eq!(places(&[family(g, 1), lone]), [[(1, 0); 3]; 2]);
         assert_eq!(Queues::among(&[family(g, 1)]), None);
         let found = Queues::among(&engines).unwrap();
-        assert_eq!(found.families(), [(0, 1), (1, 2)]);
+        assert_eq!(found.families(), [(0, 2), (1, 2)]);
         assert_eq!(found.timestamp_bits, 36);
     }
 }

@@ -31,7 +31,7 @@ const COUNTS: u64 = size_of::<Counts>() as u64;
 impl Slot {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Ok(Self {
-            commands: Commands::new(gpu, gpu.compute.family)?,
+            commands: Commands::new(gpu, gpu.computing_family())?,
             pages: Pages::new(gpu),
             marks: Marks::new(gpu),
             launched: false,

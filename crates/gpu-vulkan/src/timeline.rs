@@ -5,7 +5,7 @@ use crate::gpu::{Gpu, Queue};
 use ash::vk;
 use backend::Result;
 use std::slice::from_ref;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 /// When a timeline reaches a value.
 pub type Moment = (vk::Semaphore, u64);
@@ -102,7 +102,7 @@ pub(crate) struct Batch<'a> {
 }
 
 /// Submits batches to a queue, all in one call.
-pub(crate) fn submit(gpu: &Gpu, queue: Queue, batches: &[Batch<'_>]) -> Result<()> {
+pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<()> {
     let waits = batches.iter().map(|b| b.after.iter().copied().unzip());
     let waits: Vec<(Vec<_>, Vec<_>)> = waits.collect();
     let all = || batches.iter().zip(&waits);
@@ -124,7 +124,8 @@ pub(crate) fn submit(gpu: &Gpu, queue: Queue, batches: &[Batch<'_>]) -> Result<(
             .push_next(values)
     });
     let infos: Vec<_> = infos.collect();
-    // SAFETY: the backend has one owner, so the queue is used by one thread; all buffers live.
-    unsafe { gpu.vk.queue_submit(queue.queue, &infos, vk::Fence::null()) }
+    let queue = queue.queue.lock().unwrap_or_else(PoisonError::into_inner);
+    // SAFETY: who holds the lock alone uses the queue; all buffers live.
+    unsafe { gpu.vk.queue_submit(*queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))
 }

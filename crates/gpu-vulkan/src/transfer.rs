@@ -18,7 +18,7 @@ const PIECE: u64 = 256 << 10;
 /// Copies on one queue, ordered by a timeline of their own. Copies begin in order.
 pub struct Transfer {
     pub(crate) done: Timeline,
-    queue: Queue,
+    queue: Arc<Queue>,
     /// The value of the copy begun last.
     pub last: u64,
     lanes: Vec<Lane>,
@@ -45,7 +45,7 @@ pub struct Copy<'a> {
 }
 
 impl Transfer {
-    pub(crate) fn new(gpu: &Arc<Gpu>, queue: Queue) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, queue: Arc<Queue>) -> Result<Self> {
         Ok(Self {
             done: Timeline::new(gpu)?,
             queue,
@@ -122,7 +122,7 @@ impl Transfer {
             after,
             done: self.done.at(value),
         };
-        submit(&self.gpu, self.queue, &[batch])?;
+        submit(&self.gpu, &self.queue, &[batch])?;
         (self.last, self.lanes[lane].busy_until) = (value, value);
         Ok(value)
     }
@@ -168,10 +168,21 @@ fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
     bytes.clone().step_by(PIECE as usize).map(region).collect()
 }
 
+impl Transfer {
+    pub(crate) fn queue(&self) -> &Arc<Queue> {
+        &self.queue
+    }
+
+    /// Waits until all copies are done.
+    pub(crate) fn wait(&self) -> Result<()> {
+        self.done.wait(self.last)
+    }
+}
+
 impl Drop for Transfer {
     fn drop(&mut self) {
         // A lost device has nothing to wait for.
-        let _ = self.done.wait(self.last);
+        let _ = self.wait();
     }
 }
 
@@ -194,7 +205,7 @@ impl Windows {
         for (i, part) in parts.clone().enumerate() {
             let size = (part.len() * size_of::<T>()) as u64;
             if self.0.get(i).is_none_or(|window| window.bytes < size) {
-                road.done.wait(road.last)?;
+                road.wait()?;
                 self.0.truncate(i);
                 let window = Buffer::new(gpu, "a view for the host", size, BufferUse::Readback);
                 self.0.push(window?);

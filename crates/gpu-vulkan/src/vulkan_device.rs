@@ -1,6 +1,6 @@
 //! What Vulkan does for a backend.
 
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Queue};
 use crate::host_points::{HostPoints, KeysRead, PositionsCopy};
 use crate::instance::{Host, all};
 use crate::lent::Lent;
@@ -31,6 +31,7 @@ pub struct VulkanDevice {
     /// Likewise, when the part of it is that positions wait for alone.
     first_part: Timeline,
     submitted: u64,
+    pub(crate) compute: Arc<Queue>,
     /// Copies to the device.
     pub upload: Transfer,
     /// Copies to the host.
@@ -52,18 +53,20 @@ pub struct VulkanDevice {
 }
 
 impl VulkanDevice {
-    /// The device of a backend of that name.
+    /// The device of a backend of that name, for one scene: others may take it besides.
     ///
     /// # Errors
     /// See [`backend::BackendError`].
     pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
+        let queues = gpu.take_queues();
         Ok(Self {
             backend,
             done: Timeline::new(gpu)?,
             first_part: Timeline::new(gpu)?,
             submitted: 0,
-            upload: Transfer::new(gpu, gpu.upload)?,
-            readback: Transfer::new(gpu, gpu.readback)?,
+            compute: queues.compute,
+            upload: Transfer::new(gpu, queues.upload)?,
+            readback: Transfer::new(gpu, queues.readback)?,
             windows: Windows::default(),
             senders: Sender::all(gpu),
             keys_read: KeysRead::default(),
@@ -74,6 +77,13 @@ impl VulkanDevice {
             lent: Lent::default(),
             gpu: Arc::clone(gpu),
         })
+    }
+
+    /// Whether copies up and down each have a queue of their own.
+    pub fn has_queues_for_copies(&self) -> bool {
+        let [up, back] = [&self.upload, &self.readback].map(Transfer::queue);
+        let is_own = |queue| !Arc::ptr_eq(queue, &self.compute);
+        is_own(up) && is_own(back) && !Arc::ptr_eq(up, back)
     }
 
     /// That of a buffer given up now, which no recording has.
@@ -100,7 +110,7 @@ impl VulkanDevice {
             },
         };
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
-        submit(&self.gpu, self.gpu.compute, &batches)?;
+        submit(&self.gpu, &self.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
         self.lent.are_awaited();
         self.submitted = ticket.0;
@@ -121,6 +131,10 @@ impl GpuDevice for VulkanDevice {
         let list = all(&host)?;
         let gpu = Gpu::open(host, &list, options, false)?;
         Self::over(&gpu, "vulkan")
+    }
+
+    fn another(&self) -> Result<Self> {
+        Self::over(&self.gpu, self.backend)
     }
 
     fn device(&self) -> Device {
@@ -330,7 +344,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
-        self.gpu.wait_idle()?;
+        self.wait_idle()?;
         (self.senders, self.outgrown) = (Sender::all(&self.gpu), Pool::default());
         self.keys_read = KeysRead::default();
         (self.spares, self.lent) = (Spares::default(), Lent::default());
@@ -340,7 +354,10 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn wait_idle(&self) -> Result<()> {
-        self.gpu.wait_idle()
+        self.done.wait(self.submitted)?;
+        self.upload.wait()?;
+        self.readback.wait()?;
+        self.lent.wait()
     }
 
     fn with_own_bytes(

@@ -8,6 +8,8 @@ use geom::Point;
 use gpu_common::{parts, refuse_above};
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
+use std::thread;
+use std::time::{Duration, Instant};
 use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode};
 
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
@@ -147,10 +149,23 @@ impl Mapping {
 
     /// Likewise, after the submission that fills the buffer was waited for.
     pub(crate) fn expect(&self, gpu: &Gpu) -> Result<()> {
-        match self.poll(gpu)? {
+        match self.arrives_within(gpu, Duration::from_secs(10))? {
             true => Ok(()),
             false => Err(gpu.faults.lose("a buffer never arrived".into())),
         }
+    }
+
+    /// Whether the host can use it, or soon: another thread that polls the device may be about to tell.
+    pub(crate) fn arrives_within(&self, gpu: &Gpu, patience: Duration) -> Result<bool> {
+        let begun = Instant::now();
+        while !self.poll(gpu)? {
+            if begun.elapsed() > patience {
+                return Ok(false);
+            }
+            thread::yield_now();
+            gpu.poll()?;
+        }
+        Ok(true)
     }
 }
 

@@ -28,7 +28,7 @@ pub(crate) struct Gpu {
     /// Compiled kernels of earlier runs, where they are kept.
     pub(crate) cache: Option<PipelineCache>,
     /// Nothing but to ask whether the device is still there.
-    probe: Option<wgpu::Buffer>,
+    probe: Option<Mutex<wgpu::Buffer>>,
     /// Goes last.
     pub(crate) device: OpenDevice,
 }
@@ -79,7 +79,7 @@ impl Gpu {
             cache: None,
             probe: None,
         };
-        gpu.probe = Some(readback(&gpu, "a probe", 16)?);
+        gpu.probe = Some(Mutex::new(readback(&gpu, "a probe", 16)?));
         Ok(gpu)
     }
 
@@ -146,13 +146,14 @@ impl Gpu {
         let Some(probe) = &self.probe else {
             return false;
         };
+        let probe = lock(probe);
         let refused = Arc::new(AtomicBool::new(false));
         let hears = Arc::clone(&refused);
         probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
             hears.store(mapped.is_err(), Ordering::Relaxed);
         });
         let lost = refused.load(Ordering::Relaxed);
-        !unmap(&self.device, probe) || lost
+        !unmap(&self.device, &probe) || lost
     }
 
     /// Commands to be recorded.

@@ -10,6 +10,7 @@ use crate::wgpu_device::WgpuDevice;
 use backend::{BackendError, Result};
 use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::Counts;
+use std::time::Duration;
 use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
@@ -190,7 +191,7 @@ impl Slot {
             Submitted::ByProgram if mapping.poll(gpu)? => (),
             Submitted::ByProgram => {
                 gpu.wait_idle()?;
-                if !mapping.poll(gpu)? {
+                if !mapping.arrives_within(gpu, Duration::from_millis(50))? {
                     self.sent = Some((submitted, mapping));
                     let why = "the encoder that the step is in was not submitted";
                     return Err(BackendError::rejected("what a step found", why));

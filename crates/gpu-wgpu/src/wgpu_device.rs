@@ -39,7 +39,8 @@ pub fn from_device(
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
     let gpu = Gpu::lent(device, queue, info)?;
-    ComputeBackend::over(WgpuDevice::over(gpu, &Options::default()))
+    let options = Options::default();
+    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu), &options))
 }
 
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
@@ -68,7 +69,7 @@ pub struct PipelineMaker {
 }
 
 impl WgpuDevice {
-    fn over(gpu: Gpu, options: &Options) -> Self {
+    fn over(gpu: Arc<Gpu>, options: &Options) -> Self {
         Self {
             windows: Windows::default(),
             staging: Staging::default(),
@@ -81,7 +82,7 @@ impl WgpuDevice {
             module: None,
             form: options.kernels,
             validation: options.validation,
-            gpu: Arc::new(gpu),
+            gpu,
         }
     }
 
@@ -125,7 +126,16 @@ impl GpuDevice for WgpuDevice {
     type Staging = Filled;
 
     fn open(options: &Options) -> Result<Self> {
-        Ok(Self::over(Gpu::open(options)?, options))
+        Ok(Self::over(Arc::new(Gpu::open(options)?), options))
+    }
+
+    fn another(&self) -> Result<Self> {
+        let options = Options {
+            kernels: self.form,
+            validation: self.validation,
+            ..Options::default()
+        };
+        Ok(Self::over(Arc::clone(&self.gpu), &options))
     }
 
     fn device(&self) -> Device {

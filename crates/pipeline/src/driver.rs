@@ -164,6 +164,14 @@ impl Driver {
         self.backend.as_mut()
     }
 
+    /// A further backend on its device: see [`Backend::another`].
+    ///
+    /// # Errors
+    /// The backend's.
+    pub fn another_backend(&self) -> Result<Option<Box<dyn Backend>>, PipelineError> {
+        Ok(self.backend.another()?)
+    }
+
     /// Has the backend make ready, beside other work, what frames with this query will take.
     pub fn prepare(&mut self, query: Query<'_>) {
         let makes_trees = self.makes_trees();

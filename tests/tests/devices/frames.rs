@@ -5,9 +5,10 @@ use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, laid, look, open, open_laid, rays, report, see, stand,
     swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Layout, Query, QueryKind, Rays};
+use backend::{Backend, BackendError, Generation, Hits, Layout, Query, QueryKind, Rays};
 use geom::Animation;
 use std::sync::Arc;
+use std::thread;
 use std::time::Instant;
 
 /// Where the device has a clock, as all of this machine's have.
@@ -164,6 +165,49 @@ pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn S
         see(backend, Rays::List(&rays(200)), kind)
     });
     assert!(found[0] == found[1]);
+}
+
+type Bits = [Option<u32>; 3];
+
+/// What a scene shows in frames that follow each other, a new tree with each third, and where it stood in them.
+fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec<Bits>)> {
+    open(backend, animation);
+    let frames = (0..9).map(|round| {
+        let time = 0.19 * round as f64;
+        if round % 3 == 2 {
+            let tree = tree_at(animation, time);
+            backend.adopt(&tree, Generation(round)).unwrap();
+        }
+        stand(backend, animation, time);
+        backend.request_positions().unwrap();
+        let seen = see(backend, Rays::Camera(&camera()), SHADOWED);
+        (seen, bits(&arrive(backend).1))
+    });
+    frames.collect()
+}
+
+/// Whatever the other does: it is loaded, goes, and another comes.
+pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Subject) {
+    let scenes = [2000, 3000].map(swarm);
+    let alone = scenes.each_ref().map(|scene| play(backend, scene));
+    let mut others = [0, 1].map(|_| backend.another().unwrap().expect("a device has room"));
+    let [first, second] = &mut others;
+    thread::scope(|scope| {
+        for (other, which) in [(first, 0), (second, 1)] {
+            let (scene, alone) = (&scenes[which], &alone[which]);
+            scope.spawn(move || {
+                for _ in 0..3 {
+                    assert!(play(other.as_mut(), scene) == *alone, "beside, {which}");
+                    *other = other.another().unwrap().expect("a device has room");
+                }
+            });
+        }
+        for _ in 0..4 {
+            assert!(play(backend, &scenes[0]) == alone[0]);
+        }
+    });
+    drop(others);
+    assert!(play(backend, &scenes[1]) == alone[1]);
 }
 
 pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {

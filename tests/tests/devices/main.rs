@@ -112,6 +112,7 @@ const SHARED: &[Test] = named![
     frames::device_memory_is_counted_and_given_back,
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     frames::a_moment_is_measured_after_a_query_was_refused,
+    frames::scenes_that_share_a_device_are_traced_at_once,
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::the_cost_of_a_tree_is_the_references,
     geometry::layouts_differ_in_memory_alone,

@@ -58,9 +58,7 @@ fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
 /// Why this machine's device cannot show that copies up and down have queues of their own.
 pub(crate) fn lacks_queues() -> Option<String> {
     let backend = opened::<VulkanDevice>().ok()?;
-    let gpu = &backend.gpu().gpu;
-    let own = |queue| queue != gpu.compute;
-    let three = own(gpu.upload) && own(gpu.readback) && gpu.upload != gpu.readback;
+    let three = backend.gpu().has_queues_for_copies();
     (!three).then(|| "all work stands in one queue".to_owned())
 }
 
