@@ -83,6 +83,8 @@ pub struct Driver {
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
     spare: Spare,
+    /// What no tree is better for than the one in use.
+    has_best_for: Option<Pose>,
     /// Whether the builder's last tree was never used, which it does not know yet.
     left_last: bool,
     /// The pose of the backend's positions.
@@ -150,6 +152,7 @@ impl Driver {
             build: None,
             finished: None,
             spare: Spare::default(),
+            has_best_for: None,
             left_last: false,
             pose: None,
             light: None,
@@ -338,7 +341,8 @@ impl Driver {
         let newest = self.build.as_ref().map_or(tree.pose, |f| f.pose);
         self.review_finished()?;
         let wanted = self.wanted(pose);
-        let outdated = newest != wanted && self.may_ask();
+        let is_best = newest == wanted || self.has_best_for == Some(wanted);
+        let outdated = !is_best && self.may_ask();
         let plan = self.schedule.begin_frame(self.frames, outdated);
         self.follow(plan, wanted)
     }

@@ -269,6 +269,9 @@ impl Driver {
             Made::Tree(built) => self.adopt(built, &pending),
             Made::NoBetter => {
                 self.record.rejected = Some(pending.generation);
+                // One that came too early, or that was weighed elsewhere, says nothing.
+                let is_weighed = !self.left_last && pending.rival_at == Some(pending.pose);
+                self.has_best_for = is_weighed.then_some(pending.pose);
                 Ok(())
             }
         }
@@ -373,6 +376,7 @@ impl Driver {
             },
         });
         self.spare = built.topology.into_spare();
+        self.has_best_for = None;
         Ok(())
     }
 }

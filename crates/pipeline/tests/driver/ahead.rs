@@ -205,6 +205,39 @@ fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockste
     assert_eq!(run.log.adopted.len(), 29);
 }
 
+/// Triangles anywhere, which go anywhere.
+fn scattered(seed: u32) -> Arc<Animation> {
+    let mut state = seed;
+    let mut number = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    let mut point = |size: f32| [0; 3].map(|_| size * number());
+    let first: Vec<Point> = (0..3 * 40).map(|_| point(1.0)).collect();
+    let later = first.iter().map(|p| {
+        let by = point(0.3);
+        [0, 1, 2].map(|i| p[i] + by[i])
+    });
+    let keys = vec![first.clone(), later.collect()];
+    let triangles = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Arc::new(Animation::new(keys, triangles).unwrap())
+}
+
+#[test]
+fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
+    let mut left = 0;
+    for seed in 0..24 {
+        let (fake, _log) = Fake::new(Some(1), None);
+        let mut driver = driver(fake, &scattered(seed), (FREE.0, false)).unwrap();
+        let times = (0..45).map(|index| 0.07 * index.min(10) as f64);
+        let records = play(&mut driver, times, |_| 1);
+        let last = records.iter().rposition(|r| r.rejected.is_some());
+        left += u32::from(last.is_some_and(|frame| frame > 12));
+        assert!(records[30..].iter().all(|r| r.asked.is_none()), "{seed}");
+    }
+    assert!(left > 0);
+}
+
 #[test]
 fn a_tree_for_all_times_is_built_once_without_the_device() {
     let animation = shuffled(8);
