@@ -31,7 +31,8 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
-//! A device that [`Tracer::commit`] brings into use is another one: buffers and semaphores made before are errors there.
+//! What CUDA's driver has to be told is in the trials of the repository, `tests/tests/devices/cuda.rs`, which NVIDIA's driver
+//! 580 passes on an H100. Buffers and semaphores stay valid when a mesh is [replaced](Tracer::replace).
 
 use crate::loaded::Loaded;
 use crate::step::apart;

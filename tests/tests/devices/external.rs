@@ -1,7 +1,7 @@
 //! Vertices, rays and answers in memory that another device shares, and a semaphore that tells when they are there.
 
 use crate::lent_rays::{Found, LentRays, find_what_the_hosts_do, found};
-use crate::other_device::{Bytes, Exported, OtherDevice};
+use crate::other_device::{Exported, Importer, OtherDevice};
 use crate::scenes::camera;
 use crate::sheets::{
     self, Moved, Sheets, bits, see_as_of_the_host, sheet, stay_while_another_is_replaced,
@@ -21,7 +21,7 @@ pub(crate) fn lacks() -> [Option<String>; 2] {
     [memory.err(), semaphore.err()].map(|lack| lack.map(|e| e.to_string()))
 }
 
-fn import(other: &OtherDevice, buffer: &ExternalBuffer) -> Bytes {
+fn import<O: Importer>(other: &O, buffer: &ExternalBuffer) -> O::Memory {
     other.import(Exported {
         fd: buffer.fd().unwrap(),
         size: buffer.size(),
@@ -31,21 +31,21 @@ fn import(other: &OtherDevice, buffer: &ExternalBuffer) -> Bytes {
 }
 
 /// Two sheets, and memory that another device shares: for the vertices of each, after some bytes that are none.
-struct Shared {
-    other: OtherDevice,
+pub(crate) struct Shared<O: Importer> {
+    other: O,
     tracer: Tracer,
     sheets: [MeshId; 2],
-    memory: [(ExternalBuffer, Bytes); 2],
+    memory: [(ExternalBuffer, O::Memory); 2],
 }
 
 const OFFSET: u64 = 20;
 
-impl Sheets for Shared {
+impl<O: Importer> Sheets for Shared<O> {
     fn open(update: Update) -> Self {
         let (scene, sheets) = sheets::scene();
         let mut tracer = tracer(scene, update);
         let first = tracer.external_buffer(16).unwrap();
-        let other = OtherDevice::open(first.device_uuid());
+        let other = O::open(first.device_uuid());
         let memory = [0, 1].map(|_| {
             let buffer = tracer.external_buffer(OFFSET + 12 * 400).unwrap();
             let bytes = import(&other, &buffer);
@@ -90,11 +90,11 @@ pub(crate) fn words(points: &[Point]) -> &[u8] {
 }
 
 pub(crate) fn vertices_may_lie_in_external_memory() {
-    see_as_of_the_host::<Shared>();
+    see_as_of_the_host::<Shared<OtherDevice>>();
 }
 
 pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() {
-    let [mut found, mut expected] = stay_while_another_is_replaced::<Shared>();
+    let [mut found, mut expected] = stay_while_another_is_replaced::<Shared<OtherDevice>>();
     let next = [None, Some((0.25, false))];
     assert!(found.see(next) == expected.see(next));
     // The device is the same, and so is its memory.
@@ -103,20 +103,20 @@ pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() 
 }
 
 /// Rays and answers in memory that another device shares.
-struct SharedRays {
-    other: OtherDevice,
+pub(crate) struct SharedRays<O: Importer> {
+    other: O,
     tracer: Tracer,
     count: usize,
     /// For rays, and for answers.
-    memory: [(ExternalBuffer, Bytes); 2],
+    memory: [(ExternalBuffer, O::Memory); 2],
 }
 
-impl SharedRays {
-    fn new(scene: Scene, rays: &[Ray]) -> Self {
+impl<O: Importer> SharedRays<O> {
+    pub(crate) fn new(scene: Scene, rays: &[Ray]) -> Self {
         let mut tracer = tracer(scene, Update::Auto);
         let made = [0; 2].map(|_| tracer.external_buffer(size_of_val(rays) as u64));
         let made = made.map(Result::unwrap);
-        let other = OtherDevice::open(made[0].device_uuid());
+        let other = O::open(made[0].device_uuid());
         let memory = made.map(|buffer| {
             let bytes = import(&other, &buffer);
             (buffer, bytes)
@@ -131,7 +131,7 @@ impl SharedRays {
     }
 }
 
-impl LentRays for SharedRays {
+impl<O: Importer> LentRays for SharedRays<O> {
     fn tracer(&mut self) -> &mut Tracer {
         &mut self.tracer
     }
@@ -161,11 +161,12 @@ impl LentRays for SharedRays {
 }
 
 pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
-    find_what_the_hosts_do(SharedRays::new);
+    find_what_the_hosts_do(SharedRays::<OtherDevice>::new);
 }
 
 pub(crate) fn misuse_of_external_memory_is_an_error() {
-    let [mut own, other] = [0; 2].map(|_| Shared::open(Update::Auto));
+    let open = || Shared::<OtherDevice>::open(Update::Auto);
+    let (mut own, other) = (open(), open());
     let (mesh, (buffer, _)) = (own.sheets[0], &own.memory[0]);
     let foreign = &other.memory[0].0;
     let small = own.tracer.external_buffer(64).unwrap();
@@ -218,12 +219,12 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         );
     }
     let moved = [Some((0.5, false)), None];
-    assert!(own.see(moved) == Shared::open(Update::Auto).see(moved));
+    assert!(own.see(moved) == open().see(moved));
 }
 
 /// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
-pub(crate) fn steps_and_another_device_wait_for_each_other() {
-    let [mut shared, mut expected] = [0; 2].map(|_| Shared::open(Update::Async));
+pub(crate) fn wait_for_each_other<O: Importer>() {
+    let [mut shared, mut expected] = [0; 2].map(|_| Shared::<O>::open(Update::Async));
     let semaphore = shared.tracer.external_semaphore().unwrap();
     let imported = shared.other.import_semaphore(semaphore.fd().unwrap());
     let height = |frame: u64| 0.25 + 0.05 * frame as f32;
@@ -260,4 +261,8 @@ pub(crate) fn steps_and_another_device_wait_for_each_other() {
         .unwrap();
     let said = step.synchronize(&semaphore, 41, 42);
     assert_eq!(said, Err(Error::TooLate));
+}
+
+pub(crate) fn steps_and_another_device_wait_for_each_other() {
+    wait_for_each_other::<OtherDevice>();
 }

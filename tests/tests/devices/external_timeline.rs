@@ -2,7 +2,7 @@
 
 use crate::external::words;
 use crate::opened;
-use crate::other_device::{Exported, OtherDevice};
+use crate::other_device::{Exported, Importer, OtherDevice};
 use crate::scenes::{go, hits, open, rays, stand};
 use crate::sheets::{sheet, triangles};
 use backend::{Hits, QueryKind, Rays, Ticket};

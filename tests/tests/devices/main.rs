@@ -5,6 +5,8 @@
 //! what they say fails the trial.
 
 #[cfg(target_os = "linux")]
+mod cuda;
+#[cfg(target_os = "linux")]
 mod external;
 #[cfg(target_os = "linux")]
 mod external_timeline;
@@ -191,6 +193,12 @@ const OF_EXTERNAL_MEMORY: &[(&str, fn())] = named![
 #[cfg(target_os = "linux")]
 const OF_EXTERNAL_SEMAPHORES: &[(&str, fn())] =
     named![external::steps_and_another_device_wait_for_each_other];
+#[cfg(target_os = "linux")]
+const OF_CUDA: &[(&str, fn())] = named![
+    cuda::vertices_of_cuda_are_traced_where_they_lie,
+    cuda::rays_and_answers_are_shared_with_cuda,
+    cuda::steps_and_cuda_wait_for_each_other,
+];
 
 fn main() -> ExitCode {
     let arguments = integration::arguments();
@@ -241,6 +249,7 @@ fn main() -> ExitCode {
             None => external::lacks(),
         };
         own.extend([
+            (OF_CUDA, memory.clone().or_else(cuda::absent)),
             (OF_EXTERNAL_MEMORY, memory),
             (OF_EXTERNAL_SEMAPHORES, semaphores),
         ]);

@@ -20,12 +20,29 @@ pub(crate) struct Exported {
     pub(crate) memory_type: u32,
 }
 
+/// Another interface to the GPU.
+pub(crate) trait Importer {
+    type Memory: Copy;
+    type Semaphore: Copy;
+
+    /// Opens the GPU of that UUID.
+    fn open(uuid: [u8; 16]) -> Self;
+    fn import(&self, exported: Exported) -> Self::Memory;
+    fn import_semaphore(&self, fd: OwnedFd) -> Self::Semaphore;
+    /// Writes at a byte. Begins to, where it is said `when`, and spoils what was there first; else waits until it is done.
+    fn write(&self, to: Self::Memory, at: u64, bytes: &[u8], when: Option<When<Self::Semaphore>>);
+    /// The first so many bytes, read now.
+    fn read(&self, from: Self::Memory, bytes: usize) -> Vec<u8>;
+    /// Waits ten seconds at most; says whether the value was reached. If not, nobody waits for one any more.
+    fn reaches(&self, semaphore: Self::Semaphore, value: u64) -> bool;
+}
+
+/// A timeline, the value that is waited for, and the one that is reached thereafter.
+pub(crate) type When<S> = (S, [u64; 2]);
+
 /// A buffer and its memory.
 #[derive(Clone, Copy)]
 pub(crate) struct Bytes(vk::Buffer, vk::DeviceMemory);
-
-/// A timeline, the value that is waited for, and the one that is reached thereafter.
-pub(crate) type When = (vk::Semaphore, [u64; 2]);
 
 pub(crate) struct OtherDevice {
     vk: ash::Device,
@@ -39,63 +56,6 @@ pub(crate) struct OtherDevice {
 }
 
 impl OtherDevice {
-    /// Opens the GPU of that UUID.
-    pub(crate) fn open(uuid: [u8; 16]) -> Self {
-        let host = Host::new(Validation::Off).unwrap();
-        let is_same = |&device: &vk::PhysicalDevice| {
-            let mut ids = vk::PhysicalDeviceIDProperties::default();
-            let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
-            host.read_properties(device, &mut chain);
-            ids.device_uuid == uuid
-        };
-        let all = host.physical_devices().unwrap();
-        let physical = all.into_iter().find(is_same).unwrap();
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let wanted = [
-            khr::external_memory_fd::NAME,
-            khr::external_semaphore_fd::NAME,
-        ];
-        let offered = wanted.into_iter();
-        let names = offered.filter(|name| host.offers(physical, name));
-        let names: Vec<_> = names.map(CStr::as_ptr).collect();
-        let mut timelines = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&names)
-            .push_next(&mut timelines);
-        // SAFETY: what is asked for is there, and every pointer outlives the calls; all below is of this device.
-        unsafe {
-            let vk = host.instance.create_device(physical, &info, None).unwrap();
-            let pool = vk::CommandPoolCreateInfo::default();
-            Self {
-                queue: vk.get_device_queue(0, 0),
-                pool: vk.create_command_pool(&pool, None).unwrap(),
-                vk,
-                physical,
-                made: RefCell::default(),
-                semaphores: RefCell::default(),
-                host,
-            }
-        }
-    }
-
-    pub(crate) fn import(&self, exported: Exported) -> Bytes {
-        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY_FD);
-        let info = buffer(exported.size).push_next(&mut external);
-        // SAFETY: the buffer is as the exported one is; likewise its memory.
-        let buffer = unsafe { self.vk.create_buffer(&info, None) }.unwrap();
-        let mut import = vk::ImportMemoryFdInfoKHR::default()
-            .handle_type(MEMORY_FD)
-            .fd(exported.fd.into_raw_fd());
-        let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(buffer);
-        let info = vk::MemoryAllocateInfo::default()
-            .allocation_size(exported.allocation_size)
-            .memory_type_index(exported.memory_type)
-            .push_next(&mut import)
-            .push_next(&mut dedicated);
-        self.bind(buffer, &info)
-    }
-
     fn bind(&self, buffer: vk::Buffer, info: &vk::MemoryAllocateInfo<'_>) -> Bytes {
         // SAFETY: the type and the size are the buffer's.
         let memory = unsafe {
@@ -106,24 +66,6 @@ impl OtherDevice {
         let made = Bytes(buffer, memory);
         self.made.borrow_mut().push(made);
         made
-    }
-
-    pub(crate) fn import_semaphore(&self, fd: OwnedFd) -> vk::Semaphore {
-        let mut kind =
-            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        let calls = khr::external_semaphore_fd::Device::new(&self.host.instance, &self.vk);
-        // SAFETY: the descriptor is of a timeline on this GPU, and is given over.
-        unsafe {
-            let made = self.vk.create_semaphore(&info, None).unwrap();
-            self.semaphores.borrow_mut().push(made);
-            let info = vk::ImportSemaphoreFdInfoKHR::default()
-                .semaphore(made)
-                .handle_type(vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD)
-                .fd(fd.into_raw_fd());
-            calls.import_semaphore_fd(&info).unwrap();
-            made
-        }
     }
 
     /// Memory that the host sees, with so many bytes.
@@ -153,27 +95,12 @@ impl OtherDevice {
         }
     }
 
-    /// Writes at a byte. Begins to, where it is said `when`, and spoils what was there first; else waits until it is done.
-    pub(crate) fn write(&self, to: Bytes, at: u64, bytes: &[u8], when: Option<When>) {
-        let (from, seen) = self.staging(bytes.len() as u64);
-        // SAFETY: there is room for as many bytes.
-        unsafe { seen.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
-        let region = vk::BufferCopy::default()
-            .dst_offset(at)
-            .size(bytes.len() as u64);
-        self.copy([from, to], region, when);
-    }
-
-    /// The first so many bytes, read now.
-    pub(crate) fn read(&self, from: Bytes, bytes: usize) -> Vec<u8> {
-        let (to, seen) = self.staging(bytes as u64);
-        let region = vk::BufferCopy::default().size(bytes as u64);
-        self.copy([from, to], region, None);
-        // SAFETY: as many bytes were copied there.
-        unsafe { std::slice::from_raw_parts(seen, bytes) }.to_vec()
-    }
-
-    fn copy(&self, [from, to]: [Bytes; 2], region: vk::BufferCopy, when: Option<When>) {
+    fn copy(
+        &self,
+        [from, to]: [Bytes; 2],
+        region: vk::BufferCopy,
+        when: Option<When<vk::Semaphore>>,
+    ) {
         let (semaphores, waits, signals) = match when {
             Some((semaphore, [wait, signal])) => (vec![semaphore], vec![wait], vec![signal]),
             None => Default::default(),
@@ -225,9 +152,105 @@ impl OtherDevice {
                 .cmd_pipeline_barrier(commands, copies, copies, none, &memory, &[], &[]);
         }
     }
+}
 
-    /// Waits ten seconds at most; says whether the value was reached. If not, nobody waits for one any more.
-    pub(crate) fn reaches(&self, semaphore: vk::Semaphore, value: u64) -> bool {
+impl Importer for OtherDevice {
+    type Memory = Bytes;
+    type Semaphore = vk::Semaphore;
+
+    fn open(uuid: [u8; 16]) -> Self {
+        let host = Host::new(Validation::Off).unwrap();
+        let is_same = |&device: &vk::PhysicalDevice| {
+            let mut ids = vk::PhysicalDeviceIDProperties::default();
+            let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
+            host.read_properties(device, &mut chain);
+            ids.device_uuid == uuid
+        };
+        let all = host.physical_devices().unwrap();
+        let physical = all.into_iter().find(is_same).unwrap();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let wanted = [
+            khr::external_memory_fd::NAME,
+            khr::external_semaphore_fd::NAME,
+        ];
+        let offered = wanted.into_iter();
+        let names = offered.filter(|name| host.offers(physical, name));
+        let names: Vec<_> = names.map(CStr::as_ptr).collect();
+        let mut timelines = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .push_next(&mut timelines);
+        // SAFETY: what is asked for is there, and every pointer outlives the calls; all below is of this device.
+        unsafe {
+            let vk = host.instance.create_device(physical, &info, None).unwrap();
+            let pool = vk::CommandPoolCreateInfo::default();
+            Self {
+                queue: vk.get_device_queue(0, 0),
+                pool: vk.create_command_pool(&pool, None).unwrap(),
+                vk,
+                physical,
+                made: RefCell::default(),
+                semaphores: RefCell::default(),
+                host,
+            }
+        }
+    }
+
+    fn import(&self, exported: Exported) -> Bytes {
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY_FD);
+        let info = buffer(exported.size).push_next(&mut external);
+        // SAFETY: the buffer is as the exported one is; likewise its memory.
+        let buffer = unsafe { self.vk.create_buffer(&info, None) }.unwrap();
+        let mut import = vk::ImportMemoryFdInfoKHR::default()
+            .handle_type(MEMORY_FD)
+            .fd(exported.fd.into_raw_fd());
+        let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(buffer);
+        let info = vk::MemoryAllocateInfo::default()
+            .allocation_size(exported.allocation_size)
+            .memory_type_index(exported.memory_type)
+            .push_next(&mut import)
+            .push_next(&mut dedicated);
+        self.bind(buffer, &info)
+    }
+
+    fn import_semaphore(&self, fd: OwnedFd) -> vk::Semaphore {
+        let mut kind =
+            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        let calls = khr::external_semaphore_fd::Device::new(&self.host.instance, &self.vk);
+        // SAFETY: the descriptor is of a timeline on this GPU, and is given over.
+        unsafe {
+            let made = self.vk.create_semaphore(&info, None).unwrap();
+            self.semaphores.borrow_mut().push(made);
+            let info = vk::ImportSemaphoreFdInfoKHR::default()
+                .semaphore(made)
+                .handle_type(vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD)
+                .fd(fd.into_raw_fd());
+            calls.import_semaphore_fd(&info).unwrap();
+            made
+        }
+    }
+
+    fn write(&self, to: Bytes, at: u64, bytes: &[u8], when: Option<When<vk::Semaphore>>) {
+        let (from, seen) = self.staging(bytes.len() as u64);
+        // SAFETY: there is room for as many bytes.
+        unsafe { seen.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+        let region = vk::BufferCopy::default()
+            .dst_offset(at)
+            .size(bytes.len() as u64);
+        self.copy([from, to], region, when);
+    }
+
+    fn read(&self, from: Bytes, bytes: usize) -> Vec<u8> {
+        let (to, seen) = self.staging(bytes as u64);
+        let region = vk::BufferCopy::default().size(bytes as u64);
+        self.copy([from, to], region, None);
+        // SAFETY: as many bytes were copied there.
+        unsafe { std::slice::from_raw_parts(seen, bytes) }.to_vec()
+    }
+
+    fn reaches(&self, semaphore: vk::Semaphore, value: u64) -> bool {
         let (semaphores, values) = ([semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default()
             .semaphores(&semaphores)
