@@ -56,7 +56,7 @@ impl Loaded {
             false => options.time_range.map(|time| time.min(animation.end())),
         };
         let (of_driver, threads) = (Arc::clone(&animation), builders.clone());
-        let driver = Driver::with_builders(backend, of_driver, options, threads);
+        let driver = Driver::new(backend, of_driver, options, threads);
         let mut driver = driver.map_err(Error::of_driver)?;
         joined.prepare(&animation, driver.backend())?;
         Ok(Self {

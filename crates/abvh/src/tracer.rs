@@ -25,10 +25,10 @@ pub enum Update {
     /// The newest tree that is finished, refitted, while the host builds the next for where the motion is going.
     Async,
     /// Likewise, with each tree taken up exactly so many steps after it was asked for, and waited for if it must be: then each
-    /// run goes through the same trees.
+    /// run goes through the same trees. With 0, each step waits for its own.
     Lockstep(u32),
-    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it is the best that a motion can have
-    /// which repeats itself. T-SAH: Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
+    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about four builds before the
+    /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
     TSah,
 }
 
@@ -156,12 +156,11 @@ impl Builder {
         }
     }
 
-    /// What a driver is to do; it is given threads that build.
+    /// What a driver is to do.
     pub(crate) fn options(&self, update: pipeline::Update) -> DriverOptions {
         DriverOptions {
             method: self.method,
             update,
-            builder_threads: 0,
             time_range: self.time_range,
             predict: self.predict,
         }

@@ -11,7 +11,7 @@ use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays}
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use output::Taken;
-use pipeline::{Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update};
+use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -66,11 +66,13 @@ pub(crate) fn start(
     ask: &Ask<'_>,
     opening: Opening,
 ) -> Result<Session<Tracer>, Stop> {
-    load(&scene.animation, ask, opening, |backend, options| {
+    let load = |(backend, options, threads): Taking| {
         let mut scene_of_one = abvh::Scene::new();
         scene_of_one.add(Mesh::from(scene));
-        Ok(builder(options).build_on(backend, scene_of_one)?)
-    })
+        let builder = builder(options).builder_threads(threads);
+        Ok(builder.build_on(backend, scene_of_one)?)
+    };
+    start_by(&scene.animation, ask, opening, load)
 }
 
 /// Likewise, to measure each stage.
@@ -79,9 +81,7 @@ pub(crate) fn start_driver(
     ask: &Ask<'_>,
     opening: Opening,
 ) -> Result<Session<Driver>, Stop> {
-    load(animation, ask, opening, |backend, options| {
-        Ok(Driver::new(backend, Arc::clone(animation), options)?)
-    })
+    start_by(animation, ask, opening, |taking| driver(animation, taking))
 }
 
 /// The library's words for what a driver is to do.
@@ -98,16 +98,15 @@ fn builder(options: DriverOptions) -> Builder {
         .update(update)
         .intersector(options.method.intersector)
         .layout(options.method.layout)
-        .builder_threads(options.builder_threads)
         .time_range(options.time_range)
         .predict(options.predict)
 }
 
-fn load<T>(
+fn start_by<T>(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
     opening: Opening,
-    load: impl Fn(Box<dyn Backend>, DriverOptions) -> Result<T, Stop>,
+    load: impl Fn(Taking) -> Result<T, Stop>,
 ) -> Result<Session<T>, Stop> {
     let rays = ask.rays();
     memory::check_trees(animation.triangle_count(), rays)?;
@@ -115,9 +114,9 @@ fn load<T>(
     let ready = |backend: Box<dyn Backend>| {
         let mut backend = ReusedBackend::new(backend, animation, ask);
         let (method, update, why) = choose::settle(&mut backend, ask)?;
-        let (backend, options) = backend.take(method, update)?;
-        let device = backend.device().clone();
-        Ok((load(backend, options)?, device, method, update, why))
+        let taking = backend.take(method, update)?;
+        let device = taking.0.device().clone();
+        Ok((load(taking)?, device, method, update, why))
     };
     let opened = opening.wait().transpose()?;
     let first = opened.map(|(backend, why)| Ok((ready(backend)?, why)));
@@ -223,6 +222,15 @@ pub(crate) fn trace_lists<'a>(
     })
 }
 
+/// A backend that has room for the scene, what a driver is to do with it, and threads that build.
+type Taking = (Box<dyn Backend>, DriverOptions, usize);
+
+fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Result<Driver, Stop> {
+    let threads = BuilderThreads::new(threads)?;
+    let animation = Arc::clone(animation);
+    Ok(Driver::new(backend, animation, options, threads)?)
+}
+
 /// A backend that serves one driver after another.
 pub(crate) struct ReusedBackend<'a> {
     pub(crate) animation: &'a Arc<Animation>,
@@ -249,27 +257,20 @@ impl<'a> ReusedBackend<'a> {
 
     /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
     pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
-        let (backend, options) = self.take(method, update)?;
-        Ok(Driver::new(backend, Arc::clone(self.animation), options)?)
+        driver(self.animation, self.take(method, update)?)
     }
 
-    /// The backend, which has room for the scene, and what a driver is to do with it.
-    fn take(
-        &mut self,
-        method: Method,
-        update: Update,
-    ) -> Result<(Box<dyn Backend>, DriverOptions), Stop> {
+    fn take(&mut self, method: Method, update: Update) -> Result<Taking, Stop> {
         let threads = self.ask.share(self.device.kind, update);
         let options = DriverOptions {
             method,
             update,
-            builder_threads: threads.build,
             time_range: self.ask.time_range(),
             predict: self.ask.predict,
         };
         let backend = self.on(threads.render)?;
         memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
-        Ok((backend, options))
+        Ok((backend, options, threads.build))
     }
 
     pub(crate) fn put_back(&mut self, driver: Driver) {

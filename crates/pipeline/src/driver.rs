@@ -43,8 +43,6 @@ pub struct DriverOptions {
     pub method: Method,
     /// How trees follow the motion.
     pub update: Update,
-    /// Threads a build may use, beside the backend's own.
-    pub builder_threads: usize,
     /// First and last time that will be rendered, in key frames: what
     /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
     pub time_range: [f64; 2],
@@ -98,24 +96,11 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// Loads `animation` into `backend`. The first frame builds the first tree.
-    ///
-    /// # Errors
-    /// The backend refuses the scene or the method, or no threads can be had.
-    pub fn new(
-        backend: Box<dyn Backend>,
-        animation: Arc<Animation>,
-        options: DriverOptions,
-    ) -> Result<Self, PipelineError> {
-        let threads = BuilderThreads::new(options.builder_threads)?;
-        Self::with_builders(backend, animation, options, threads)
-    }
-
-    /// Likewise, with threads that others build in, too: the options' number of them says nothing.
+    /// Loads `animation` into `backend`. The first frame builds the first tree. Others may build in these threads, too.
     ///
     /// # Errors
     /// The backend refuses the scene or the method.
-    pub fn with_builders(
+    pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
         options: DriverOptions,

@@ -5,7 +5,8 @@ use geom::Animation;
 use integration::stage::{Stage, camera, light};
 use libtest_mimic::Trial;
 use pipeline::{
-    Answers, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted,
+    Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError,
+    Update, Wanted,
 };
 use std::sync::Arc;
 
@@ -48,11 +49,11 @@ fn render(
     let options = DriverOptions {
         method: Method::default(),
         update,
-        builder_threads: 1,
         time_range: [0.0, animation.end()],
         predict,
     };
-    let mut driver = Driver::new(backend, Arc::clone(animation), options).unwrap();
+    let threads = BuilderThreads::new(1).unwrap();
+    let mut driver = Driver::new(backend, Arc::clone(animation), options, threads).unwrap();
     let mut done = Vec::new();
     let keep = |record: &FrameRecord, found: &mut Answers| {
         done.push((record.clone(), found.hits.clone()));

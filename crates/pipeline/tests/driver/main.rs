@@ -11,7 +11,9 @@ mod warm_up;
 use backend::{Generation, Method, Query, QueryKind, Rays};
 use fake::{Fake, Gate, Log};
 use geom::{Animation, Camera};
-use pipeline::{Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted};
+use pipeline::{
+    BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Pace, PipelineError, Update, Wanted,
+};
 use std::sync::{Arc, LazyLock, Mutex};
 
 /// Two triangles that drift apart over `keys` key frames.
@@ -34,11 +36,11 @@ fn driver(
     let options = DriverOptions {
         method: Method::default(),
         update,
-        builder_threads: 1,
         time_range: [0.0, animation.end()],
         predict,
     };
-    Driver::new(Box::new(fake), Arc::clone(animation), options)
+    let threads = BuilderThreads::new(1)?;
+    Driver::new(Box::new(fake), Arc::clone(animation), options, threads)
 }
 
 /// A query of four pixels: what they see, the fake makes up.
