@@ -89,13 +89,9 @@ impl Loaded {
     }
 
     fn take_points(&mut self, mesh: usize, from: wgpu::BufferSlice<'_>) -> Result<()> {
-        let places = [
-            self.joined.range_of(mesh).start,
-            self.animation.vertex_count(),
-        ];
+        let first = self.joined.range_of(mesh).start;
         let backend = self.wgpu().ok_or_else(no_wgpu)?;
-        let brought = backend.gpu_mut().bring_points(places, from);
-        brought.map_err(Error::of_backend)?;
+        backend.gpu_mut().bring_points(first, from);
         self.driver.forget_key_frames();
         self.joined.is_on_device(mesh);
         Ok(())

@@ -27,7 +27,7 @@ pub enum Update {
     /// Likewise, with each tree taken up exactly so many steps after it was asked for, and waited for if it must be: then each
     /// run goes through the same trees. With 0, each step waits for its own.
     Lockstep(u32),
-    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about four builds before the
+    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds before the
     /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
     TSah,
 }

@@ -1,7 +1,7 @@
 //! What lies in buffers of the program's own: positions that its kernels made, which go from buffer to buffer, and rays, which
 //! kernels bind as they are. No host sees them.
 
-use crate::buffers::{copy_part, storage};
+use crate::buffers::copy_part;
 use crate::gpu::Gpu;
 use crate::wgpu_device::WgpuDevice;
 use backend::Result;
@@ -16,10 +16,12 @@ const POINT: u64 = size_of::<Point>() as u64;
 /// The newest positions of them.
 #[derive(Default)]
 pub(crate) struct DevicePoints {
-    /// Room for all of the scene's.
-    all: Option<Buffer>,
-    /// Which of those they are, in order.
+    /// Which of the scene's they are, in order.
     runs: Vec<Range<usize>>,
+    /// Those that no key frame has yet, and the place in a buffer where each run begins.
+    brought: Vec<(Range<usize>, (Buffer, u64))>,
+    /// The key frame that has all others.
+    newest: Option<Buffer>,
     /// Copies that the next submission begins with.
     copies: Vec<PointsCopy>,
 }
@@ -39,24 +41,31 @@ impl DevicePoints {
 
     /// Has a key frame take them.
     pub(crate) fn copy_to(&mut self, key: &Buffer) {
-        let Some(all) = &self.all else {
+        if self.runs.is_empty() {
             return;
-        };
-        let copy = |run: &Range<usize>| {
-            let at = run.start as u64 * POINT;
-            let newest = self
-                .copies
-                .iter()
-                .rfind(|copy| copy.to.0 == *all && copy.to.1 == at);
-            PointsCopy {
-                // A copy that reads what another writes would wait for it.
-                from: newest.map_or_else(|| (all.clone(), at), |copy| copy.from.clone()),
-                to: (key.clone(), at),
+        }
+        for run in &self.runs {
+            // That of the key frame before may be the same buffer.
+            let Some(from) = self.place(run).filter(|(buffer, _)| buffer != key) else {
+                continue;
+            };
+            self.copies.push(PointsCopy {
+                from,
+                to: (key.clone(), run.start as u64 * POINT),
                 bytes: run.len() as u64 * POINT,
-            }
-        };
-        let all: Vec<_> = self.runs.iter().map(copy).collect();
-        self.copies.extend(all);
+            });
+        }
+        self.brought.clear();
+        self.newest = Some(key.clone());
+    }
+
+    /// Where a run of them begins.
+    fn place(&self, run: &Range<usize>) -> Option<(Buffer, u64)> {
+        let brought = self.brought.iter().find(|(other, _)| other == run);
+        match brought {
+            Some((_, place)) => Some(place.clone()),
+            None => Some((self.newest.clone()?, run.start as u64 * POINT)),
+        }
     }
 
     /// Writes the copies that are due.
@@ -77,31 +86,14 @@ pub(crate) struct DeviceRays {
 }
 
 impl WgpuDevice {
-    /// Has the positions from `first` on, of so many that the scene has, come from a buffer of the program's on this device, in
-    /// all key frames to come; the next submission copies them first.
-    ///
-    /// # Errors
-    /// The buffer cannot be copied from. Of another device's, the submission tells.
-    pub fn bring_points(
-        &mut self,
-        [first, vertices]: [usize; 2],
-        from: BufferSlice<'_>,
-    ) -> Result<()> {
+    /// Has the positions from `first` on come from a buffer of the program's on this device, in all key frames to come; the
+    /// submission of the next one copies them first. Whether the buffer can be copied from is for that to tell.
+    pub fn bring_points(&mut self, first: usize, from: BufferSlice<'_>) {
         let run = first..first + (from.size() / POINT) as usize;
-        let points = &mut self.points;
-        if points.all.is_none() {
-            points.all = Some(storage(&self.gpu, "positions", vertices as u64 * POINT)?);
-        }
-        let all = points.all.clone().expect("made just now");
-        points.copies.push(PointsCopy {
-            from: (from.buffer().clone(), from.offset()),
-            to: (all, first as u64 * POINT),
-            bytes: from.size(),
-        });
         self.release_points(&run);
-        let runs = &mut self.points.runs;
+        let DevicePoints { runs, brought, .. } = &mut self.points;
+        brought.push((run.clone(), (from.buffer().clone(), from.offset())));
         runs.insert(runs.partition_point(|r| r.start < run.start), run);
-        Ok(())
     }
 
     /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
@@ -118,12 +110,13 @@ impl WgpuDevice {
             points.encode(gpu, &mut encoder)?;
             gpu.submit([encoder])?;
         }
-        let bytes = run.start as u64 * POINT..run.end as u64 * POINT;
-        Ok(points.all.clone().map(|all| (all, bytes)))
+        let place = points.place(run);
+        Ok(place.map(|(buffer, at)| (buffer, at..at + run.len() as u64 * POINT)))
     }
 
     /// Has a run of them come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
+        self.points.brought.retain(|(other, _)| other != run);
         self.points.runs = without(&self.points.runs, std::slice::from_ref(run));
     }
 
