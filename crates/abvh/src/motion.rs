@@ -102,8 +102,10 @@ pub(crate) struct Joined {
     pub(crate) returned: Vec<Range<usize>>,
     /// Whether the animation knows them all.
     is_told: bool,
-    /// The time that key-framed meshes stand at.
+    /// The time of the last step.
     pub(crate) time: f64,
+    /// What key-framed meshes were blended for, if all of them were.
+    blended: Option<f64>,
 }
 
 impl Joined {
@@ -147,6 +149,7 @@ impl Joined {
             colours,
             is_told: true,
             time: 0.0,
+            blended: Some(0.0),
         };
         let animation = match alone {
             Some(animation) => animation,
@@ -322,13 +325,14 @@ impl Joined {
         backend: &mut dyn Backend,
         time: f64,
     ) -> Result<f64> {
-        let passed = time != std::mem::replace(&mut self.time, time);
+        self.time = time;
         if !self.is_live() {
             return Ok(time);
         }
-        if passed {
+        if self.blended.take() != Some(time) {
             self.blend(time)?;
         }
+        self.blended = Some(time);
         if std::mem::replace(&mut self.is_told, true) {
             return Ok(animation.end());
         }

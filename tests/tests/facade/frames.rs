@@ -1,6 +1,7 @@
 //! Frames of an animation, and key frames that are read while they are played.
 
-use crate::{Demo, bits, demo, of_keys, pool, seen, still};
+use crate::pool::{self, Pooled};
+use crate::{Demo, bits, demo, of_keys, seen, still};
 use abvh::frames::{Frame, Wanted};
 use abvh::{Camera, Device, Error, Mesh, Point, Query, Scene, Source, Tracer, Update};
 use integration::stage::{camera, colours};
@@ -120,31 +121,41 @@ pub(crate) fn read(device: &Device) {
     }
 }
 
+/// A key frame that is gone and comes again.
+fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &Device) {
+    let first = still(&mut tracer, 0.0, &demo.rays);
+    fails.store(true, Ordering::Relaxed);
+    for _ in 0..2 {
+        let said = tracer.step(12.0).trace(&demo.rays, Query::Closest);
+        let why = said.unwrap_err();
+        let is_named = matches!(&why, Error::KeyFrame(why) if why.contains("is gone"));
+        assert!(is_named, "{why:?}");
+    }
+    assert!(still(&mut tracer, 0.0, &demo.rays) == first);
+    let again = tracer.step(12.0).trace(&demo.rays, Query::Closest);
+    assert!(again.is_err());
+    fails.store(false, Ordering::Relaxed);
+    let expected = still(&mut of_keys(demo, &demo.keys, device), 12.0, &demo.rays);
+    assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
+}
+
 /// A source that fails, or has fewer vertices than it began with.
 pub(crate) fn unreadable(device: &Device) {
     let demo = demo("demo:collide:300");
-    let fails = Arc::new(AtomicBool::new(false));
-    let (keys, heard) = (demo.keys.clone(), Arc::clone(&fails));
-    let read = move |key: usize| match key > 8 && heard.load(Ordering::Relaxed) {
-        true => Err(format!("key frame {key} is gone")),
-        false => Ok(keys[key].clone()),
-    };
-    let mut scene = Scene::new();
-    scene.add(Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap());
-    let mut tracer = pool::tracer(scene, device);
-    let first = still(&mut tracer, 0.0, &demo.rays);
-    fails.store(true, Ordering::Relaxed);
-    let said = tracer.step(12.0).trace(&demo.rays, Query::Closest);
-    let why = said.unwrap_err();
-    assert!(
-        matches!(&why, Error::KeyFrame(why) if why.contains("is gone")),
-        "{why:?}"
-    );
-    assert!(still(&mut tracer, 0.0, &demo.rays) == first);
-    assert!(tracer.step(12.0).trace(&demo.rays, Query::Closest).is_err());
-    fails.store(false, Ordering::Relaxed);
-    let expected = still(&mut of_keys(&demo, &demo.keys, device), 12.0, &demo.rays);
-    assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
+    for is_alone in [true, false] {
+        let fails = Arc::new(AtomicBool::new(false));
+        let (keys, heard) = (demo.keys.clone(), Arc::clone(&fails));
+        let read = move |key: usize| match key > 8 && heard.load(Ordering::Relaxed) {
+            true => Err(format!("key frame {key} is gone")),
+            false => Ok(keys[key].clone()),
+        };
+        let mut scene = Scene::new();
+        scene.add(Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap());
+        if !is_alone {
+            scene.add(Mesh::fixed(&sail(-900.0), &[[0, 1, 2]]).unwrap());
+        }
+        fail_and_go_on(&demo, pool::tracer(scene, device), &fails, device);
+    }
     let shrinks = |key: usize| Ok::<_, Error>(vec![[0.0; 3]; 5 - key]);
     let none = |_: usize| Err::<Vec<Point>, _>("nothing there");
     let made = [
