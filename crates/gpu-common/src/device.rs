@@ -82,14 +82,14 @@ pub struct LentRays<B> {
 
 /// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
-/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait for the device: for what this scene had it do. Submissions run in their order;
-/// what is recorded reads what was recorded before. Where copies have queues of their own, the device puts them in order
-/// with the submissions that need them.
+/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
+/// in their order; what is recorded reads what was recorded before. Where copies have queues of their own, the device puts
+/// them in order with the submissions that need them.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send;
     /// A kernel ready to be bound.
-    type Pipeline: Send + 'static;
+    type Pipeline: Send + Sync + 'static;
     /// Makes kernels ready on any thread, beside the device's owner.
     type Maker: Send + Sync + 'static;
     /// What one submission needs for itself.

@@ -77,7 +77,7 @@ impl<D: GpuDevice> Engine<D> {
         Ok((made, found))
     }
 
-    /// Another on the same device, whose arithmetic is known.
+    /// Another on the same device, whose arithmetic is known and whose kernels stay ready.
     ///
     /// # Errors
     /// Those of the device.
@@ -91,7 +91,7 @@ impl<D: GpuDevice> Engine<D> {
             scene: None,
             position: 0,
             pose: Pose::default(),
-            pipelines: Pipelines::with_traits(self.pipelines.traits),
+            pipelines: self.pipelines.ready(),
             gpu,
         })
     }

@@ -4,6 +4,7 @@ use crate::GpuDevice;
 use backend::Result;
 use rayon::prelude::*;
 use shaders::{Code, Kernel, Traits};
+use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
 /// A kernel, and its code for the device at hand.
@@ -11,7 +12,7 @@ pub type KernelCode = (&'static Kernel, Code);
 
 /// Kernels ready to be bound: those that anything needed so far.
 pub struct Pipelines<D: GpuDevice> {
-    made: Vec<(&'static Kernel, D::Pipeline)>,
+    made: Vec<(&'static Kernel, Arc<D::Pipeline>)>,
     making: Vec<Making<D::Pipeline>>,
     /// Which forms of kernels the device takes; known once the first of them has run.
     pub(crate) traits: Traits,
@@ -37,17 +38,21 @@ impl<D: GpuDevice> Pipelines<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if the driver refuses one.
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
-        let mut all = Self::with_traits(Traits::default());
+        let mut all = Self {
+            made: Vec::new(),
+            making: Vec::new(),
+            traits: Traits::default(),
+        };
         all.prepare(gpu, kernels)?;
         Ok(all)
     }
 
-    /// None yet, of a device that takes kernels of these forms.
-    pub(crate) fn with_traits(traits: Traits) -> Self {
+    /// Those that are ready, for another scene on the device.
+    pub(crate) fn ready(&self) -> Self {
         Self {
-            made: Vec::new(),
+            made: self.made.clone(),
             making: Vec::new(),
-            traits,
+            traits: self.traits,
         }
     }
 
@@ -84,8 +89,8 @@ impl<D: GpuDevice> Pipelines<D> {
             } else {
                 let missing = self.missing([kernel]);
                 let made = make_all::<D>(&gpu.pipeline_maker(), &missing)?;
-                self.made
-                    .extend(made.into_iter().map(|made| (kernel, made)));
+                let made = made.into_iter().map(Arc::new);
+                self.made.extend(made.map(|made| (kernel, made)));
             }
         }
         Ok(())
@@ -97,6 +102,7 @@ impl<D: GpuDevice> Pipelines<D> {
         let made = thread
             .join()
             .unwrap_or_else(|e| std::panic::resume_unwind(e))?;
+        let made = made.into_iter().map(Arc::new);
         self.made.extend(making.kernels.iter().copied().zip(made));
         Ok(())
     }
@@ -117,7 +123,7 @@ impl<D: GpuDevice> Pipelines<D> {
     fn find(&self, kernel: &Kernel) -> Option<&D::Pipeline> {
         let mut made = self.made.iter();
         let found = made.find(|(k, _)| k.name == kernel.name);
-        found.map(|(_, pipeline)| pipeline)
+        found.map(|(_, pipeline)| &**pipeline)
     }
 
     /// # Panics

@@ -137,7 +137,7 @@ pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        // SAFETY: the owner waits for the device before it drops its pipelines.
+        // SAFETY: each owner waits for what it had the device do before it drops its pipelines.
         unsafe { self.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }
@@ -145,7 +145,7 @@ impl Drop for Pipeline {
 impl Drop for Layouts {
     fn drop(&mut self) {
         let vk = &self.gpu.vk;
-        // SAFETY: the owner waits for the device before it drops its pipelines; null is left alone.
+        // SAFETY: each owner waits for what it had the device do before it drops its pipelines; null is left alone.
         unsafe {
             vk.destroy_pipeline_layout(self.pipeline, None);
             vk.destroy_descriptor_set_layout(self.set, None);
