@@ -5,7 +5,7 @@ use crate::loaded::{Asked, Loaded};
 use crate::motion::CurrentVertices;
 use crate::tracer::{Builder, name};
 use crate::{Error, Mesh, MeshId, Result, Tracer};
-use backend::Backend;
+use backend::Opener;
 use pipeline::{BuilderThreads, Pace, Update};
 use std::fmt;
 use std::sync::Arc;
@@ -137,11 +137,10 @@ impl Tracer {
 
     fn preparation(&self, mesh: usize, with: Mesh) -> Result<Preparation> {
         let current = &self.current;
-        let another = current.driver.another_backend();
         Ok(Preparation {
             builder: self.builder.clone(),
             device: self.device().to_owned(),
-            another: another.map_err(Error::of_driver)?,
+            another: current.driver.another_backend(),
             parts: Box::new(current.joined.parts(&current.animation)),
             mesh,
             with,
@@ -164,7 +163,7 @@ struct Preparation {
     builder: Builder,
     /// What is to be opened once more, unless it has room for another scene.
     device: String,
-    another: Option<Box<dyn Backend>>,
+    another: Option<Opener>,
     /// The meshes as they are.
     parts: Box<dyn FnOnce() -> Vec<Mesh> + Send>,
     mesh: usize,
@@ -183,7 +182,7 @@ impl Preparation {
         meshes[self.mesh] = self.with;
         let update = self.builder.policy(&meshes);
         let backend = match self.another {
-            Some(another) => another,
+            Some(open) => open().map_err(Error::of_backend)?,
             None => self.builder.open(update)?,
         };
         let (found, expected) = (name(backend.as_ref()), self.device);

@@ -118,18 +118,18 @@ use std::sync::Arc;
 /// Puts a tree where a device takes it from, on any thread: see [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
+/// Makes a backend, on any thread.
+pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Backend>> + Send>;
+
 /// A device that deforms, refits and traces one scene. See the crate's page for the contract.
 pub trait Backend: Send + Any {
     /// Who is at work: shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 
-    /// A further backend on the same device, for another scene that is loaded and traced beside this one, on any thread;
-    /// `None` where one has to be opened, which may hold up what the device does.
-    ///
-    /// # Errors
-    /// Those of the device.
-    fn another(&self) -> Result<Option<Box<dyn Backend>>> {
-        Ok(None)
+    /// What makes a further backend on the same device, for another scene that is loaded and traced beside this one; `None`
+    /// where a device has to be opened, which may hold up what the others do.
+    fn another(&self) -> Option<Opener> {
+        None
     }
 
     /// Whether scenes can be traced by `method`. Touches no device.

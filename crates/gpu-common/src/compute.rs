@@ -6,7 +6,7 @@ use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale, are_given};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
-    Method, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose};
@@ -145,9 +145,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         &self.engine.device
     }
 
-    fn another(&self) -> Result<Option<Box<dyn Backend>>> {
-        let engine = self.engine.another()?;
-        Ok(Some(Box::new(Self::with(engine))))
+    fn another(&self) -> Option<Opener> {
+        let open = self.engine.another();
+        Some(Box::new(move || Ok(Box::new(Self::with(open()?)))))
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {

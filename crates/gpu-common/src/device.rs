@@ -90,7 +90,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     type Buffer: Send;
     /// A kernel ready to be bound.
     type Pipeline: Send + Sync + 'static;
-    /// Makes kernels ready on any thread, beside the device's owner.
+    /// On any thread, makes kernels ready beside the device's owner, or has the device take [another scene](GpuDevice::beside).
     type Maker: Send + Sync + 'static;
     /// What one submission needs for itself.
     type Slot: GpuSlot<Self>;
@@ -105,11 +105,11 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
     fn open(options: &Options) -> Result<Self>;
 
-    /// The same device for another scene, which is traced beside this one.
+    /// The device of a maker for another scene, which is traced beside those that it has.
     ///
     /// # Errors
     /// Those of the device.
-    fn another(&self) -> Result<Self>;
+    fn beside(maker: Self::Maker) -> Result<Self>;
 
     /// Who is at work. How it computes is found out later.
     fn device(&self) -> Device;

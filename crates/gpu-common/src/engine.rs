@@ -77,23 +77,24 @@ impl<D: GpuDevice> Engine<D> {
         Ok((made, found))
     }
 
-    /// Another on the same device, whose arithmetic is known and whose kernels stay ready.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn another(&self) -> Result<Self> {
-        let gpu = self.gpu.another()?;
-        Ok(Self {
-            device: self.device.clone(),
-            frames: Frames::new(&gpu)?,
-            traces: Traces::default(),
-            snapshots: Snapshots::default(),
-            scene: None,
-            position: 0,
-            pose: Pose::default(),
-            pipelines: self.pipelines.ready(),
-            gpu,
-        })
+    /// What makes another on the same device, whose arithmetic is known and whose kernels stay ready.
+    pub fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
+        let device = self.device.clone();
+        let (maker, pipelines) = (self.gpu.pipeline_maker(), self.pipelines.ready());
+        move || {
+            let gpu = D::beside(maker)?;
+            Ok(Self {
+                device,
+                frames: Frames::new(&gpu)?,
+                traces: Traces::default(),
+                snapshots: Snapshots::default(),
+                scene: None,
+                position: 0,
+                pose: Pose::default(),
+                pipelines,
+                gpu,
+            })
+        }
     }
 
     /// The scene.

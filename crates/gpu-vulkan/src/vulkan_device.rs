@@ -133,8 +133,8 @@ impl GpuDevice for VulkanDevice {
         Self::over(&gpu, "vulkan")
     }
 
-    fn another(&self) -> Result<Self> {
-        Self::over(&self.gpu, self.backend)
+    fn beside(gpu: Arc<Gpu>) -> Result<Self> {
+        Self::over(&gpu, "vulkan")
     }
 
     fn device(&self) -> Device {

@@ -129,13 +129,12 @@ impl GpuDevice for WgpuDevice {
         Ok(Self::over(Arc::new(Gpu::open(options)?), options))
     }
 
-    fn another(&self) -> Result<Self> {
+    fn beside(maker: PipelineMaker) -> Result<Self> {
         let options = Options {
-            kernels: self.form,
-            validation: self.validation,
+            kernels: maker.form,
             ..Options::default()
         };
-        Ok(Self::over(Arc::clone(&self.gpu), &options))
+        Ok(Self::over(maker.gpu, &options))
     }
 
     fn device(&self) -> Device {

@@ -11,7 +11,8 @@ use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Hits, Method, Palette, Query, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Hits, Method, Opener, Palette, Query,
+    Ticket,
 };
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
@@ -152,12 +153,9 @@ impl Driver {
         self.backend.as_mut()
     }
 
-    /// A further backend on its device: see [`Backend::another`].
-    ///
-    /// # Errors
-    /// The backend's.
-    pub fn another_backend(&self) -> Result<Option<Box<dyn Backend>>, PipelineError> {
-        Ok(self.backend.another()?)
+    /// What makes a further backend on its device: see [`Backend::another`].
+    pub fn another_backend(&self) -> Option<Opener> {
+        self.backend.another()
     }
 
     /// Has the backend make ready, beside other work, what frames with this query will take.

@@ -186,11 +186,16 @@ fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec
     frames.collect()
 }
 
+fn another(beside: &dyn Backend) -> Box<dyn Backend> {
+    let open = beside.another().expect("a device has room");
+    open().unwrap()
+}
+
 /// Whatever the other does: it is loaded, goes, and another comes.
 pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Subject) {
     let scenes = [2000, 3000].map(swarm);
     let alone = scenes.each_ref().map(|scene| play(backend, scene));
-    let mut others = [0, 1].map(|_| backend.another().unwrap().expect("a device has room"));
+    let mut others = [0, 1].map(|_| another(backend));
     let [first, second] = &mut others;
     thread::scope(|scope| {
         for (other, which) in [(first, 0), (second, 1)] {
@@ -198,7 +203,7 @@ pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Su
             scope.spawn(move || {
                 for _ in 0..2 {
                     assert!(play(other.as_mut(), scene) == *alone, "beside, {which}");
-                    *other = other.another().unwrap().expect("a device has room");
+                    *other = another(other.as_ref());
                 }
             });
         }
