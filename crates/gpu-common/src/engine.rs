@@ -60,11 +60,17 @@ impl<D: GpuDevice> Engine<D> {
     pub fn new(mut gpu: D, pipelines: Pipelines<D>) -> Result<(Self, Findings)> {
         let mut frames = Frames::new(&gpu)?;
         let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
-        let made = Self {
-            device: Device {
-                arithmetic: found.arithmetic,
-                ..gpu.device()
-            },
+        let device = Device {
+            arithmetic: found.arithmetic,
+            ..gpu.device()
+        };
+        Ok((Self::with((gpu, device), frames, pipelines), found))
+    }
+
+    /// Without a scene.
+    fn with((gpu, device): (D, Device), frames: Frames<D>, pipelines: Pipelines<D>) -> Self {
+        Self {
+            device,
             frames,
             traces: Traces::default(),
             snapshots: Snapshots::default(),
@@ -73,8 +79,7 @@ impl<D: GpuDevice> Engine<D> {
             pose: Pose::default(),
             pipelines,
             gpu,
-        };
-        Ok((made, found))
+        }
     }
 
     /// What makes another on the same device, whose arithmetic is known and whose kernels stay ready.
@@ -83,17 +88,8 @@ impl<D: GpuDevice> Engine<D> {
         let (maker, pipelines) = (self.gpu.pipeline_maker(), self.pipelines.ready());
         move || {
             let gpu = D::beside(maker)?;
-            Ok(Self {
-                device,
-                frames: Frames::new(&gpu)?,
-                traces: Traces::default(),
-                snapshots: Snapshots::default(),
-                scene: None,
-                position: 0,
-                pose: Pose::default(),
-                pipelines,
-                gpu,
-            })
+            let frames = Frames::new(&gpu)?;
+            Ok(Self::with((gpu, device), frames, pipelines))
         }
     }
 

@@ -24,6 +24,7 @@ mod options;
 mod pipelines;
 mod runs;
 mod scene;
+mod sent;
 mod snapshots;
 mod traces;
 mod tree;
@@ -31,8 +32,8 @@ mod tree;
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Sent,
-    parts, refuse_above,
+    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, parts,
+    refuse_above,
 };
 pub use doors::{compile_door, device_door};
 pub use engine::{Engine, Stale};
@@ -41,4 +42,5 @@ pub use options::{KernelForm, Options, Validation};
 pub use pipelines::{KernelCode, Pipelines};
 pub use runs::without;
 pub use scene::SceneBuffers;
+pub use sent::Sent;
 pub use traces::{Trace, Traces, are_given};

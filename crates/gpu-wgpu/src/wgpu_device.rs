@@ -39,8 +39,8 @@ pub fn from_device(
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
     let gpu = Gpu::lent(device, queue, info)?;
-    let options = Options::default();
-    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu), &options))
+    let how = (KernelForm::default(), Validation::default());
+    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu), how))
 }
 
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
@@ -69,7 +69,7 @@ pub struct PipelineMaker {
 }
 
 impl WgpuDevice {
-    fn over(gpu: Arc<Gpu>, options: &Options) -> Self {
+    fn over(gpu: Arc<Gpu>, (form, validation): (KernelForm, Validation)) -> Self {
         Self {
             windows: Windows::default(),
             staging: Staging::default(),
@@ -80,8 +80,8 @@ impl WgpuDevice {
             rays: DeviceRays::default(),
             encoder: LentEncoder::default(),
             module: None,
-            form: options.kernels,
-            validation: options.validation,
+            form,
+            validation,
             gpu,
         }
     }
@@ -126,15 +126,12 @@ impl GpuDevice for WgpuDevice {
     type Staging = Filled;
 
     fn open(options: &Options) -> Result<Self> {
-        Ok(Self::over(Arc::new(Gpu::open(options)?), options))
+        let how = (options.kernels, options.validation);
+        Ok(Self::over(Arc::new(Gpu::open(options)?), how))
     }
 
     fn beside(maker: PipelineMaker) -> Result<Self> {
-        let options = Options {
-            kernels: maker.form,
-            ..Options::default()
-        };
-        Ok(Self::over(maker.gpu, &options))
+        Ok(Self::over(maker.gpu, (maker.form, Validation::default())))
     }
 
     fn device(&self) -> Device {
