@@ -1,6 +1,6 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
-use crate::key_frames::KeyFrames;
+use crate::key_frames::{KeyFrames, check_key};
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
 use crate::survey::{Survey, check_triangles};
@@ -42,12 +42,8 @@ impl Animation {
             return Err(KeyFrameError(cause.to_owned()));
         };
         let vertices = first.len();
-        if let Some(key) = keys.iter().position(|frame| frame.len() != vertices) {
-            let found = keys[key].len();
-            return Err(KeyFrameError(format!(
-                "key frame {key} has {found} vertices, the first has {vertices}"
-            )));
-        }
+        let mut numbered = keys.iter().enumerate();
+        numbered.try_for_each(|(key, frame)| check_key(key, frame.len(), vertices))?;
         Self::over(KeyFrames::Held(keys), triangles)
     }
 

@@ -79,6 +79,16 @@ pub struct KeyFrameError(pub String);
 /// a time. An error says that it cannot be read, or is no longer what it was.
 pub type KeySource = dyn Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync;
 
+/// All key frames have as many vertices as the first.
+pub(crate) fn check_key(key: usize, found: usize, first: usize) -> Result<(), KeyFrameError> {
+    match found == first {
+        true => Ok(()),
+        false => Err(KeyFrameError(format!(
+            "key frame {key} has {found} vertices, the first has {first}"
+        ))),
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(crate) enum KeyFrames {
     /// One at least.

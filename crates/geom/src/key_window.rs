@@ -1,5 +1,6 @@
 //! The key frames that are wanted now or soon, read on threads of their own.
 
+use crate::key_frames::check_key;
 use crate::{KeyFrame, KeyFrameError, KeySource, Point};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -137,7 +138,10 @@ impl KeyWindow {
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
             let read = (shared.source)(key);
-            shared.file(key, read);
+            let first = shared.first.len();
+            let is_whole = |frame: &Vec<Point>| check_key(key, frame.len(), first);
+            let checked = read.and_then(|frame| is_whole(&frame).map(|()| frame));
+            shared.file(key, checked);
         });
     }
 }
