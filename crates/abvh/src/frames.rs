@@ -22,7 +22,6 @@
 use crate::loaded::Loaded;
 use crate::tracer::moment;
 use crate::{Error, Point, Result, Tracer};
-use backend::{Query, QueryKind, Rays};
 use geom::Camera;
 use pipeline::LOOK_AHEAD;
 pub use pipeline::{Answers, Frame, FrameRecord, Wanted};
@@ -36,7 +35,7 @@ impl Tracer {
     pub fn prepare_frames(&mut self, shot: (&Camera, Point), wanted: Wanted) -> Result<bool> {
         let loaded = &mut self.current;
         let shades = wanted.pixels && loaded.is_shaded_on_device()?;
-        loaded.driver.prepare(query(shot));
+        loaded.driver.prepare(shading::query(shot));
         Ok(shades)
     }
 
@@ -56,7 +55,8 @@ impl Tracer {
         wanted: Wanted,
         mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.drop_results()?;
+        self.current.finish_all(&mut self.last)?;
+        self.keep_from(u64::MAX);
         let Self { current, last, .. } = self;
         let shades_here = wanted.pixels && !current.is_shaded_on_device()?;
         let most = match shades_here && current.joined.is_live() {
@@ -66,41 +66,22 @@ impl Tracer {
         };
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
-            let mut record = loaded.finish_frame(wanted, &mut answers, last)?;
+            let mut record = loaded.take((wanted, &mut answers), last)?;
             if shades_here {
                 loaded.shade_frame(moment(frame.time), shot, &mut answers)?;
             }
             record.frame = frame;
             on_frame(&record, &mut answers)
         };
-        let mut oldest = 0;
         for (i, &frame) in frames.iter().enumerate() {
             let times = frames[i..].iter().map(|frame| moment(frame.time));
             current.joined.look_ahead(times.take(LOOK_AHEAD));
-            current.begin_frame(moment(frame.time), query(shot))?;
-            if i - oldest + 1 >= most {
+            current.start(moment(frame.time), &[shading::query(shot)])?;
+            if let Some(oldest) = (i + 1).checked_sub(most) {
                 finish(current, frames[oldest])?;
-                oldest += 1;
             }
         }
-        let mut rest = frames[oldest..].iter();
-        rest.try_for_each(|&frame| finish(current, frame))
-    }
-
-    /// Waits for what is under way, and forgets it.
-    fn drop_results(&mut self) -> Result<()> {
-        self.current.finish_all(&mut self.last)?;
-        self.current.keep_from(u64::MAX);
-        for former in self.former.drain(..) {
-            self.disposal.begin(move || drop(former));
-        }
-        Ok(())
-    }
-}
-
-fn query((camera, light): (&Camera, Point)) -> Query<'_> {
-    Query {
-        rays: Rays::Camera(camera),
-        kind: QueryKind::ClosestAndShadow { light },
+        let left = frames.iter().skip((frames.len() + 1).saturating_sub(most));
+        left.copied().try_for_each(|frame| finish(current, frame))
     }
 }

@@ -129,35 +129,19 @@ impl Loaded {
         while self.under_way.len() >= self.driver.most_under_way() {
             self.finish(last)?;
         }
-        let ticket = self.submit(time, queries)?;
-        queries.iter().for_each(|&query| self.note(query));
-        self.under_way.push_back(ticket);
+        let ticket = self.start(time, queries)?;
         for (place, &id) in ids.iter().enumerate() {
             self.results.push_back((id, Answer { ticket, place }));
         }
         Ok(())
     }
 
-    /// Begins one query of which nothing is kept.
-    pub(crate) fn begin_frame(&mut self, time: f64, query: Query<'_>) -> Result<()> {
-        let ticket = self.submit(time, &[query])?;
-        self.note(query);
+    /// Has queries be under way, in one submission, of whose results nobody is told.
+    pub(crate) fn start(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+        let ticket = self.submit(time, queries)?;
+        queries.iter().for_each(|&query| self.note(query));
         self.under_way.push_back(ticket);
-        Ok(())
-    }
-
-    /// Waits for the oldest query under way, and takes what is wanted of it.
-    pub(crate) fn finish_frame(
-        &mut self,
-        wanted: Wanted,
-        answers: &mut Answers,
-        last: &mut Option<Statistics>,
-    ) -> Result<FrameRecord> {
-        self.under_way.pop_front();
-        let finished = self.driver.finish_frame(wanted, answers);
-        let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
-        *last = Some(self.statistics(&record));
-        Ok(record)
+        Ok(ticket)
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
@@ -218,16 +202,27 @@ impl Loaded {
         Ok(())
     }
 
-    /// Waits for the oldest query under way.
+    /// Waits for the oldest submission under way.
     fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
-        if self.under_way.pop_front().is_some() {
-            let finished = self.driver.finish(None).map_err(Error::of_driver)?;
-            let done = finished.map(|record| self.statistics(&record));
-            // Those of a former scene may be waited for late.
-            let is_newer = |done: &Statistics| last.is_none_or(|l| l.generation <= done.generation);
-            *last = done.filter(is_newer).or(*last);
+        let finished = self.take((Wanted::default(), &mut Answers::default()), last);
+        finished.map(drop)
+    }
+
+    /// Likewise, and takes what is wanted of it.
+    pub(crate) fn take(
+        &mut self,
+        (wanted, answers): (Wanted, &mut Answers),
+        last: &mut Option<Statistics>,
+    ) -> Result<FrameRecord> {
+        self.under_way.pop_front();
+        let finished = self.driver.finish_frame(wanted, answers);
+        let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
+        let done = self.statistics(&record);
+        // Those of a former scene may be waited for late.
+        if last.is_none_or(|l| l.generation <= done.generation) {
+            *last = Some(done);
         }
-        Ok(())
+        Ok(record)
     }
 
     fn statistics(&self, record: &FrameRecord) -> Statistics {

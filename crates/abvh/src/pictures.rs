@@ -3,7 +3,6 @@
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::{Error, Point, QueryId, Result, Statistics, Step, StepId, Tracer};
-use backend::{Query, QueryKind, Rays};
 use geom::{Animation, Camera};
 use pipeline::Answers;
 use shading::Shot;
@@ -66,17 +65,15 @@ impl Loaded {
     fn render(
         &mut self,
         (time, id): (f64, QueryId),
-        (camera, light): (&Camera, Point),
+        shot: (&Camera, Point),
         last: &mut Option<Statistics>,
     ) -> Result<()> {
         let is_on_device = self.is_shaded_on_device()?;
-        let rays = Rays::Camera(camera);
-        let kind = QueryKind::ClosestAndShadow { light };
-        self.begin(time, (&[id], &[Query { rays, kind }]), last)?;
+        self.begin(time, (&[id], &[shading::query(shot)]), last)?;
         match self.results.back() {
             Some(&(_, answer)) if !is_on_device => {
                 self.wait(answer.ticket, last)?;
-                self.shade((id, answer), (camera, light))
+                self.shade((id, answer), shot)
             }
             _ => Ok(()),
         }

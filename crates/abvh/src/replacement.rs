@@ -67,7 +67,8 @@ impl fmt::Debug for Replacement {
 impl Tracer {
     /// Begins to replace a mesh: by any number of other vertices and triangles, which may move in another way. A scene with
     /// them is loaded and its first tree built beside the steps, which go on with the old one until
-    /// [`Tracer::commit`]. A GPU is not opened again: it holds both scenes until then, and until the last results of the old one are dropped.
+    /// [`Tracer::commit`]. A GPU is not opened again: it holds both scenes until then, and until the last results of the old one
+    /// are dropped.
     ///
     /// ```
     /// # use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};

@@ -312,7 +312,11 @@ impl Tracer {
 
     /// Drops results of all steps but this one and the one before.
     pub(crate) fn end_step(&mut self, id: StepId) {
-        let oldest = id.0.saturating_sub(1);
+        self.keep_from(id.0.saturating_sub(1));
+    }
+
+    /// Drops results of steps before one, and scenes that have no others.
+    pub(crate) fn keep_from(&mut self, oldest: u64) {
         self.current.keep_from(oldest);
         let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);
         for done in self.former.extract_if(.., is_done) {

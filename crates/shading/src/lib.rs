@@ -15,7 +15,7 @@ use light::{ambient, encode, lamp, linear, sky};
 use rayon::prelude::*;
 
 pub use light::palette;
-pub use view::{View, frame_scene};
+pub use view::{View, frame_scene, query};
 
 /// What a picture shows, beside the hits.
 #[derive(Clone, Debug)]

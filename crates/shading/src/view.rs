@@ -37,11 +37,16 @@ impl View {
     /// What each pixel shows: the closest hit of its ray, and whether the lamp shines there.
     #[must_use]
     pub fn query<'a>(&self, camera: &'a Camera) -> Query<'a> {
-        let light = self.light;
-        Query {
-            rays: Rays::Camera(camera),
-            kind: QueryKind::ClosestAndShadow { light },
-        }
+        query((camera, self.light))
+    }
+}
+
+/// What each pixel of a camera shows in the light of a lamp: see [`View::query`].
+#[must_use]
+pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
+    Query {
+        rays: Rays::Camera(camera),
+        kind: QueryKind::ClosestAndShadow { light },
     }
 }
 
