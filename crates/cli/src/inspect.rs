@@ -6,7 +6,6 @@ use crate::args::{
 };
 use crate::bench::FOV;
 use crate::choose::{Ask, Run};
-use crate::open::Opening;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
 use crate::{frames, memory, session, talk};
@@ -78,9 +77,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         run,
         ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start_driver(animation, &ask, Opening::LATER)?
-        .setup
-        .auto)
+    Ok(session::start_driver(animation, &ask)?.setup.auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {

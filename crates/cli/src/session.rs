@@ -79,9 +79,9 @@ pub(crate) fn start(
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
-    opening: Opening,
 ) -> Result<Session<Driver>, Stop> {
-    start_by(animation, ask, opening, |taking| driver(animation, taking))
+    let load = |taking| driver(animation, taking);
+    start_by(animation, ask, Opening::LATER, load)
 }
 
 /// The library's words for what a driver is to do.

@@ -1,14 +1,14 @@
 //! Frames of an animation, and key frames that are read while they are played.
 
+use crate::pictures::{LAMP, shown};
 use crate::pool::{self, Pooled};
-use crate::{Demo, bits, demo, of_keys, seen, still};
+use crate::{Demo, demo, of_keys, seen, still};
 use abvh::frames::{Frame, Wanted};
-use abvh::{Camera, Device, Error, Mesh, Point, Query, Scene, Source, Tracer, Update};
+use abvh::{Device, Error, Mesh, Point, Query, Scene, Source, Tracer, Update};
 use integration::stage::{camera, colours};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const LAMP: Point = [2.0, 4.0, 1.5];
 /// To and fro, between key frames, twice the same, and beyond the ends.
 const TIMES: [f64; 8] = [0.0, 0.5, 1.25, 1.25, 7.0, 2.5, -1.0, 1e9];
 
@@ -37,18 +37,6 @@ fn all_frames() -> Vec<Frame> {
     TIMES.iter().enumerate().map(frame).collect()
 }
 
-/// The picture of a step, and what was hit in it.
-fn picture(tracer: &mut Tracer, time: f64, camera: &Camera) -> (Vec<u8>, Vec<u32>) {
-    let mut step = tracer.step(time);
-    let picture = step.render(camera, LAMP).unwrap();
-    let done = step.submit().unwrap();
-    let mut rgba = Vec::new();
-    tracer.pixels(done, picture, &mut rgba).unwrap();
-    let hits = tracer.hits(done, picture).unwrap();
-    let hit = hits.in_scene().iter().map(|hit| hit.triangle);
-    (rgba, hit.collect())
-}
-
 /// Also beside a mesh that steps move, and after a caller gave up in the middle.
 pub(crate) fn as_steps(device: &Device) {
     let demo = demo("demo:twist:2000");
@@ -68,7 +56,7 @@ pub(crate) fn as_steps(device: &Device) {
             step.vertices(sail_id, Source::Host(&sail(0.4))).unwrap();
             step.submit().unwrap();
         }
-        let expected = TIMES.map(|time| picture(&mut tracer, time, &camera));
+        let expected = TIMES.map(|time| shown(&mut tracer, time, &camera));
         assert!(expected[0] != expected[1]);
         let mut step = tracer.step(0.0);
         let query = step.trace(&demo.rays, Query::Closest).unwrap();
@@ -90,7 +78,7 @@ pub(crate) fn as_steps(device: &Device) {
             });
             assert_eq!(ended, given_up);
             assert!(found == expected[..most], "alone: {is_alone}");
-            assert!(picture(&mut tracer, TIMES[1], &camera) == expected[1]);
+            assert!(shown(&mut tracer, TIMES[1], &camera) == expected[1]);
         }
         let dropped = tracer.hits(before, query).err();
         assert_eq!(dropped, Some(Error::NoResult));
@@ -207,14 +195,8 @@ pub(crate) fn on_backend(device: &Device) {
     let demo = demo("demo:twist:2000");
     let mut usual = of_keys(&demo, &demo.keys, device);
     let mut scene = Scene::new();
-    scene.add(Mesh::from(
-        &scene::open("demo:twist:2000", &scene::Options::default()).unwrap(),
-    ));
+    scene.add(Mesh::open("demo:twist:2000").unwrap());
     let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
     let mut tracer = Tracer::builder().build_on(backend, scene).unwrap();
-    let mut step = tracer.step(1.5);
-    let query = step.trace(&demo.rays, Query::Closest).unwrap();
-    let done = step.submit().unwrap();
-    let found = bits(tracer.hits(done, query).unwrap());
-    assert!(found == still(&mut usual, 1.5, &demo.rays));
+    assert!(still(&mut tracer, 1.5, &demo.rays) == still(&mut usual, 1.5, &demo.rays));
 }

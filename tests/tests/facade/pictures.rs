@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.0]];
 const FLOOR_COLOUR: [u8; 3] = [200, 20, 90];
-const LAMP: Point = [2.0, 4.0, 1.5];
+pub(crate) const LAMP: Point = [2.0, 4.0, 1.5];
 
 /// A floor of one colour under a mesh of many.
 fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
@@ -107,12 +107,19 @@ pub(crate) fn replaced(device: &Device) {
 }
 
 fn picture(tracer: &mut Tracer, camera: &Camera) -> Vec<u8> {
-    let mut step = tracer.step(0.0);
+    shown(tracer, 0.0, camera).0
+}
+
+/// The picture of a step, and the triangles that are hit in it.
+pub(crate) fn shown(tracer: &mut Tracer, time: f64, camera: &Camera) -> (Vec<u8>, Vec<u32>) {
+    let mut step = tracer.step(time);
     let picture = step.render(camera, LAMP).unwrap();
     let done = step.submit().unwrap();
     let mut rgba = Vec::new();
     tracer.pixels(done, picture, &mut rgba).unwrap();
-    rgba
+    let hits = tracer.hits(done, picture).unwrap();
+    let hit = hits.in_scene().iter().map(|hit| hit.triangle);
+    (rgba, hit.collect())
 }
 
 /// Sky alone, no pixel at all, and colours that are too few.

@@ -4,7 +4,6 @@ use super::FOV;
 use crate::args::{MeasureArgs, RaysName};
 use crate::choose::{self, Ask};
 use crate::memory::device_memory;
-use crate::open::Opening;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 
@@ -102,7 +101,7 @@ pub(crate) fn measure(
         run: Some(choose::Run { frames, query }),
         ..*ask
     };
-    let mut session = session::start_driver(&scene.animation, &ask, Opening::LATER)?;
+    let mut session = session::start_driver(&scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));

@@ -3,7 +3,6 @@
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench;
 use crate::choose::Ask;
-use crate::open::Opening;
 use crate::session;
 use crate::stop::Stop;
 use backend::{Hits, QueryKind};
@@ -93,7 +92,7 @@ impl GroundTruth {
         ask: &Ask<'_>,
         mut hear: impl FnMut(&Sheet, Hits),
     ) -> Result<(), Stop> {
-        let mut session = session::start_driver(animation, ask, Opening::LATER)?;
+        let mut session = session::start_driver(animation, ask)?;
         let kind = QueryKind::ClosestAndShadow { light: self.light };
         let sheets = self
             .sheets
