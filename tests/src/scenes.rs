@@ -1,9 +1,7 @@
 //! Scenes to test with: demos, which are always there, and real ones, which may be absent.
 //!
-//! Real scenes are packed. They are looked for in the folder that the environment
-//! variable `ABVH_SCENES` names, else in `../shared/scenes` beside the workspace,
-//! and unpacked once into the target directory. Trials that need an absent
-//! pack show as ignored, with the reason.
+//! Real scenes are packed. They are looked for in the folder that `ABVH_SCENES` names, else in `../shared/scenes` beside the
+//! workspace, and unpacked once into the target directory. Trials that need an absent pack show as ignored, with the reason.
 
 use geom::Animation;
 use libtest_mimic::Trial;
@@ -43,13 +41,11 @@ pub const REAL: [Source; 9] = [
     real("n-body", "ccd-n-body-simulation", "ccd-n-body-simulation"),
     real("robot", "small", "gltf-robotexpressive/RobotExpressive.glb"),
     real("cesium-man", "small", "gltf-cesiumman/CesiumMan.glb"),
-    real(
-        "morph-stress",
-        "small",
-        "gltf-morphstress/MorphStressTest.gltf",
-    ),
+    real("morph-stress", "small", MORPH_STRESS),
     real("fox", "small", "gltf-fox/Fox.glb"),
 ];
+
+const MORPH_STRESS: &str = "gltf-morphstress/MorphStressTest.gltf";
 
 const fn demo(name: &'static str, spec: &'static str) -> Source {
     Source {
@@ -69,10 +65,6 @@ const fn real(name: &'static str, pack: &'static str, spec: &'static str) -> Sou
 
 impl Source {
     /// What to give the program, unpacking the scene if need be.
-    ///
-    /// # Panics
-    /// If the pack is absent or damaged; likewise below.
-    #[must_use]
     pub fn path(&self) -> String {
         let Some(pack) = self.pack else {
             return self.spec.to_owned();
@@ -82,19 +74,11 @@ impl Source {
     }
 
     /// Opens the scene.
-    ///
-    /// # Panics
-    /// If it cannot be read.
-    #[must_use]
     pub fn open(&self) -> Scene {
         scene::open(&self.path(), &scene::Options::default()).expect("scenes can be read")
     }
 
     /// What moves, opened once a process.
-    ///
-    /// # Panics
-    /// As [`Source::open`].
-    #[must_use]
     pub fn animation(&self) -> Arc<Animation> {
         static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -127,13 +111,11 @@ fn archive(pack: &str) -> io::Result<PathBuf> {
 }
 
 /// The root of the workspace.
-#[must_use]
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder that holds what `pack` holds. Unpacked once, beside its final
-/// name, so that processes may race for it.
+/// The folder that holds what `pack` holds. Unpacked once, beside its final name, so that processes may race for it.
 fn unpacked(pack: &str) -> io::Result<PathBuf> {
     let archive = archive(pack)?;
     let cache = crate::program::target_dir().join("test-scenes");
