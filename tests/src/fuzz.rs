@@ -1,12 +1,12 @@
 //! Files of any bytes: each is loaded or refused in words, without a panic.
 //!
-//! One function for each format takes bytes, so that the tests on mutated
-//! seeds and the fuzzers in `fuzz/` hold the same code to the same.
+//! Tests on mutated seeds and the fuzzers in `fuzz/` hold the same code to the same, by one function for each format.
 
 mod mutate;
 
 pub use mutate::Mutator;
 
+use crate::scenes::workspace;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,9 +52,6 @@ const fn format(
 
 impl Format {
     /// Loads `bytes` from a file of this format in a folder that goes away. Whether they are one is no matter.
-    ///
-    /// # Panics
-    /// If the loader does, or refuses without a word.
     pub fn attack(self, bytes: &[u8]) {
         let folder = TempDir::new().expect("a temporary folder can be had");
         let path = folder.path().join("case").with_extension(self.extension);
@@ -62,13 +59,7 @@ impl Format {
         self.load(&path).ok();
     }
 
-    /// Loads a file of this format.
-    ///
-    /// # Errors
-    /// Why it is none, in words.
-    ///
-    /// # Panics
-    /// As above.
+    /// Loads a file of this format, or says why it is none. Panics if the loader does, or refuses without a word.
     pub fn load(self, path: &Path) -> Result<(), String> {
         let loaded = (self.load)(path);
         if let Err(why) = &loaded {
@@ -78,14 +69,8 @@ impl Format {
     }
 
     /// Small valid files, and those that went wrong once.
-    ///
-    /// # Panics
-    /// If they cannot be read.
-    #[must_use]
     pub fn seeds(self) -> Vec<(PathBuf, Vec<u8>)> {
-        let folder = crate::scenes::workspace()
-            .join("tests/seeds")
-            .join(self.name);
+        let folder = workspace().join("tests/seeds").join(self.name);
         let entries = fs::read_dir(folder).expect("each format has seeds");
         let mut paths: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
         paths.sort();
@@ -117,7 +102,7 @@ fn command(path: &Path) -> Result<(), String> {
         return Err("no command line".to_owned());
     }
     let named = std::env::var_os("ABVH_PROGRAM");
-    let program = named.map_or_else(|| crate::program::abvh().to_owned(), PathBuf::from);
+    let program = named.unwrap_or_else(|| crate::program::abvh().into());
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut command = Command::new(program);
     command.args(words).arg("--help").current_dir(folder);
@@ -146,16 +131,14 @@ fn word(bytes: &[u8]) -> OsString {
 }
 
 fn rays(path: &Path) -> Result<(), String> {
-    let rays = output::read_rays(path).map_err(|e| e.to_string());
-    rays.map(|_| ())
+    let rays = output::read_rays(path);
+    rays.map(drop).map_err(|e| e.to_string())
 }
 
 fn topology(path: &Path) -> Result<(), String> {
     let bytes = fs::read(path).map_err(|e| e.to_string())?;
-    let words = bytes.chunks_exact(4);
-    let words: Vec<u32> = words
-        .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
-        .collect();
+    let words = bytes.as_chunks().0.iter();
+    let words: Vec<u32> = words.map(|word| u32::from_le_bytes(*word)).collect();
     let record = bvh_layout::Topology::from_words(words.clone()).map_err(|e| e.to_string())?;
     assert_eq!(record.words(), words, "a record is what it was made from");
     Ok(())

@@ -1,6 +1,6 @@
 //! What the tests in `tests/` share: scenes, a stage to trace on, and the program itself.
 //!
-//! Nothing here is part of the product.
+//! Nothing here is part of the product. Whatever fails here panics, as the test would.
 
 pub mod fuzz;
 pub mod program;
@@ -10,20 +10,17 @@ pub mod stage;
 use libtest_mimic::Arguments;
 
 /// Whether `ABVH_FULL=1` asks for the full tier: more cases, files and kills.
-#[must_use]
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
 
 /// Whether `ABVH_REQUIRE_BACKENDS` names a backend, so that its absence is a failure.
-#[must_use]
 pub fn is_required(name: &str) -> bool {
     let names = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
     names.split(',').any(|required| required.trim() == name)
 }
 
 /// So many in the full tier, a quarter of them by default.
-#[must_use]
 pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
@@ -33,7 +30,6 @@ const MOST_THREADS: usize = 8;
 
 /// What the command line tells a harness. If it names no number of threads, there is one more than cores: while one trial
 /// waits for a driver, another goes on.
-#[must_use]
 pub fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -43,7 +39,6 @@ pub fn arguments() -> Arguments {
 }
 
 /// The number that an environment variable says, or else this.
-#[must_use]
 pub fn number(variable: &str, default: u64) -> u64 {
     let value = std::env::var(variable).ok();
     value.and_then(|v| v.parse().ok()).unwrap_or(default)

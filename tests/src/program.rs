@@ -15,22 +15,13 @@ fn profile_dir() -> PathBuf {
 }
 
 /// The target directory.
-///
-/// # Panics
-/// If the test does not lie where cargo puts tests; likewise below.
-#[must_use]
 pub fn target_dir() -> PathBuf {
     let profile = profile_dir();
     profile.parent().expect("profiles have a folder").to_owned()
 }
 
-/// The program, built with this test's profile. Cargo names binaries to tests
-/// of their own package only, so the first caller asks cargo to build such a test, as `cargo test` does: with the features
-/// that all tests together want, nothing is built twice.
-///
-/// # Panics
-/// If it cannot be built.
-#[must_use]
+/// The program, built with this test's profile. Cargo names binaries to tests of their own package only. So the first caller
+/// asks cargo to build such a test, with the features that all tests together want: nothing is built twice.
 pub fn abvh() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -52,9 +43,6 @@ pub fn abvh() -> &'static Path {
 }
 
 /// Runs the program in `folder`, in an environment where `variables` have these values, and waits for it.
-///
-/// # Panics
-/// If it cannot be started.
 pub fn run_where<S: AsRef<OsStr>>(
     folder: &Path,
     args: impl IntoIterator<Item = S>,

@@ -1,9 +1,7 @@
 //! Scenes to test with: demos, which are always there, and real ones, which may be absent.
 //!
-//! Real scenes are packed. They are looked for in the folder that the environment
-//! variable `ABVH_SCENES` names, else in `../shared/scenes` beside the workspace,
-//! and unpacked once into the target directory. Trials that need an absent
-//! pack show as ignored, with the reason.
+//! Real scenes are packed. They are looked for in the folder that `ABVH_SCENES` names, else in `../shared/scenes` beside the
+//! workspace, and unpacked once into the target directory. Trials that need an absent pack show as ignored, with the reason.
 
 use geom::Animation;
 use libtest_mimic::Trial;
@@ -19,82 +17,60 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Source {
     /// Name of the trial.
     pub name: &'static str,
-    /// The pack that holds it; none for demos.
-    pub pack: Option<&'static str>,
-    /// What to open: below the pack's folder, or the demo.
-    pub spec: &'static str,
+    /// The demo; or the pack and what to open below its folder.
+    spec: &'static str,
 }
 
 /// Every demo, small.
 pub const DEMOS: [Source; 5] = [
-    demo("grove", "demo:grove:4000"),
-    demo("collide", "demo:collide:4000"),
-    demo("shatter", "demo:shatter:6000"),
-    demo("twist", "demo:twist:4000"),
-    demo("hall", "demo:hall:4000"),
+    source("grove", "demo:grove:4000"),
+    source("collide", "demo:collide:4000"),
+    source("shatter", "demo:shatter:6000"),
+    source("twist", "demo:twist:4000"),
+    source("hall", "demo:hall:4000"),
 ];
 
 /// Real scenes that move.
 pub const REAL: [Source; 9] = [
-    real("horse-gallop", "horse-gallop", "models/horse-gallop"),
-    real("horse-collapse", "horse-collapse", "models/horse-collapse"),
-    real("rod-twist", "ccd-rod-twist", "ccd-rod-twist"),
-    real("cloth-ball", "ccd-cloth-ball", "ccd-cloth-ball"),
-    real("n-body", "ccd-n-body-simulation", "ccd-n-body-simulation"),
-    real("robot", "small", "gltf-robotexpressive/RobotExpressive.glb"),
-    real("cesium-man", "small", "gltf-cesiumman/CesiumMan.glb"),
-    real(
+    source("horse-gallop", "horse-gallop/models/horse-gallop"),
+    source("horse-collapse", "horse-collapse/models/horse-collapse"),
+    source("rod-twist", "ccd-rod-twist/ccd-rod-twist"),
+    source("cloth-ball", "ccd-cloth-ball/ccd-cloth-ball"),
+    source("n-body", "ccd-n-body-simulation/ccd-n-body-simulation"),
+    source("robot", "small/gltf-robotexpressive/RobotExpressive.glb"),
+    source("cesium-man", "small/gltf-cesiumman/CesiumMan.glb"),
+    source(
         "morph-stress",
-        "small",
-        "gltf-morphstress/MorphStressTest.gltf",
+        "small/gltf-morphstress/MorphStressTest.gltf",
     ),
-    real("fox", "small", "gltf-fox/Fox.glb"),
+    source("fox", "small/gltf-fox/Fox.glb"),
 ];
 
-const fn demo(name: &'static str, spec: &'static str) -> Source {
-    Source {
-        name,
-        pack: None,
-        spec,
-    }
-}
-
-const fn real(name: &'static str, pack: &'static str, spec: &'static str) -> Source {
-    Source {
-        name,
-        pack: Some(pack),
-        spec,
-    }
+const fn source(name: &'static str, spec: &'static str) -> Source {
+    Source { name, spec }
 }
 
 impl Source {
+    /// The pack that holds it, and what to open there; none for demos.
+    fn packed(&self) -> Option<(&str, &str)> {
+        self.spec.split_once('/')
+    }
+
     /// What to give the program, unpacking the scene if need be.
-    ///
-    /// # Panics
-    /// If the pack is absent or damaged; likewise below.
-    #[must_use]
     pub fn path(&self) -> String {
-        let Some(pack) = self.pack else {
+        let Some((pack, file)) = self.packed() else {
             return self.spec.to_owned();
         };
         let folder = unpacked(pack).expect("packs can be unpacked");
-        folder.join(self.spec).to_string_lossy().into_owned()
+        folder.join(file).to_string_lossy().into_owned()
     }
 
     /// Opens the scene.
-    ///
-    /// # Panics
-    /// If it cannot be read.
-    #[must_use]
     pub fn open(&self) -> Scene {
         scene::open(&self.path(), &scene::Options::default()).expect("scenes can be read")
     }
 
     /// What moves, opened once a process.
-    ///
-    /// # Panics
-    /// As [`Source::open`].
-    #[must_use]
     pub fn animation(&self) -> Arc<Animation> {
         static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -108,7 +84,7 @@ impl Source {
             run(self);
             Ok(())
         });
-        match self.pack.map(archive) {
+        match self.packed().map(|(pack, _)| archive(pack)) {
             Some(Err(reason)) => trial.with_ignored_flag(true).with_kind(reason.to_string()),
             _ => trial,
         }
@@ -127,13 +103,11 @@ fn archive(pack: &str) -> io::Result<PathBuf> {
 }
 
 /// The root of the workspace.
-#[must_use]
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder that holds what `pack` holds. Unpacked once, beside its final
-/// name, so that processes may race for it.
+/// The folder that holds what `pack` holds. Unpacked once, beside its final name, so that processes may race for it.
 fn unpacked(pack: &str) -> io::Result<PathBuf> {
     let archive = archive(pack)?;
     let cache = crate::program::target_dir().join("test-scenes");

@@ -1,5 +1,6 @@
 //! A backend with one scene on it, and a tree of any age.
 
+use crate::is_full;
 use backend::{Backend, Generation, Hits, Intersector, Method, QueryKind, Rays};
 use conformance::stage::{ask, stand, tree_at};
 use geom::{Animation, Camera, Point, Ray};
@@ -14,20 +15,12 @@ pub struct Stage {
 
 impl Stage {
     /// The `cpu` backend with so many threads.
-    ///
-    /// # Panics
-    /// If it cannot be had or refuses the scene.
-    #[must_use]
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
         Self::over(Box::new(backend), animation, method(intersector))
     }
 
     /// Any backend, by any method.
-    ///
-    /// # Panics
-    /// If it refuses the scene.
-    #[must_use]
     pub fn over(mut backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
         let loaded = backend.load(Arc::clone(animation), method);
         loaded.expect("the scene fits");
@@ -39,20 +32,15 @@ impl Stage {
     }
 
     /// The backend, for another scene.
-    #[must_use]
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
     }
 
     /// Adopts a tree built from the vertices at `time`.
-    ///
-    /// # Panics
-    /// If the adoption fails; likewise below.
     pub fn plant(&mut self, time: f64) {
         self.generation.0 += 1;
-        let adopted = self
-            .backend
-            .adopt(&tree_at(&self.animation, time), self.generation);
+        let tree = tree_at(&self.animation, time);
+        let adopted = self.backend.adopt(&tree, self.generation);
         adopted.expect("the tree fits");
     }
 
@@ -62,9 +50,6 @@ impl Stage {
     }
 
     /// What any rays find at `time`.
-    ///
-    /// # Panics
-    /// If a stage fails.
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
         let backend = self.backend.as_mut();
         let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
@@ -73,7 +58,6 @@ impl Stage {
 }
 
 /// The intersector on the usual layout.
-#[must_use]
 pub fn method(intersector: Intersector) -> Method {
     Method {
         intersector,
@@ -82,35 +66,23 @@ pub fn method(intersector: Intersector) -> Method {
 }
 
 /// The camera that the program would choose.
-///
-/// # Panics
-/// If the scene cannot be framed.
-#[must_use]
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
-    shading::frame_scene(animation, 40.0, size)
-        .camera(size)
-        .expect("every scene can be framed")
+    let view = shading::frame_scene(animation, 40.0, size);
+    view.camera(size).expect("every scene can be framed")
 }
 
 /// Rays of that camera: 240 by 160 pixels in the full tier, a quarter of them by default.
-#[must_use]
 pub fn pixels(animation: &Animation) -> Vec<Ray> {
-    let size = if crate::is_full() {
-        [240, 160]
-    } else {
-        [120, 80]
-    };
+    let size = if is_full() { [240, 160] } else { [120, 80] };
     camera(animation, size).rays().collect()
 }
 
 /// The light that the program would choose.
-#[must_use]
 pub fn light(animation: &Animation) -> Point {
     shading::frame_scene(animation, 40.0, [64, 64]).light
 }
 
 /// So many colours of all kinds.
-#[must_use]
 pub fn colours(count: usize) -> Vec<[u8; 3]> {
     let of = |t: usize| [t, t * 37, t * 101].map(|channel| channel as u8);
     (0..count).map(of).collect()

@@ -1,16 +1,16 @@
 //! Whether an answer lies within rounding of the exact one: for backends that leave what a ray hits to a driver.
 //!
-//! The Vulkan specification (chapter *Ray Traversal*) leaves the precision of a driver's intersections
-//! open; it demands but that they be those of single-precision arithmetic on the given numbers, and that shared
-//! edges let no ray through. So a ray may pass up to [`ULPS`] units in the last place of the largest coordinate
-//! at hand beside where it should. Everything that such a shift explains is allowed, nothing else is.
-//! All here is computed in double precision, whose own rounding is beneath notice.
+//! The Vulkan specification (chapter *Ray Traversal*) leaves the precision of a driver's intersections open. It demands but that
+//! they be those of single-precision arithmetic on the given numbers, and that shared edges let no ray through. So a ray may
+//! pass up to [`ULPS`] units in the last place of the largest coordinate at hand beside where it should. Everything that such
+//! a shift explains is allowed, nothing else. All here is in double precision, whose own rounding is beneath notice.
 
 mod itself;
 
 use crate::stage;
 use geom::{Animation, Hit, Point, Ray, is_active};
 use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 
 /// Units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the shift to the ray's
 /// origin, the shear and the edge functions are about 16 roundings; twice that.
@@ -21,8 +21,8 @@ const TAME: [f64; 2] = [1e-9, 1e9];
 
 /// The triangles of a scene as they stand at a time.
 pub(crate) struct Verifier {
-    /// Active ones, with their indices.
-    triangles: Vec<(u32, [DVec3; 3])>,
+    /// Active ones, by their indices.
+    triangles: BTreeMap<u32, [DVec3; 3]>,
     /// The largest coordinate of all.
     size: f64,
     /// The longest edges of the boxes of the first key frame and of all: a backend offsets shadow rays by one between them.
@@ -51,19 +51,15 @@ struct Meeting {
 
 impl Verifier {
     pub(crate) fn new(animation: &Animation, time: f64) -> Self {
-        let moment = stage::moment(animation, time);
-        let all = 0..animation.triangle_count() as u32;
-        let active = all
-            .map(|i| (i, moment.corners(i)))
-            .filter(|(_, corners)| is_active(corners));
-        let triangles: Vec<_> = active.map(|(i, c)| (i, c.map(wide))).collect();
-        let sizes = triangles.iter().flat_map(|(_, c)| c.map(largest));
-        let size = sizes.fold(0.0, f64::max);
-        let [first, all] = [animation.key_bounds()[0], animation.bounds()];
+        let all = (0..).zip(stage::triangles(animation, time));
+        let active = all.filter(|(_, corners)| is_active(corners));
+        let triangles: BTreeMap<_, _> = active.map(|(i, c)| (i, c.map(wide))).collect();
+        let sizes = triangles.values().flat_map(|c| c.map(largest));
+        let bounds = [animation.key_bounds()[0], animation.bounds()];
         Self {
+            size: sizes.fold(0.0, f64::max),
             triangles,
-            size,
-            extents: [first, all].map(|b| largest(wide(b.extent()))),
+            extents: bounds.map(|b| largest(wide(b.extent()))),
             scale: (-f64::from(animation.scale_exponent())).exp2(),
         }
     }
@@ -104,9 +100,9 @@ impl Verifier {
 
     /// Likewise, for what is said of the triangle that is said to be hit.
     fn refutes_hit(&self, line: &Line, hit: &Hit) -> Option<String> {
-        let found = self.triangles.iter().find(|(i, _)| *i == hit.triangle);
-        let Some((i, corners)) = found else {
-            return Some(format!("triangle {} is not there", hit.triangle));
+        let i = hit.triangle;
+        let Some(corners) = self.triangles.get(&i) else {
+            return Some(format!("triangle {i} is not there"));
         };
         let Some(Meeting { t, slack, .. }) = line.meets(corners) else {
             return Some(format!("triangle {i} is surely missed"));
@@ -115,11 +111,8 @@ impl Verifier {
         if (reported - t).abs() > slack + 4.0 * ulp(t) {
             return Some(format!("t should be {t:?}, give or take {slack:e}"));
         }
-        let [a, b, c] = *corners;
         let (_, height) = line.inside(corners.map(|p| p - line.origin));
-        let longest = [b - a, c - b, a - c].map(DVec3::length);
-        let longest = longest.into_iter().fold(0.0, f64::max);
-        let allowed = slack * line.direction.length() + line.blur(height) * longest;
+        let allowed = slack * line.direction.length() + line.blur(height) * longest_edge(corners);
         let at = line.origin + reported * line.direction;
         let off = (at - point_at(corners, hit)).length();
         let is_far = off > allowed + 2.0 * line.margin;
@@ -143,7 +136,7 @@ impl Verifier {
         if !hit.is_hit() {
             return blocked.then(|| "a miss is in no shadow".to_owned());
         }
-        let (_, corners) = self.triangles.iter().find(|(i, _)| *i == hit.triangle)?;
+        let corners = self.triangles.get(&hit.triangle)?;
         let (origin, light) = (point_at(corners, hit), wide(light));
         let reach = self.size.max(largest(light));
         let margin = ULPS * ulp(reach);
@@ -153,9 +146,8 @@ impl Verifier {
             return None;
         }
         let ([extent, most], scale) = (self.extents, self.scale);
-        let scaled = |p: DVec3| scale * p;
-        let triangle = corners.map(scaled);
-        let way = [origin, light, wide(ray.origin)].map(scaled);
+        let triangle = corners.map(|p| scale * p);
+        let way = [origin, light, wide(ray.origin)].map(|p| scale * p);
         if blocked && itself::may_block(&triangle, way, [extent, margin].map(|x| scale * x)) {
             return None;
         }
@@ -171,7 +163,7 @@ impl Verifier {
     }
 
     fn refutes_line(&self, line: &Line, blocked: bool, but: Option<u32>) -> Option<String> {
-        let asked = self.triangles.iter().filter(|(i, _)| Some(*i) != but);
+        let asked = self.triangles.iter().filter(|(i, _)| Some(**i) != but);
         let mut met = asked.filter_map(|(i, corners)| Some((i, line.meets(corners)?)));
         if blocked {
             let free = met.next().is_none();
@@ -194,14 +186,12 @@ impl Line {
         (inside >= -self.margin && !off).then_some(Meeting { t, slack, surely })
     }
 
-    /// Where along the line the triangle is, and how far off that may be told: the depths of the
-    /// corners are as far off as the margin, and mixed by weights that are off the more, the
-    /// narrower the triangle looks from there.
+    /// Where along the line the triangle is, and how far off that may be told: the depths of the corners are as far off as the
+    /// margin, and mixed by weights that are off the more, the narrower the triangle looks from there.
     fn about(&self, corners: [DVec3; 3], height: f64) -> (f64, f64) {
         let square = self.direction.length_squared();
         let depths = corners.map(|p| p.dot(self.direction) / square);
-        let low = depths.into_iter().fold(f64::INFINITY, f64::min);
-        let high = depths.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = (least(depths), most(depths));
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a);
         let t = normal.dot(a) / normal.dot(self.direction);
@@ -218,22 +208,21 @@ impl Line {
         }
     }
 
-    /// How far inside the triangle the line passes (negative: how far outside), and how high the
-    /// triangle looks from there at its narrowest.
+    /// How far inside the triangle the line passes (negative: how far outside), and how high the triangle looks from there at
+    /// its narrowest.
     fn inside(&self, corners: [DVec3; 3]) -> (f64, f64) {
         let (x, y) = self.direction.normalize().any_orthonormal_pair();
         let [a, b, c] = corners.map(|p| DVec2::new(p.dot(x), p.dot(y)));
         let area = (b - a).perp_dot(c - a);
         let edges = [[a, b], [b, c], [c, a]];
-        let longest = edges.map(|[p, q]| (q - p).length());
-        let height = area.abs() / longest.into_iter().fold(0.0, f64::max);
+        let height = area.abs() / most(edges.map(|[p, q]| (q - p).length()));
         let depth = edges.map(|[p, q]| p.perp_dot(q) * area.signum() / (q - p).length());
-        let depth = depth.into_iter().fold(f64::INFINITY, f64::min);
+        let depth = least(depth);
         if depth > 0.0 && area != 0.0 {
             return (depth, height);
         }
         let outside = edges.map(|[p, q]| to_segment(p.extend(0.0), q.extend(0.0)));
-        (-outside.into_iter().fold(f64::INFINITY, f64::min), height)
+        (-least(outside), height)
     }
 }
 
@@ -246,8 +235,7 @@ fn distance_to_triangle(p: DVec3, corners: &[DVec3; 3]) -> f64 {
     if edges.iter().all(|[q, r]| q.cross(*r).dot(normal) > 0.0) {
         return a.dot(normal.normalize()).abs();
     }
-    let to_edge = edges.map(|[q, r]| to_segment(q, r));
-    to_edge.into_iter().fold(f64::INFINITY, f64::min)
+    least(edges.map(|[q, r]| to_segment(q, r)))
 }
 
 /// From the origin to a segment.
@@ -263,6 +251,19 @@ fn to_segment(p: DVec3, q: DVec3) -> f64 {
 
 fn point_at([a, b, c]: &[DVec3; 3], hit: &Hit) -> DVec3 {
     a + (f64::from(hit.u) * (b - a) + f64::from(hit.v) * (c - a))
+}
+
+fn longest_edge([a, b, c]: &[DVec3; 3]) -> f64 {
+    most([b - a, c - b, a - c].map(DVec3::length))
+}
+
+/// Of numbers; likewise below.
+fn least(all: [f64; 3]) -> f64 {
+    all.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+fn most(all: [f64; 3]) -> f64 {
+    all.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn wide(p: Point) -> DVec3 {

@@ -7,31 +7,38 @@ use backend::{
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Topology};
-use geom::{Animation, Moment, Point};
+use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Of all scenes here.
+const HELD: &str = "key frames are held";
 
 /// How long a copy of positions may take, its submission being done.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 /// The vertices at a time, by the one formula there is.
-#[must_use]
 pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
-    let moment = moment(animation, time);
+    let moment = animation.at(time).expect(HELD);
     let all = 0..animation.vertex_count() as u32;
     all.map(|v| moment.vertex(v)).collect()
 }
 
-/// The scene at a time. Scenes of laws are held.
-pub(crate) fn moment(animation: &Animation, time: f64) -> Moment<'_> {
-    animation.at(time).expect("key frames are held")
+/// The triangles at a time.
+pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
+    let moment = animation.at(time).expect(HELD);
+    let all = 0..animation.triangle_count() as u32;
+    all.map(|t| moment.corners(t)).collect()
+}
+
+/// Whether a ray from `origin` is answered in exact arithmetic at a time, whatever the backend: see [`geom::Range`].
+pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {
+    let unit = f64::from(-animation.scale_exponent()).exp2();
+    let scaled = origin.map(|x| (f64::from(x) * unit) as f32);
+    animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
 /// A tree over these vertices, with lists of what moves where they pay.
-///
-/// # Panics
-/// Never: nobody cancels.
-#[must_use]
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let built = Builder::new().build(&(animation, vertices), &Cancel::new(), &mut tree);
@@ -41,7 +48,6 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
 }
 
 /// Likewise, for the scene as it stands at `time`.
-#[must_use]
 pub fn tree_at(animation: &Animation, time: f64) -> Topology {
     tree_over(animation, &vertices(animation, time))
 }
@@ -79,9 +85,6 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
 }
 
 /// Records a trace and starts it.
-///
-/// # Errors
-/// As above.
 pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
     backend.trace(Query { rays, kind })?;
     backend.submit()
@@ -94,9 +97,6 @@ pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<(Hits, 
 }
 
 /// Traces and fetches.
-///
-/// # Errors
-/// As above.
 pub fn ask(
     backend: &mut dyn Backend,
     rays: Rays<'_>,

@@ -1,12 +1,290 @@
-//! Whether and where a line meets a triangle, in whole numbers.
+//! Whether and where a line meets a triangle, in whole numbers: for the few rays that rounded arithmetic with its error
+//! bounds leaves open.
 //!
-//! For the few rays that rounded arithmetic with its error bounds leaves open.
-//! Triangles are closed, and a line in a triangle's plane misses it: the
-//! contract's `exact`. Every finite `f32` is a whole multiple of a power of
-//! two, so each decision is the sign of a sum of products of integers, which
-//! are as long as they need to be: no rounding, overflow or underflow.
+//! Triangles are closed, and a line in a triangle's plane misses it: the contract's `exact`. Every finite `f32` is a whole
+//! multiple of a power of two, so each decision is the sign of a sum of products of integers, which are as long as they
+//! need to be: no rounding, overflow or underflow.
 
-mod crossing;
-mod integers;
+use geom::{Point, Ray, Triangle};
+use num_bigint::{BigInt, BigUint, Sign};
+use num_traits::{Float, Signed, ToPrimitive, Zero};
+use std::cmp::Ordering;
 
-pub use crossing::{Crossing, Line};
+type Vector = [BigInt; 3];
+
+/// A ray asked of triangles that are scaled by a power of two.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// The ray.
+    pub ray: Ray,
+    /// Corners are multiplied by `2^-this`, exactly, before the ray is asked.
+    pub shift: i32,
+}
+
+/// Where a line passes through a triangle: `t = n / d * 2^e`, exactly.
+#[derive(Clone, Debug)]
+pub struct Crossing {
+    n: BigInt,
+    /// Positive.
+    d: BigInt,
+    e: i32,
+}
+
+impl Line {
+    /// Where the line meets the closed triangle within the ray's open interval, if it does and lies not in its plane.
+    ///
+    /// The ray must be [valid](Ray::is_valid) and the corners finite.
+    pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
+        let crossing = self.cross(corners, passes_within)?;
+        let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
+        let ahead = t_min == f32::NEG_INFINITY || crossing.order(&Crossing::at(t_min)).is_gt();
+        let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
+        (ahead && before).then_some(crossing)
+    }
+
+    /// Where the line, moved by an infinitely small way that is the same for all triangles, passes through the triangle, at
+    /// any `t`: through an edge or a vertex of a closed surface it passes as often as through the inside of a triangle.
+    ///
+    /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
+    pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
+        self.cross(corners, moved_passes_within)
+    }
+
+    fn cross(
+        &self,
+        corners: &Triangle,
+        within: impl Fn(&Vector, [&Vector; 3]) -> bool,
+    ) -> Option<Crossing> {
+        if surely_misses(self, corners) {
+            return None;
+        }
+        let (direction, [a, b, c], e) = self.integers(corners);
+        if !within(&direction, [&a, &b, &c]) {
+            return None;
+        }
+        let normal = cross(&minus(&b, &a), &minus(&c, &a));
+        let (n, d) = (dot(&a, &normal), dot(&direction, &normal));
+        let (n, d) = if d.is_negative() { (-n, -d) } else { (n, d) };
+        (!d.is_zero()).then_some(Crossing { n, d, e })
+    }
+
+    /// The direction, and the corners seen from the origin, in integers; and the power of two by which a quotient of
+    /// positions over directions is scaled.
+    fn integers(&self, corners: &Triangle) -> (Vector, [Vector; 3], i32) {
+        let direction_unit = unit(&[self.ray.direction]);
+        let direction = whole(self.ray.direction, direction_unit);
+        let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
+        let origin = whole(self.ray.origin, position_unit - self.shift);
+        let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
+        let e = position_unit - self.shift - direction_unit;
+        (direction, corners, e)
+    }
+
+    /// The weights of the second and the third corner where the line passes through a triangle that it
+    /// [meets](Self::meet), each rounded once.
+    pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
+        let (direction, [a, b, c], _) = self.integers(corners);
+        let [u, v, w] = sides(&direction, [&a, &b, &c]);
+        let sum = u + &v + &w;
+        let positive = |x: BigInt| if sum.is_negative() { -x } else { x };
+        [v, w].map(|x| rounded(&positive(x), sum.magnitude(), 0))
+    }
+}
+
+/// Whether double precision already shows that the line passes by the triangle.
+///
+/// Differences of floats carry one rounding, and each of the six products that an edge's side is a sum of carries at most
+/// eight more: `16 * 2^-53` of their sizes bounds them all. Three factors of `f32`'s range stay within that of `f64`.
+fn surely_misses(line: &Line, corners: &Triangle) -> bool {
+    let scale = f64::from(-line.shift).exp2();
+    let direction = line.ray.direction.map(f64::from);
+    let [a, b, c]: [[f64; 3]; 3] = corners
+        .map(|p| std::array::from_fn(|i| f64::from(p[i]) * scale - f64::from(line.ray.origin[i])));
+    let side = |p: [f64; 3], q: [f64; 3]| {
+        let (mut sum, mut size) = (0.0, 0.0);
+        for (i, d) in direction.iter().enumerate() {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let (plus, minus) = (p[j] * q[k], p[k] * q[j]);
+            sum += d * (plus - minus);
+            size += d.abs() * (plus.abs() + minus.abs());
+        }
+        let doubt = 8.0 * f64::EPSILON * size;
+        i32::from(sum > doubt) - i32::from(sum < -doubt)
+    };
+    let sides = [side(c, b), side(a, c), side(b, a)];
+    sides.contains(&1) && sides.contains(&-1)
+}
+
+/// Whether the line from zero along `direction` passes through the closed triangle.
+fn passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
+    let signs = sides(direction, [a, b, c]).map(|side| side.sign());
+    !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
+}
+
+/// Whether the line passes through the triangle after an infinitely small move.
+fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
+    let side = |p: &Vector, q: &Vector| match dot(direction, &cross(p, q)).sign() {
+        Sign::NoSign => {
+            let by_move = cross(direction, &minus(q, p));
+            let mut signs = by_move.iter().map(BigInt::sign);
+            signs.find(|s| *s != Sign::NoSign)
+        }
+        sign => Some(sign),
+    };
+    let first = side(c, b);
+    first.is_some() && first == side(a, c) && first == side(b, a)
+}
+
+/// On which side of each edge the line passes: of the edge from `b` to `c`, from `c` to `a`, from `a` to `b`.
+fn sides(direction: &Vector, [a, b, c]: [&Vector; 3]) -> [BigInt; 3] {
+    [(c, b), (a, c), (b, a)].map(|(p, q)| dot(direction, &cross(p, q)))
+}
+
+/// `n / d * 2^e`, rounded once; infinite where it is too large. `d` is not zero.
+fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
+    let up = 32 + d.bits() as i64 - n.bits() as i64;
+    let down = up.min(0).unsigned_abs();
+    let (size, d) = (n.magnitude() << up.max(0).unsigned_abs(), d << down);
+    // 32 or 33 bits, the last of them set for all that fell off, so that it is the float that rounds.
+    let quotient = &size / &d;
+    let rest = &quotient * &d != size;
+    let bits = (quotient | BigUint::from(u8::from(rest))).to_f64();
+    let bits = bits.unwrap_or(f64::INFINITY);
+    let bits = if n.is_negative() { -bits } else { bits };
+    let e = i64::from(e) - up;
+    let half = e / 2;
+    (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32
+}
+
+impl Crossing {
+    /// A given finite `t`.
+    fn at(t: f32) -> Self {
+        let e = unit(&[[t; 3]]);
+        let ([n, ..], d) = (whole([t; 3], e), BigInt::from(1));
+        Self { n, d, e }
+    }
+
+    /// `t`, rounded once; infinite where it is too large.
+    pub fn t(&self) -> f32 {
+        rounded(&self.n, self.d.magnitude(), self.e)
+    }
+
+    /// The order along the line of two crossings of it.
+    pub fn order(&self, other: &Self) -> Ordering {
+        let least = self.e.min(other.e);
+        let times = |one: &Self, d: &BigInt| (&one.n * d) << (one.e - least).unsigned_abs();
+        times(self, &other.d).cmp(&times(other, &self.d))
+    }
+}
+
+/// The exponent of the largest unit that every one of `points` is made of, as their floats write it.
+fn unit(points: &[Point]) -> i32 {
+    let parts = points.iter().flatten().map(|x| x.integer_decode());
+    let exponents = parts.filter(|part| part.0 != 0).map(|part| part.1);
+    exponents.min().unwrap_or(0).into()
+}
+
+/// A point in units of `2^unit`, which must be at most [`unit`] of it.
+fn whole(point: Point, unit: i32) -> Vector {
+    point.map(|x| {
+        let (m, e, sign) = x.integer_decode();
+        BigInt::from(i64::from(sign) * m as i64) << (i32::from(e) - unit).unsigned_abs()
+    })
+}
+
+fn minus(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| &a[i] - &b[i])
+}
+
+fn dot(a: &Vector, b: &Vector) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+fn cross(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        &a[j] * &b[k] - &a[k] * &b[j]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const UNIT: Triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+
+    #[test]
+    fn double_precision_tells_clear_misses_alone() {
+        let misses = |x, y| {
+            let ray = Ray::new([x, y, 0.0], [0.0, 0.0, 0.5]);
+            surely_misses(&Line { ray, shift: 0 }, &UNIT)
+        };
+        for (x, y) in [(-0.001, 0.5), (0.501, 0.5), (3.0, -1.0), (1e6, 0.1)] {
+            assert!(misses(x, y), "{x} {y}");
+        }
+        for (x, y) in [(0.2, 0.2), (0.0, 0.5), (1.0, 0.0), (0.5, 0.5)] {
+            assert!(!misses(x, y), "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn a_moved_line_passes_once_through_what_triangles_share() {
+        // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
+        let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
+        let at = |i: usize| -> Point {
+            let (x, y) = (ring[i % 8], ring[(i + 6) % 8]);
+            [x, y, 0.5 * x * y]
+        };
+        let fan: Vec<Triangle> = (0..8).map(|i| [[0.0; 3], at(i), at(i + 1)]).collect();
+        let mut closed = 0;
+        for (x, y) in [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, -0.25), (0.3, 0.1)] {
+            for direction in [[0.0, 0.0, -1.0], [0.25, 0.0, -1.0], [-0.5, 0.25, -2.0]] {
+                let height = 0.5 * x * y;
+                let origin = [x - direction[0], y - direction[1], height - direction[2]];
+                let line = Line {
+                    ray: Ray::new(origin, direction),
+                    shift: 0,
+                };
+                let moved = fan.iter().filter(|t| line.meet_moved(t).is_some()).count();
+                assert_eq!(moved, 1, "{x} {y} {direction:?}");
+                closed += fan.iter().filter(|t| line.meet(t).is_some()).count();
+            }
+        }
+        assert!(closed > 30, "{closed}");
+    }
+
+    #[test]
+    fn weights_are_those_of_the_second_and_the_third_corner_at_every_size() {
+        for e in [-140, -60, 0, 60, 120] {
+            let s = 2.0_f64.powi(e) as f32;
+            let corners = UNIT.map(|p| p.map(|x| x * s));
+            let ray = Ray::new([0.25 * s, 0.5 * s, 0.0], [0.0, 0.0, -3.0]);
+            let line = Line { ray, shift: 0 };
+            assert_eq!(line.weights(&corners), [0.25, 0.5], "2^{e}");
+            let turned = [corners[2], corners[0], corners[1]];
+            assert_eq!(line.weights(&turned), [0.25, 0.25], "2^{e}");
+        }
+    }
+
+    fn point() -> impl Strategy<Value = Point> {
+        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_surely_missed_is_missed(
+            corners in [point(), point(), point()], origin in point(), aim in 0..4_usize, w in 0.0_f32..1.0, e in -30_i32..30, far in 0_i32..40,
+        ) {
+            // Aimed at an edge or a vertex, so that the sign is in doubt, from near and far.
+            let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
+            let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
+            let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());
+            let line = Line { ray: Ray::new(origin, direction), shift: 0 };
+            prop_assume!(line.ray.is_valid());
+            let (direction, [a, b, c], _) = line.integers(&corners);
+            let within = passes_within(&direction, [&a, &b, &c]);
+            prop_assert!(!(within && surely_misses(&line, &corners)));
+        }
+    }
+}

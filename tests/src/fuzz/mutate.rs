@@ -7,6 +7,11 @@ use std::ops::Range;
 const NUMBERS: &str = " 0 -0 1 -1 2 127 255 65535 65536 2147483647 -2147483648 4294967295 18446744073709551615 \
     99999999999999999999 1e9 1e38 -1e999 1e-50 nan inf x";
 
+/// Counts, lengths and floats, the last of which are no number and infinity.
+const WORDS: [u32; 10] = [
+    0, 1, 3, 255, 65_535, 0x7fffffff, 0x80000000, 0xffffffff, 0x7fc00000, 0x7f800000,
+];
+
 /// The most bytes of a file that has been damaged.
 const MAX_BYTES: usize = 1 << 16;
 
@@ -18,7 +23,6 @@ pub struct Mutator {
 
 impl Mutator {
     /// Starts from whole files, of which there is at least one.
-    #[must_use]
     pub fn new(seeds: Vec<Vec<u8>>, seed: u64) -> Self {
         let rng = Rng::with_seed(seed);
         Self { rng, seeds }
@@ -82,18 +86,6 @@ impl Mutator {
 
     /// Four bytes that are a count, a length or a float to whoever reads them.
     fn word(&mut self, bytes: &mut [u8]) {
-        const WORDS: [u32; 10] = [
-            0,
-            1,
-            3,
-            0xff,
-            0xffff,
-            0x7fff_ffff,
-            0x8000_0000,
-            u32::MAX,
-            0x7fc0_0000,
-            0x7f80_0000,
-        ];
         let Some(last) = bytes.len().checked_sub(4) else {
             return;
         };

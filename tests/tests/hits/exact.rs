@@ -1,10 +1,11 @@
-//! `exact` against the oracle, which shares no code with it: every ray, without exception.
+//! `exact` against the oracle, which shares no code with it: every ray, without exception. And limits of rays.
 
 use crate::watertight::{Verifier, differing};
 use backend::{Intersector, QueryKind, Rays};
 use conformance::oracle::Oracle;
+use conformance::stage::triangles;
 use conformance::{Target, aimed, nth_case};
-use geom::{Animation, Hit, Point, Ray, Triangle};
+use geom::{Aabb, Animation, Hit, Point, Ray, Triangle, is_active, is_degenerate};
 use integration::scenes::Source;
 use integration::share;
 use integration::stage::{Stage, camera, light, pixels};
@@ -44,11 +45,10 @@ pub(crate) fn check(stage: &mut Stage, oracle: &Oracle, time: f64, rays: &[Ray])
         let expected = oracle.closest(&rays[i]);
         let triangle = expected.map_or(Hit::MISS.triangle, |e| e.triangle);
         let same = closest[i].triangle == triangle && (any[i] == 1) == expected.is_some();
-        let (ray, found) = (rays[i], closest[i]);
+        let (ray, found, any) = (rays[i], closest[i], any[i]);
         assert!(
             same,
-            "at {time}: {ray:?} finds {found:?} (any: {}), expected {expected:?}",
-            any[i]
+            "at {time}: {ray:?} finds {found:?} (any: {any}), expected {expected:?}"
         );
     });
 }
@@ -58,7 +58,7 @@ pub(crate) fn odd_scenes() {
     for case in (0..share(280) as u32).map(|number| nth_case(7, number)) {
         let mut stage = Stage::new(&case.animation, Intersector::Exact, 2);
         for &time in &case.times[..2] {
-            let oracle = Oracle::at(&case.animation.at(time).unwrap());
+            let oracle = Oracle::new(triangles(&case.animation, time));
             check(&mut stage, &oracle, time, &case.rays);
         }
     }
@@ -67,40 +67,27 @@ pub(crate) fn odd_scenes() {
 /// The shadow's ray is repeated here, operation for operation, and asked of the oracle.
 pub(crate) fn shadows(source: Source) {
     let animation: Arc<Animation> = source.animation();
-    assert_eq!(
-        animation.scale_exponent(),
-        0,
-        "the oracle knows no scaled units"
-    );
+    let scale = animation.scale_exponent();
+    assert_eq!(scale, 0, "the oracle knows no scaled units");
     let rays = camera(&animation, [120, 80]).rays().collect::<Vec<_>>();
     let light = light(&animation);
     let time = 0.618 * animation.end();
-    let oracle = Oracle::at(&animation.at(time).unwrap());
+    let corners = triangles(&animation, time);
+    let oracle = Oracle::new(corners.clone());
     let mut stage = Stage::new(&animation, Intersector::Exact, 2);
     stage.plant(time);
-    let hits = stage.trace(
-        time,
-        Rays::List(&rays),
-        QueryKind::ClosestAndShadow { light },
-    );
-    let corners = |t: u32| animation.at(time).unwrap().corners(t);
-    let all = (0..animation.triangle_count() as u32).map(corners);
-    let hittable = all
-        .filter(|c| geom::is_active(c) && !geom::is_degenerate(c))
-        .flatten();
-    let bounds = hittable.fold(geom::Aabb::EMPTY, |b, p| b.with_point(p));
+    let kind = QueryKind::ClosestAndShadow { light };
+    let hits = stage.trace(time, Rays::List(&rays), kind);
+    let all = corners.iter().filter(|c| is_active(c) && !is_degenerate(c));
+    let bounds = all.map(Aabb::of_triangle).fold(Aabb::EMPTY, Aabb::union);
     let longest = bounds.extent().into_iter().fold(0.0, f32::max);
     for (i, (hit, &blocked)) in hits.closest.iter().zip(&hits.blocked).enumerate() {
-        let ray = hit
-            .is_hit()
-            .then(|| shadow_ray(hit, &corners(hit.triangle), rays[i].origin, light, longest));
+        let corners = corners.get(hit.triangle as usize);
+        let ray = corners.map(|c| shadow_ray(hit, c, rays[i].origin, light, longest));
         let blocks = |ray: &Ray| oracle.all(ray).iter().any(|h| h.triangle != hit.triangle);
         let expected = ray.as_ref().is_some_and(blocks);
-        assert_eq!(
-            blocked == 1,
-            expected,
-            "ray {i}, {hit:?}: blocked, by {ray:?}"
-        );
+        let same = (blocked == 1) == expected;
+        assert!(same, "ray {i}, {hit:?}: blocked {blocked}, by {ray:?}");
     }
 }
 
@@ -115,11 +102,8 @@ fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, long
         let d = minus(q, p);
         sign(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2])
     };
-    let side = if above(light) == 0.0 {
-        above(eye)
-    } else {
-        above(light)
-    };
+    let sides = [above(light), above(eye)];
+    let side = sides.into_iter().find(|side| *side != 0.0).unwrap_or(0.0);
     let largest = p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     let unit = f32::EPSILON / 2.0;
     let delta = 4.0 * unit * largest + 32.0 * unit * longest;
@@ -132,4 +116,46 @@ fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, long
 
 fn sign(x: f32) -> f32 {
     f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
+}
+
+/// By every intersector that rounds.
+pub(crate) fn cut_where_hits_are(source: Source) {
+    use Intersector::{MollerTrumbore, Watertight, Woop};
+    let animation = source.animation();
+    for by in [Watertight, Woop, MollerTrumbore] {
+        cut(&animation, by);
+    }
+}
+
+/// Cutting a ray just before its hit makes it miss; just behind it changes
+/// nothing, and neither does starting just before; and any-hit agrees.
+fn cut(animation: &Arc<Animation>, by: Intersector) {
+    let time = 0.5 * animation.end();
+    let mut stage = Stage::new(animation, by, 2);
+    stage.plant(time);
+    let mut rays = camera(animation, [64, 48]).rays().collect::<Vec<_>>();
+    for target in Target::ALL {
+        rays.extend(aimed(animation, time, target, 1.5, 333));
+        rays.extend(aimed(animation, time, target, 30.0, 333));
+    }
+    let hits = stage.closest(time, &rays).closest;
+    let met: Vec<u8> = hits.iter().map(|h| u8::from(h.is_hit())).collect();
+    let count = met.iter().filter(|&&m| m == 1).count();
+    assert!(count * 50 >= rays.len(), "{by}: only {count} rays hit");
+    let any = stage.trace(time, Rays::List(&rays), QueryKind::Any).blocked;
+    assert!(any == met, "{by}: any-hit disagrees with closest-hit");
+    let mut changed = |change: fn(&mut Ray, f32)| {
+        let mut cut = rays.clone();
+        let hit = cut.iter_mut().zip(&hits).filter(|(_, h)| h.is_hit());
+        hit.for_each(|(ray, hit)| change(ray, hit.t));
+        stage.closest(time, &cut).closest
+    };
+    let before = changed(|ray, t| ray.t_max = t);
+    let none = !before.iter().any(Hit::is_hit);
+    assert!(none, "{by}: a ray that ends at its closest hit still hits");
+    let around = changed(|ray, t| (ray.t_min, ray.t_max) = (t.next_down(), t.next_up()));
+    let bits = |h: &Hit| (h.triangle, [h.t, h.u, h.v].map(f32::to_bits));
+    let mut pairs = hits.iter().zip(&around).enumerate();
+    let other = pairs.find(|(_, (a, b))| bits(a) != bits(b));
+    assert!(other.is_none(), "{by}: limits round the hit: {other:?}");
 }

@@ -2,7 +2,6 @@
 
 mod exact;
 mod hard;
-mod limits;
 mod schedule;
 mod watertight;
 
@@ -14,7 +13,7 @@ fn main() -> ExitCode {
     let arguments = integration::arguments();
     let mut trials: Vec<Trial> = Vec::new();
     for scene in DEMOS.into_iter().chain(REAL) {
-        trials.push(scene.trial("limits_cut_where_hits_are", limits::cut_where_hits_are));
+        trials.push(scene.trial("limits_cut_where_hits_are", exact::cut_where_hits_are));
         trials.push(scene.trial("every_pixels_shadow", exact::shadows));
         trials.push(scene.trial("every_pixel_and_rays_at_edges_and_vertices", exact::rays));
     }

@@ -1,12 +1,12 @@
 //! `watertight` against exact arithmetic.
 //!
-//! It answers for a ray within rounding of the given one, so it may
-//! name a neighbour, but only where the exact ray passes within that rounding
-//! of an edge, or where distances are so near (to each other, or to the ray's
-//! limits) that rounding cannot tell them apart. Everything else is wrong.
+//! It answers for a ray within rounding of the given one. So it may name a neighbour, but only where the exact ray passes within
+//! that rounding of an edge, or where distances are so near (to each other, or to the ray's limits) that rounding cannot tell
+//! them apart. Everything else is wrong.
 
 use backend::Intersector;
 use conformance::oracle::{ExactHit, Oracle};
+use conformance::stage::triangles;
 use geom::{Aabb, Animation, Hit, Point, Ray, Triangle};
 use integration::stage::Stage;
 use rayon::prelude::*;
@@ -15,8 +15,7 @@ use std::sync::Arc;
 /// `2^-24`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 
-/// The answer moves the ray by at most 8 roundings of the reach on each of the
-/// two axes across it: less than 12 in all.
+/// The answer moves the ray by at most 8 roundings of the reach on each of the two axes across it: less than 12 in all.
 const SIDEWAYS: f64 = 12.0;
 
 /// A scene at rest, and the oracle over it.
@@ -29,12 +28,10 @@ pub(crate) struct Verifier {
 
 impl Verifier {
     pub(crate) fn at(animation: &Animation, time: f64) -> Self {
-        let moment = animation.at(time).unwrap();
-        let all = 0..animation.triangle_count() as u32;
-        let corners: Vec<Triangle> = all.map(|i| moment.corners(i)).collect();
-        let active = corners.iter().filter(|c| geom::is_active(c)).flatten();
+        let corners = triangles(animation, time);
+        let active = corners.iter().filter(|c| geom::is_active(c));
         Self {
-            bounds: active.fold(Aabb::EMPTY, |b, &p| b.with_point(p)),
+            bounds: active.map(Aabb::of_triangle).fold(Aabb::EMPTY, Aabb::union),
             oracle: Oracle::new(corners.clone()),
             corners,
         }
@@ -58,11 +55,9 @@ impl Verifier {
 
     /// Whether the answer for `triangle` may go either way.
     fn excuses(&self, ray: &Ray, triangle: u32) -> bool {
-        let (t_min, t_max) = (f32::NEG_INFINITY, f32::INFINITY);
         let line = Ray {
-            t_min,
-            t_max,
-            ..*ray
+            t_min: f32::NEG_INFINITY,
+            ..Ray::new(ray.origin, ray.direction)
         };
         let near_limit = |on_line: ExactHit| {
             let rounding = self.rounding(ray, &on_line);
@@ -75,8 +70,8 @@ impl Verifier {
     /// The largest coordinate distance between the ray's origin and the box of all triangles.
     fn reach(&self, ray: &Ray) -> f64 {
         let away = |i: usize, x: f32| (f64::from(x) - f64::from(ray.origin[i])).abs();
-        let both = |i| away(i, self.bounds.min[i]).max(away(i, self.bounds.max[i]));
-        both(0).max(both(1)).max(both(2))
+        let both = |i| [self.bounds.min[i], self.bounds.max[i]].map(|x| away(i, x));
+        (0..3).flat_map(both).fold(0.0, f64::max)
     }
 
     /// Whether the ray's line passes within rounding of an edge of the triangle. Plain double precision: its error is far
@@ -101,15 +96,15 @@ impl Verifier {
         (0..3).any(|i| distance(i) <= margin)
     }
 
-    /// A miss needs an excuse for every triangle that is hit: so where two
-    /// share an edge well inside a closed mesh, the far side still counts.
+    /// A miss needs an excuse for every triangle that is hit: so where two share an edge well inside a closed mesh, the far
+    /// side still counts.
     fn explains_miss(&self, ray: &Ray) -> bool {
         let all = self.oracle.all(ray);
         all.iter().all(|hit| self.excuses(ray, hit.triangle))
     }
 
-    /// Two triangles differ. The one found must be hit, or have an excuse; and so
-    /// must the exact one, unless it is not surely before the one found.
+    /// Two triangles differ. The one found must be hit, or have an excuse; and so must the exact one, unless it is not surely
+    /// before the one found.
     fn explains_neighbour(&self, ray: &Ray, found: &Hit, exact: &ExactHit) -> bool {
         let may_be = match self.oracle.hit_of(ray, found.triangle) {
             Some(own) => self.distance_holds(ray, found, &own),
@@ -125,11 +120,10 @@ impl Verifier {
 
     /// How far a computed distance may be from the exact one.
     ///
-    /// With sheared coordinates wrong by at most `8 u M` (and one more for
-    /// products), `M = max |x|, |y| + max |z|`, each edge function is wrong by at most
-    /// `e = E (|bx| + |by| + |cx| + |cy|) + 2 E^2`, `E = 9.06 u M`; and so is `t`, the
-    /// mean of the corners' `z`, by at most `sum |z - t| e / (|det| - sum e) + 30 u |t|`.
-    /// Both distances also lie within the padded slabs of the triangle's own box.
+    /// With sheared coordinates wrong by at most `8 u M` (and one more for products), `M = max |x|, |y| + max |z|`, each edge
+    /// function is wrong by at most `e = E (|bx| + |by| + |cx| + |cy|) + 2 E^2`, `E = 9.06 u M`. So is `t`, the mean of the
+    /// corners' `z`, by at most `sum |z - t| e / (|det| - sum e) + 30 u |t|`. Both distances also lie within the padded slabs of
+    /// the triangle's own box.
     fn rounding(&self, ray: &Ray, exact: &ExactHit) -> f64 {
         let corners = &self.corners[exact.triangle as usize];
         let [a, b, c] = sheared(ray, corners);
@@ -148,10 +142,9 @@ impl Verifier {
         let z = |p: [f64; 3]| (p[2] / f64::from(ray.direction[main]) - exact.t).abs();
         let moved: f64 = [a, b, c].iter().zip(edges).map(|(&p, e)| z(p) * e.1).sum();
         let clear = det.abs() - error;
-        let by_edges = if clear > 0.0 {
-            moved / clear
-        } else {
-            f64::INFINITY
+        let by_edges = match clear > 0.0 {
+            true => moved / clear,
+            false => f64::INFINITY,
         };
         by_edges.min(self.by_slabs(ray, corners)) + 30.0 * U * exact.t.abs()
     }
@@ -159,10 +152,10 @@ impl Verifier {
     /// The narrowest slab of the triangle's own box, padded on both sides as a traced box is.
     fn by_slabs(&self, ray: &Ray, corners: &Triangle) -> f64 {
         let padding = 40.0 * U * self.reach(ray);
+        let own = Aabb::of_triangle(corners);
         let slab = |i: usize| {
-            let [low, high] = [f32::min, f32::max]
-                .map(|f| f64::from(corners.iter().map(|p| p[i]).reduce(f).unwrap_or(0.0)));
-            (high - low + padding) / f64::from(ray.direction[i]).abs()
+            let thickness = f64::from(own.max[i]) - f64::from(own.min[i]);
+            (thickness + padding) / f64::from(ray.direction[i]).abs()
         };
         slab(0).min(slab(1)).min(slab(2))
     }

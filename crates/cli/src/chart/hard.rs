@@ -36,7 +36,7 @@ pub(super) fn ask(
     for test in tests {
         if let Some(cell) = test.ask(backend.as_mut(), method.intersector)? {
             mixed_range.push(FamilyCounts {
-                family: test.family().name().to_owned(),
+                family: cell.family.name().to_owned(),
                 rays: cell.wrong().of,
                 wrong: cell.wrong().count,
             });

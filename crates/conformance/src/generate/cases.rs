@@ -31,16 +31,12 @@ pub struct Case {
 
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let a = &self.animation;
+        let (a, about, times) = (&self.animation, &self.about, &self.times);
+        let [triangles, live] = [a.triangle_count(), a.live_count()];
+        let [vertices, keys] = [a.vertex_count(), a.key_count()];
         write!(
             f,
-            "{} ({} triangles, {} live, {} vertices, {} key frames, times {:?})",
-            self.about,
-            a.triangle_count(),
-            a.live_count(),
-            a.vertex_count(),
-            a.key_count(),
-            self.times,
+            "{about} ({triangles} triangles, {live} live, {vertices} vertices, {keys} key frames, times {times:?})"
         )
     }
 }
@@ -49,7 +45,6 @@ impl fmt::Display for Case {
 const ROUNDS: u64 = 6;
 
 /// The `i`-th case of a seed.
-#[must_use]
 pub fn nth_case(seed: u64, i: u32) -> Case {
     let rng = &mut Rng::with_seed(mixed(mixed(seed) ^ u64::from(i)));
     let kind = SceneKind::ALL[i as usize % SceneKind::ALL.len()];
@@ -142,12 +137,9 @@ impl Placement {
     /// Where a point of the unit scene is put, rounded once. A zero keeps its sign where nothing is added to it.
     pub(crate) fn put(&self, p: Point) -> Point {
         std::array::from_fn(|i| {
-            let x = f64::from(p[i]) * self.scale;
-            (if self.offset[i] == 0.0 {
-                x
-            } else {
-                x + self.offset[i]
-            }) as f32
+            let (x, by) = (f64::from(p[i]) * self.scale, self.offset[i]);
+            let moved = if by == 0.0 { x } else { x + by };
+            moved as f32
         })
     }
 

@@ -27,6 +27,11 @@ pub(crate) fn along(a: [f64; 3], s: f64, b: [f64; 3]) -> Point {
     std::array::from_fn(|i| (a[i] + s * b[i]) as f32)
 }
 
+/// Likewise, from single precision.
+pub(crate) fn plus(a: Point, s: f32, b: Point) -> Point {
+    std::array::from_fn(|i| a[i] + s * b[i])
+}
+
 /// Free triangles, the edges of which are up to `size` long on each axis, the second up to `thin` times that.
 pub(crate) fn soup(n: usize, size: f64, thin: [f64; 2], rng: &mut Rng) -> Vec<Triangle> {
     let one = |()| {
@@ -111,18 +116,13 @@ pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
     let mut all = soup(32, 0.5, PLUMP, rng);
     for i in 0..32 {
         let [a, b, _] = all[i];
-        let d = [(); 3].map(|()| grid(16, rng));
-        let g = [(); 3].map(|()| grid(16, rng));
+        let [d, g] = [(); 2].map(|()| [(); 3].map(|()| grid(16, rng)));
         let s = rng.f64();
         all.push(match i % 4 {
             0 => [a, b, a],
             1 => [a; 3],
             // On one line, for sums of sixteenths are exact.
-            2 => [
-                g,
-                std::array::from_fn(|k| g[k] + d[k]),
-                std::array::from_fn(|k| g[k] + 3.0 * d[k]),
-            ],
+            2 => [0.0, 1.0, 3.0].map(|share| plus(g, share, d)),
             // On one line but for rounding.
             _ => {
                 let step = std::array::from_fn(|k| f64::from(b[k]) - f64::from(a[k]));

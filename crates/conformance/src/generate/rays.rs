@@ -62,7 +62,6 @@ backend::named! {
 
 /// `count` rays from up to `distance` times the scene's size away, from all sides, each at a target on a triangle taken
 /// at random.
-#[must_use]
 pub fn aimed(
     animation: &Animation,
     time: f64,
@@ -76,12 +75,10 @@ pub fn aimed(
     all.filter(Ray::is_valid).take(count).collect()
 }
 
-const KINDS: usize = RayKind::ALL.len();
-
 /// The `i`-th ray of a scene: of each kind in turn, aimed at an inside, an edge or a vertex in turn.
 pub(crate) fn turn([near, all]: &[Aims; 2], i: u64, rng: &mut Rng) -> Ray {
-    let i = i as usize;
-    let (kind, target) = (RayKind::ALL[i % KINDS], Target::ALL[i / KINDS % 3]);
+    let (i, kinds) = (i as usize, RayKind::ALL.len());
+    let (kind, target) = (RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3]);
     let aims = [near, all][rng.usize(..4).min(1)];
     aims.ray(kind, target, rng)
 }
@@ -104,23 +101,19 @@ impl Aims {
         let ends = [ends(0), ends(1), ends(2)];
         Self {
             centre: ends.map(|[a, b]| 0.5 * (a + b)),
-            radius: ends
-                .iter()
-                .fold(0.0, |r, [a, b]| f64::max(r, 0.5 * (b - a))),
+            radius: ends.iter().fold(0.0_f64, |r, [a, b]| r.max(0.5 * (b - a))),
             corners,
         }
     }
 
     /// Over a scene at a moment: without triangles that reach a thousand times as far as most, and over all.
     pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
-        let moment = stage::moment(animation, time);
-        let all = 0..animation.triangle_count() as u32;
-        let all: Vec<Triangle> = all.map(|t| moment.corners(t)).collect();
-        let size = |t: &&Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
-        let mut sizes: Vec<f32> = all.iter().map(|t| size(&t)).collect();
+        let all = stage::triangles(animation, time);
+        let size = |t: &Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
+        let mut sizes: Vec<f32> = all.iter().map(size).collect();
         sizes.sort_unstable_by(f32::total_cmp);
         let most = sizes.get(sizes.len() / 2).map_or(0.0, |x| 1000.0 * x);
-        let near = all.iter().filter(|t| size(t) <= most).copied().collect();
+        let near = all.iter().copied().filter(|t| size(t) <= most).collect();
         [near, all].map(Self::new)
     }
 

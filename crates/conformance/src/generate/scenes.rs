@@ -1,7 +1,7 @@
 //! Every scene and motion that laws and audits try backends on.
 
 use super::bodies::{BODIES, icosphere};
-use super::meshes::{self, Mesh, PLUMP, flakes, grid, plane, sheet, soup, stacks};
+use super::meshes::{self, Mesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
 use fastrand::Rng;
 use geom::Point;
 use std::ops::Range;
@@ -102,7 +102,7 @@ fn scattered((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     let mut keys = vec![Vec::new(); 3];
     for three in points.chunks(3) {
         for (key, by) in keys.iter_mut().zip(drift(rng)) {
-            key.extend(three.iter().map(|&p| plus(p, by, 1.0)));
+            key.extend(three.iter().map(|&p| plus(p, 1.0, by)));
         }
     }
     (keys, triangles)
@@ -113,13 +113,9 @@ fn animate((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     let shares: Vec<f32> = points.iter().map(|_| rng.f32()).collect();
     let key = |by: Point| {
         let points = points.iter().zip(&shares);
-        points.map(|(&p, &share)| plus(p, by, share)).collect()
+        points.map(|(&p, &share)| plus(p, share, by)).collect()
     };
     (drift(rng).map(key).to_vec(), triangles)
-}
-
-fn plus(p: Point, by: Point, share: f32) -> Point {
-    std::array::from_fn(|i| p[i] + share * by[i])
 }
 
 /// Some vertices not finite in some keys, some triangles of no area.

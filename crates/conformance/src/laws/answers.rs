@@ -5,23 +5,37 @@ use crate::Case;
 use crate::compare::{answers, named_ray, same_counts};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use crate::stage::ask;
+use crate::stage::{ask, boxes_anew, is_extreme};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
-use geom::{Camera, Point, Ray};
+use geom::{Camera, Ray};
 
-/// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
-fn same(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
+/// Holds what a query found at a time to what it should.
+pub(super) type Verify =
+    fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
+
+/// At each of the case's times. Where a driver makes the trees, those made anew and those brought along take turns.
+pub(super) fn asked(
+    c: &mut Check<'_>,
+    rays: Rays<'_>,
+    kind: QueryKind,
+    verify: Verify,
+) -> Result<()> {
     c.open(c.case.times[0])?;
-    for &time in &c.case.times {
-        c.stand(time)?;
-        let seen = ask(c.subject, rays, kind)?;
-        verify(c, time, (rays, kind), &seen)?;
+    for (i, &time) in c.case.times.iter().enumerate() {
+        if i % 2 == 0 {
+            c.stand(time)?;
+        } else {
+            c.interpolate(time)?;
+            boxes_anew(c.subject)?;
+        }
+        let found = ask(c.subject, rays, kind)?;
+        verify(c, time, (rays, kind), &found)?;
     }
     Ok(())
 }
 
-/// What the subject found at a time.
+/// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
 pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,
@@ -39,12 +53,8 @@ pub(super) fn verify(
     Ok(())
 }
 
-/// Whether any ray is answered in exact arithmetic, whatever the backend: see [`geom::Range`].
 fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
-    let animation = &case.animation;
-    let range = animation.range(animation.pose(time));
-    let unit = f64::from(-animation.scale_exponent()).exp2();
-    let is_extreme = |o: Point| range.is_extreme(o.map(|x| (f64::from(x) * unit) as f32));
+    let is_extreme = |origin| is_extreme(&case.animation, time, origin);
     match rays {
         Rays::List(list) => list.iter().any(|r| is_extreme(r.origin)),
         Rays::Camera(camera) => is_extreme(camera.eye),
@@ -54,19 +64,24 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
 
 /// Triangle, `t`, `u`, `v`: bit for bit.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    same(c, c.rays(), QueryKind::Closest)
+    asked(c, c.rays(), QueryKind::Closest, verify)
 }
 
 /// Whether anything is hit.
 pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
-    same(c, c.rays(), QueryKind::Any)
+    asked(c, c.rays(), QueryKind::Any, verify)
 }
 
 /// A camera's rays made on the device, with shadows; and the shadows of given rays.
 pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
+    shadows(c, verify)
+}
+
+/// Likewise, held to whatever they should be.
+pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {
-        same(c, rays, QueryKind::ClosestAndShadow { light })?;
+        asked(c, rays, QueryKind::ClosestAndShadow { light }, verify)?;
     }
     Ok(())
 }
@@ -131,10 +146,9 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         c.subject.trace_together(&queries)?;
         let ticket = c.subject.submit()?;
         let (met, mut sum) = (c.subject.wait(ticket)?.hits, 0);
-        let mut found = Vec::new();
-        for place in 0..queries.len() {
-            found.push(c.subject.hits_of(ticket, place)?.clone());
-        }
+        let places = 0..queries.len();
+        let found = places.map(|place| Ok(c.subject.hits_of(ticket, place)?.clone()));
+        let found = found.collect::<Result<Vec<Hits>>>()?;
         for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
             let (alone, report) = ask(c.subject, query.rays, query.kind)?;
             let answered = answers(case, time, query.rays, found, &alone);

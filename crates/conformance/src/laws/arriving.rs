@@ -1,6 +1,7 @@
 //! Key frames may arrive while they are played, and nobody needs to have looked at them.
 
-use super::{Check, answers, within};
+use super::answers::{self, Verify};
+use super::{Check, within};
 use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
@@ -34,9 +35,6 @@ pub(super) fn held(c: &mut Check<'_>) -> Result<()> {
 pub(super) fn held_within(c: &mut Check<'_>) -> Result<()> {
     pushed(c, within::verify)
 }
-
-/// Holds what a query found at a time to what it should.
-type Verify = fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
 
 fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
@@ -117,8 +115,7 @@ fn push_all(
             c.subject.rebuild(Generation(generation))?;
         }
         boxes_anew(c.subject)?;
-        let kinds = [QueryKind::Any, QueryKind::ClosestAndShadow { light }];
-        let kind = kinds[rng.usize(..2)];
+        let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
         started.push((start(c.subject, rays, kind)?, time, kind));
     }
     Ok(started)
@@ -126,11 +123,11 @@ fn push_all(
 
 /// Memory for a key frame: of the host, lent by the subject, or of one that was dropped.
 fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
-    let spare = live.spare_frame().filter(|_| rng.bool());
-    Ok(match spare {
+    let count = live.vertex_count();
+    Ok(match live.spare_frame().filter(|_| rng.bool()) {
         Some(spare) => spare,
-        None if rng.bool() => vec![[0.0; 3]; live.vertex_count()].into(),
-        None => subject.point_buffer(live.vertex_count())?,
+        None if rng.bool() => vec![[0.0; 3]; count].into(),
+        None => subject.point_buffer(count)?,
     })
 }
 
@@ -209,24 +206,23 @@ const NEAR: f32 = 1.0 / 4_294_967_296.0;
 fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
     let mut rng = Rng::with_seed(chance);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));
-    let unit = first.iter().map(|p| match size(p) {
+    let unit = |p: &Point| match size(p) {
         s if s > 0.0 && s.is_finite() => p.map(|x| x / s),
         _ => [1.0; 3],
-    });
-    let unit: Vec<Point> = unit.collect();
+    };
+    let unit: Vec<Point> = first.iter().map(unit).collect();
     let with = |points: &[(usize, Point)]| {
         let mut frame = unit.clone();
         points.iter().for_each(|&(at, p)| frame[at] = p);
         frame
     };
     let near = |x: f32| with(&[0, 1, 2].map(|i| (i, [x, if i == 0 { 0.0 } else { x }, -x])));
-    let of_all_sizes = |rng: &mut Rng, most: i32| -> Vec<Point> {
-        let mut by = || (rng.i32(-most..most) as f32).exp2();
-        let scaled = unit.iter().map(|p| {
-            let by = by();
+    let mut of_all_sizes = |most: i32| -> Vec<Point> {
+        let scaled = |p: &Point| {
+            let by = (rng.i32(-most..most) as f32).exp2();
             p.map(|x| x * by)
-        });
-        scaled.collect()
+        };
+        unit.iter().map(scaled).collect()
     };
     vec![
         ("as it was", first.to_vec()),
@@ -239,8 +235,8 @@ fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
         ("all zero", vec![[0.0; 3]; first.len()]),
         ("no number", with(&[(4, [f32::NAN, 3.0e38, 0.0])])),
         ("infinite", with(&[(4, [0.0, f32::INFINITY, 1.0])])),
-        ("small sizes", of_all_sizes(&mut rng, 8)),
-        ("all sizes", of_all_sizes(&mut rng, 60)),
+        ("small sizes", of_all_sizes(8)),
+        ("all sizes", of_all_sizes(60)),
         ("subnormal", vec![[1e-42, -2e-43, 0.0]; first.len()]),
         ("largest", vec![[f32::MAX, -f32::MAX, 1.0]; first.len()]),
     ]

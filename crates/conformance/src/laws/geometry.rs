@@ -4,9 +4,8 @@ use super::Check;
 use crate::compare::{lists, same_counts, same_point};
 use crate::stage::{boxes_anew, next_positions, tree_at, vertices};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Generation, Ticket};
-use geom::{Animation, Point};
-use std::collections::VecDeque;
+use backend::Generation;
+use geom::Animation;
 use std::sync::Arc;
 
 /// Interpolated positions have the bits of `geom`'s formula.
@@ -111,6 +110,8 @@ fn record(c: &mut Check<'_>, step: &str) -> backend::Result<()> {
 const KEYS: usize = 24;
 const WINDOW: usize = 8;
 const FRAMES: usize = 40;
+/// Frames that are under way while the positions of one are taken.
+const AHEAD: usize = 2;
 
 /// Positions of a stream are those of key frames that are held, forward and in leaps, while others are under way.
 pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
@@ -133,18 +134,19 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
     )?);
     let times = times(c.case.chance);
     c.subject.load(Arc::clone(&streamed), c.method)?;
-    let mut expected = VecDeque::new();
-    for (i, &time) in times.iter().enumerate() {
-        streamed.look_ahead(times[i..].iter().copied());
-        c.subject.interpolate(streamed.pose(time))?;
-        c.subject.request_positions()?;
-        expected.push_back((c.subject.submit()?, vertices(&held, time)));
-        if i >= 2 {
-            compare_next(c, &mut expected)?;
+    let mut expected = Vec::new();
+    for i in 0..FRAMES + AHEAD {
+        if let Some(&time) = times.get(i) {
+            streamed.look_ahead(times[i..].iter().copied());
+            c.subject.interpolate(streamed.pose(time))?;
+            c.subject.request_positions()?;
+            expected.push((c.subject.submit()?, vertices(&held, time)));
         }
-    }
-    while !expected.is_empty() {
-        compare_next(c, &mut expected)?;
+        if let Some((ticket, wanted)) = i.checked_sub(AHEAD).map(|i| &expected[i]) {
+            let (of, found) = next_positions(c.subject)?;
+            ensure!(of == *ticket, "positions of {of:?} came before {ticket:?}");
+            lists("vertex", &found, wanted, same_point).with_context(|| format!("{ticket:?}"))?;
+        }
     }
     Ok(())
 }
@@ -153,14 +155,6 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
 fn times(chance: u64) -> Vec<f64> {
     let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
     let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);
-    let forward: Vec<f64> = forward.collect();
     let anywhere = (0..FRAMES / 2).map(|_| end * rng.f64());
-    forward.into_iter().chain(anywhere).collect()
-}
-
-fn compare_next(c: &mut Check<'_>, expected: &mut VecDeque<(Ticket, Vec<Point>)>) -> Result<()> {
-    let (ticket, wanted) = expected.pop_front().expect("one is under way");
-    let (of, found) = next_positions(c.subject)?;
-    ensure!(of == ticket, "positions of {of:?} came before {ticket:?}");
-    lists("vertex", &found, &wanted, same_point).with_context(|| format!("{ticket:?}"))
+    forward.chain(anywhere).collect()
 }

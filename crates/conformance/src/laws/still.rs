@@ -5,9 +5,9 @@ use crate::Case;
 use crate::compare::{answers, lists, same_counts, same_point};
 use crate::generate::topologies::{Split, live, odd};
 use crate::reference::Answer;
-use crate::stage::{ask, boxes_anew, open, stand, tree_at, vertices};
+use crate::stage::{boxes_anew, tree_at, vertices};
 use anyhow::{Context, Result, ensure};
-use backend::{Backend, Generation, Method, QueryKind, Rays};
+use backend::Generation;
 use bvh_layout::Topology;
 
 /// Frames that are looked at.
@@ -15,9 +15,8 @@ const FRAMES: usize = 7;
 /// By how much, relatively, costs of trees may differ: sums in single precision, taken in any order.
 const COST_TOLERANCE: f64 = 1e-4;
 
-/// A tree that comes with lists of what moves gives the positions, boxes, counts,
-/// cost and hits of one that comes without, frame after frame and tree after tree,
-/// whichever stages were done before. The case's chance decides what happens.
+/// A tree that comes with lists of what moves gives the positions, boxes, counts, cost and hits of one that comes without,
+/// frame after frame and tree after tree, whichever stages were done before. The case's chance decides what happens.
 pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let mut rng = fastrand::Rng::with_seed(case.chance);
@@ -26,9 +25,7 @@ pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
     c.open(now)?;
     c.stand(now)?;
     for frame in 0..FRAMES {
-        let seen = look(case, c.subject, now)?;
-        let expected = whole(case, c.reference.backend(), (&tree, now))?;
-        same(case, now, &seen, &expected).with_context(|| format!("frame {frame}"))?;
+        same(c, &tree, now).with_context(|| format!("frame {frame}"))?;
         if rng.u8(..3) == 0 {
             tree = another_tree(case, &mut rng);
             c.subject.adopt(&tree, Generation(2 + frame as u64))?;
@@ -74,29 +71,14 @@ fn without_lists(tree: &Topology) -> Topology {
     Topology::from_words(tree.words().to_vec()).expect("it was sound before")
 }
 
-/// Traces what was recorded, and looks.
-fn look(case: &Case, backend: &mut dyn Backend, now: f64) -> Result<Answer> {
-    let (hits, report) = ask(backend, Rays::List(&case.rays), QueryKind::Closest)?;
-    let expected = vertices(&case.animation, now);
-    let positions = backend.inspect().positions()?;
-    lists("position of vertex", &positions, &expected, same_point)?;
-    let boxes = backend.inspect().boxes()?;
-    Ok(Answer {
-        boxes,
-        report,
-        hits,
-    })
-}
-
-/// What a backend shows that has just got the scene, and the tree without lists.
-fn whole(case: &Case, backend: &mut dyn Backend, (tree, now): (&Topology, f64)) -> Result<Answer> {
-    open(backend, &case.animation, now, Method::default())?;
-    backend.adopt(&without_lists(tree), Generation(2))?;
-    stand(backend, &case.animation, now)?;
-    look(case, backend, now)
-}
-
-fn same(case: &Case, now: f64, seen: &Answer, expected: &Answer) -> Result<()> {
+/// Traces what was recorded, and holds all that the subject shows to what the reference does with the tree without lists.
+fn same(c: &mut Check<'_>, tree: &Topology, now: f64) -> Result<()> {
+    let case = c.case;
+    let seen = Answer::of(c.subject, case)?;
+    let positions = c.subject.inspect().positions()?;
+    let formula = vertices(&case.animation, now);
+    lists("position of vertex", &positions, &formula, same_point)?;
+    let expected = c.reference.by_tree(case, &without_lists(tree), now)?;
     lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq)?;
     same_counts(&seen.report, &expected.report)?;
     // Costs agree, where there are any and areas neither overflow nor vanish in single precision.
@@ -105,6 +87,5 @@ fn same(case: &Case, now: f64, seen: &Answer, expected: &Answer) -> Result<()> {
         let differs = (seen / right - 1.0).abs() > COST_TOLERANCE;
         ensure!(!differs, "the tree's cost is {seen}, expected {right}");
     }
-    let rays = Rays::List(&case.rays);
-    answers(case, now, rays, &seen.hits, &expected.hits)
+    answers(case, now, c.rays(), &seen.hits, &expected.hits)
 }

@@ -3,13 +3,11 @@
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
-use crate::stage::{ask, boxes_anew, fetch, stand, start, tree_at};
+use crate::reference::Answer;
+use crate::stage::{boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail};
-use backend::{
-    Backend, BackendError, FrameReport, Generation, Hits, Layout, Method, QueryKind, check_tree,
-};
+use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
 use bvh_layout::Topology;
-use geom::Aabb;
 use std::sync::Arc;
 
 /// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
@@ -92,26 +90,11 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
         answers(case, now, rays, &c.closest()?, &fresh)?;
         if c.method.layout == Layout::Bvh2 {
             let boxes = c.subject.inspect().boxes()?;
-            let (_, right) = by_reference(c, tree, (c.method, now))?;
+            let right = c.reference.by_tree(case, tree, now)?.boxes;
             lists("box of node", &boxes, &right, PartialEq::eq)?;
         }
     }
     Ok(())
-}
-
-/// What the reference reports of a tree at a time, and its boxes.
-fn by_reference(
-    c: &mut Check<'_>,
-    tree: &Topology,
-    (method, time): (Method, f64),
-) -> Result<(FrameReport, Vec<Aabb>)> {
-    let (animation, rays) = (&c.case.animation, c.rays());
-    let reference = c.reference.backend();
-    reference.load(Arc::clone(animation), method)?;
-    reference.adopt(tree, Generation(1))?;
-    stand(reference, animation, time)?;
-    let (_, report) = ask(reference, rays, QueryKind::Closest)?;
-    Ok((report, reference.inspect().boxes()?))
 }
 
 fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
@@ -149,20 +132,19 @@ fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
 
 /// Read back it is a sound tree of this scene, whose boxes, counts and cost are those that the reference finds for it.
 pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
-    let (animation, rays) = (&c.case.animation, c.rays());
-    c.subject.load(Arc::clone(animation), c.method)?;
-    for (&time, generation) in c.case.times.iter().zip(1..) {
+    let case = c.case;
+    c.subject.load(Arc::clone(&case.animation), c.method)?;
+    for (&time, generation) in case.times.iter().zip(1..) {
         c.interpolate(time)?;
         if !rebuild(c.subject, generation)? {
             return Ok(());
         }
-        let (_, seen) = ask(c.subject, rays, QueryKind::Closest)?;
+        let seen = Answer::of(c.subject, case)?;
         let tree = c.subject.inspect().rebuilt()?;
-        check_tree(&tree, animation)?;
-        let boxes = c.subject.inspect().boxes()?;
-        let (expected, right) = by_reference(c, &tree, (Method::default(), time))?;
-        same_counts(&seen, &expected)
-            .and_then(|()| lists("box of node", &boxes, &right, PartialEq::eq))
+        check_tree(&tree, &case.animation)?;
+        let expected = c.reference.by_tree(case, &tree, time)?;
+        same_counts(&seen.report, &expected.report)
+            .and_then(|()| lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq))
             .with_context(|| format!("at time {time:?}"))?;
     }
     Ok(())

@@ -1,31 +1,29 @@
 //! What rays hit where a driver decides: within rounding of the exact answer. See [`crate::rounding`].
 
-use super::{Check, answers};
+use super::Check;
+use super::answers::{self, asked};
 use crate::Case;
 use crate::compare::{named_ray, same_counts, triangle_text};
 use crate::rounding::Verifier;
-use crate::stage::{ask, boxes_anew};
 use anyhow::{Result, bail, ensure};
 use backend::{FrameReport, Hits, QueryKind, Rays};
 use geom::{Hit, Ray};
 
 /// Closest hits of given rays and of a camera's.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    each(c, c.rays(), QueryKind::Closest)?;
-    each(c, Rays::Camera(&c.case.camera), QueryKind::Closest)
+    asked(c, c.rays(), QueryKind::Closest, verify)?;
+    let camera = Rays::Camera(&c.case.camera);
+    asked(c, camera, QueryKind::Closest, verify)
 }
 
 /// Whether anything is hit.
 pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
-    each(c, c.rays(), QueryKind::Any)
+    asked(c, c.rays(), QueryKind::Any, verify)
 }
 
 /// Hits and shadows of given rays and of a camera's.
 pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
-    let light = c.case.light;
-    let kind = QueryKind::ClosestAndShadow { light };
-    each(c, Rays::Camera(&c.case.camera), kind)?;
-    each(c, c.rays(), kind)
+    answers::shadows(c, verify)
 }
 
 /// A camera's rays made on the device answer as the same rays given one by one, where a driver can be asked about them.
@@ -35,22 +33,6 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
         true => answers::camera_is_rays(c),
         false => Ok(()),
     }
-}
-
-/// Trees made anew and trees brought along take turns.
-fn each(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
-    c.open(c.case.times[0])?;
-    for (i, &time) in c.case.times.iter().enumerate() {
-        if i % 2 == 0 {
-            c.stand(time)?;
-        } else {
-            c.interpolate(time)?;
-            boxes_anew(c.subject)?;
-        }
-        let found = ask(c.subject, rays, kind)?;
-        verify(c, time, (rays, kind), &found)?;
-    }
-    Ok(())
 }
 
 /// What the subject found at a time. Inactive and degenerate triangles are counted as by the reference, and hits as they

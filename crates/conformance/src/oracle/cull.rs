@@ -7,7 +7,7 @@ const GROUP: usize = 8;
 
 /// A balanced tree of boxes over the active triangles.
 #[derive(Clone, Debug)]
-pub(crate) struct Boxes {
+pub(super) struct Boxes {
     /// Heap order: the children of node `i` are `2i + 1` and `2i + 2`.
     nodes: Vec<Aabb>,
     order: Vec<u32>,
@@ -15,7 +15,7 @@ pub(crate) struct Boxes {
 
 impl Boxes {
     /// A tree over the triangles of `active`.
-    pub(crate) fn new(corners: &[Triangle], active: Vec<u32>) -> Self {
+    pub(super) fn new(corners: &[Triangle], active: Vec<u32>) -> Self {
         let mut order = active;
         let groups = order.len().div_ceil(GROUP).next_power_of_two();
         let mut nodes = vec![Aabb::EMPTY; 2 * groups - 1];
@@ -25,7 +25,7 @@ impl Boxes {
 
     /// Calls `visit` with every triangle that a valid ray may hit, those in nearer boxes about first. It returns a `t`
     /// beyond which nothing matters any more: what is hit no nearer than that may be left out.
-    pub(crate) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32) -> f64) {
+    pub(super) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32) -> f64) {
         let enter = |node: usize| entry(ray, &self.nodes[node]);
         let mut bound = f64::INFINITY;
         let mut stack = Vec::with_capacity(64);
@@ -61,13 +61,10 @@ fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usiz
     let length = |i: usize| f64::from(bounds.max[i]) - f64::from(bounds.min[i]);
     let longest = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j)));
     let axis = longest.unwrap_or(0);
-    let key = |i: &u32| -> f64 {
-        let corners = corners[*i as usize].iter();
-        corners.map(|p| f64::from(p[axis])).sum()
-    };
+    let key = |i: u32| -> f64 { corners[i as usize].iter().map(|p| f64::from(p[axis])).sum() };
     let middle = order.len() / 2;
     if middle > 0 {
-        order.select_nth_unstable_by(middle, |i, j| key(i).total_cmp(&key(j)));
+        order.select_nth_unstable_by(middle, |&i, &j| key(i).total_cmp(&key(j)));
     }
     let (left, right) = order.split_at_mut(middle);
     split(corners, left, nodes, 2 * node + 1, groups / 2);
@@ -76,9 +73,8 @@ fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usiz
 
 /// A `t` that is at most that of every point of the box on the ray, within its interval; `None` only if there is no such point.
 ///
-/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself,
-/// and neither overflows nor underflows for `f32` input. So each slab's exact
-/// interval lies within the widened one.
+/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself, and neither overflows nor underflows for
+/// `f32` input. So each slab's exact interval lies within the widened one.
 fn entry(ray: &Ray, bounds: &Aabb) -> Option<f64> {
     if bounds.is_empty() {
         return None;

@@ -3,26 +3,25 @@
 use geom::{Ray, Triangle};
 use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
-use num_traits::Float;
+use num_traits::{Float, Signed};
 
 /// Where a ray's line crosses a closed triangle, inside the ray's interval.
 #[derive(Clone, Debug)]
-pub(crate) struct Crossing {
+pub(super) struct Crossing {
     /// Exact distance in units of the direction; not reduced.
-    pub(crate) t: BigRational,
+    pub(super) t: BigRational,
     /// Whether the crossing lies on an edge or a vertex.
-    pub(crate) edge: bool,
+    pub(super) edge: bool,
 }
 
 type Vector = [BigInt; 3];
 
 /// The crossing of a valid ray with an active triangle, if there is one.
 ///
-/// With `A`, `B`, `C` from the origin to the corners and `|x y z|` a
-/// determinant, the corners have the weights `U = |d B C|`, `V = |d C A|`, `W = |d A B|`,
-/// and `t = |A B C| / (U + V + W)`. The divisor is `d . N`: zero for a
-/// ray in the plane and for a triangle without area.
-pub(crate) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
+/// With `A`, `B`, `C` from the origin to the corners and `|x y z|` a determinant, the corners have the weights `U = |d B C|`,
+/// `V = |d C A|`, `W = |d A B|`, and `t = |A B C| / (U + V + W)`. The divisor is `d . N`: zero for a ray in the plane and for
+/// a triangle without area.
+pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let o = &ray.origin;
     let flat: [f32; 12] = std::array::from_fn(|i| [a, b, c, o][i / 3][i % 3]);
     let (xs, point_exponent) = scale(flat);
@@ -30,11 +29,8 @@ pub(crate) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let corner = |k: usize| -> Vector { std::array::from_fn(|i| &xs[3 * k + i] - &xs[9 + i]) };
     let [a, b, c] = [corner(0), corner(1), corner(2)];
     let b_c = cross_product(&b, &c);
-    let weights = [
-        dot(&d, &b_c),
-        dot(&d, &cross_product(&c, &a)),
-        dot(&d, &cross_product(&a, &b)),
-    ];
+    let normals = [&b_c, &cross_product(&c, &a), &cross_product(&a, &b)];
+    let weights = normals.map(|n| dot(&d, n));
     let has = |sign: Sign| weights.iter().any(|w| w.sign() == sign);
     if has(Sign::Plus) == has(Sign::Minus) {
         return None;
@@ -70,13 +66,7 @@ fn scale<const N: usize>(xs: [f32; N]) -> ([BigInt; N], i32) {
 
 /// `(n / d) * 2^e` with a positive denominator; `d` must not be zero.
 fn quotient(n: BigInt, d: BigInt, e: i32) -> BigRational {
-    let (n, d) = match d.sign() {
-        Sign::Minus => (-n, -d),
-        _ => (n, d),
-    };
-    let shift = e.unsigned_abs();
-    match e >= 0 {
-        true => BigRational::new_raw(n << shift, d),
-        false => BigRational::new_raw(n, d << shift),
-    }
+    let (n, d) = if d.is_negative() { (-n, -d) } else { (n, d) };
+    let [up, down] = [e.max(0), (-e).max(0)];
+    BigRational::new_raw(n << up, d << down)
 }

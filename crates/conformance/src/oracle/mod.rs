@@ -1,19 +1,127 @@
 //! The exact answer, slowly: what a ray hits, decided in integer arithmetic.
 //!
-//! The reference for every backend, so it shares no code with any: from `geom` it
-//! takes plain types only. Its definition is the contract's `exact`. Triangles are
-//! closed: a ray through an edge or a vertex hits every triangle that shares
-//! it. A ray in a triangle's plane misses it. Inactive triangles and those of
-//! zero area are never hit. `t` lies in the open interval `(t_min, t_max)`.
-//! Least exact `t` wins, then least index.
+//! The reference for every backend, so it shares no code with any: from `geom` it takes plain types only. Its definition is
+//! the contract's `exact`. Triangles are closed: a ray through an edge or a vertex hits every triangle that shares it. A ray
+//! in a triangle's plane misses it. Inactive triangles and those of zero area are never hit. `t` lies in the open interval
+//! `(t_min, t_max)`. Least exact `t` wins, then least index.
 //!
-//! Each ray passes three stages, and the first two only ever discard what is
-//! surely missed: boxes (`cull`), double precision with proven error bounds
-//! (`filter`), and what is left in integers (`exact`).
+//! Each ray passes three stages, and the first two only ever discard what is surely missed: boxes (`cull`), double precision
+//! with proven error bounds (`filter`), and what is left in integers (`exact`).
 
 mod cull;
 mod exact;
 mod filter;
-mod search;
+#[cfg(test)]
+mod tests;
 
-pub use search::{ExactHit, Oracle};
+use cull::Boxes;
+use exact::{Crossing, cross};
+use filter::{Candidate, judge};
+use geom::{Moment, Ray, Triangle};
+use num_traits::ToPrimitive;
+
+/// One exact hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactHit {
+    /// Index of the triangle.
+    pub triangle: u32,
+    /// The exact distance in units of the direction, rounded once.
+    pub t: f64,
+    /// Whether the hit point lies exactly on an edge or a vertex of the triangle.
+    pub edge: bool,
+    /// Whether another triangle is hit at exactly the same distance.
+    pub tie: bool,
+}
+
+/// Answers for triangles that stand still. Rays are independent, so `&Oracle` may be shared by threads.
+#[derive(Clone, Debug)]
+pub struct Oracle {
+    corners: Vec<Triangle>,
+    boxes: Boxes,
+}
+
+impl Oracle {
+    /// An oracle over triangles in the order of their indices.
+    pub fn new(corners: Vec<Triangle>) -> Self {
+        let active = |i: &u32| is_active(&corners[*i as usize]);
+        let active = (0..corners.len() as u32).filter(active).collect();
+        let boxes = Boxes::new(&corners, active);
+        Self { corners, boxes }
+    }
+
+    /// An oracle over a moment.
+    pub fn at(moment: &Moment<'_>) -> Self {
+        let triangles = 0..moment.animation().triangle_count() as u32;
+        Self::new(triangles.map(|i| moment.corners(i)).collect())
+    }
+
+    /// The closest hit: least exact `t`, then least index. A ray that is not valid misses.
+    pub fn closest(&self, ray: &Ray) -> Option<ExactHit> {
+        let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
+        self.judged(ray, |triangle, found| {
+            maybe.push((triangle, found.low));
+            if found.is_sure {
+                bound = bound.min(found.high);
+            }
+            bound
+        });
+        maybe.retain(|&(_, low)| low <= bound);
+        let hits = self.settle(ray, maybe.into_iter().map(|m| m.0));
+        hits.into_iter().next()
+    }
+
+    /// Every triangle hit, by exact `t`, then by index.
+    pub fn all(&self, ray: &Ray) -> Vec<ExactHit> {
+        let mut maybe = Vec::new();
+        self.judged(ray, |triangle, _| {
+            maybe.push(triangle);
+            f64::INFINITY
+        });
+        self.settle(ray, maybe.into_iter())
+    }
+
+    /// The hit of one triangle by itself, if it is hit; `tie` is then `false`.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn hit_of(&self, ray: &Ray, triangle: u32) -> Option<ExactHit> {
+        let possible = is_active(&self.corners[triangle as usize]) && ray.is_valid();
+        let hits = self.settle(ray, possible.then_some(triangle).into_iter());
+        hits.into_iter().next()
+    }
+
+    /// Every triangle whose box the ray may meet and that it does not surely miss, as far as `visit` asks (see
+    /// [`Boxes::near`]).
+    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Candidate) -> f64) {
+        if ray.is_valid() {
+            self.boxes.near(ray, |i| {
+                let found = judge(ray, &self.corners[i as usize]);
+                found.map_or(f64::INFINITY, |found| visit(i, found))
+            });
+        }
+    }
+
+    /// Settles candidates in whole numbers.
+    fn settle(&self, ray: &Ray, candidates: impl Iterator<Item = u32>) -> Vec<ExactHit> {
+        let crossed = |i| Some((i, cross(ray, &self.corners[i as usize])?));
+        let mut hits: Vec<(u32, Crossing)> = candidates.filter_map(crossed).collect();
+        hits.sort_by(|(i, a), (j, b)| a.t.cmp(&b.t).then(i.cmp(j)));
+        let same = |i: usize, j: usize| hits.get(j).is_some_and(|h| h.1.t == hits[i].1.t);
+        let exact = |(i, (triangle, crossing)): (usize, &(u32, Crossing))| ExactHit {
+            triangle: *triangle,
+            t: to_f64(crossing),
+            edge: crossing.edge,
+            tie: same(i, i + 1) || (i > 0 && same(i, i - 1)),
+        };
+        hits.iter().enumerate().map(exact).collect()
+    }
+}
+
+fn is_active(corners: &Triangle) -> bool {
+    corners.iter().flatten().all(|x| x.is_finite())
+}
+
+/// The nearest `f64`, ties to even.
+fn to_f64(crossing: &Crossing) -> f64 {
+    crossing.t.to_f64().expect("a distance is a number")
+}

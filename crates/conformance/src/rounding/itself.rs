@@ -14,7 +14,7 @@
 //! of these errors. The way is straight: the least heights of its ends tell where it crosses the plane at the earliest.
 //! The triangle blocks it only if it reaches as far.
 
-use super::{distance_to_triangle, largest, ulp};
+use super::{distance_to_triangle, largest, longest_edge, ulp};
 use glam::DVec3;
 
 /// What is lost where products below `2^-100` count as zero.
@@ -33,9 +33,8 @@ struct Plane {
 }
 
 impl Plane {
-    fn of([a, b, c]: &[DVec3; 3], point: DVec3) -> Self {
-        let longest = [b - a, c - b, a - c].map(DVec3::length);
-        let longest = longest.into_iter().fold(0.0, f64::max);
+    fn of(corners @ [a, b, c]: &[DVec3; 3], point: DVec3) -> Self {
+        let longest = longest_edge(corners);
         let normal = (b - a).cross(c - a);
         let lost = LOST / normal.length();
         let thin = ulp(longest * longest) / normal.length();

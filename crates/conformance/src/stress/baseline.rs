@@ -2,8 +2,8 @@
 //!
 //! Textbook intersectors compute as a device likes, so their rates are those of the device's [`Arithmetic`]; of all others
 //! the host's rates hold everywhere, since their answers do. A file of `baselines` holds what was measured of one kind, with
-//! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds; to make it known, put it beside the
-//! others and name it in `FILES`. Nothing is in it of what may never happen: see [`is_never`].
+//! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds. To make it known, put it
+//! beside the others and name it in `FILES`. Nothing is in it of what may never happen: see `is_never`.
 
 use crate::stress::{Cell, Family, Measure, Measured, Plan, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
@@ -60,8 +60,7 @@ static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {
 
 /// Whether something may never happen, by the intersector's own definition: `exact` errs nowhere,
 /// `watertight` neither leaks nor hits twice.
-#[must_use]
-pub fn is_never(intersector: Intersector, measure: Measure) -> bool {
+pub(super) fn is_never(intersector: Intersector, measure: Measure) -> bool {
     match intersector {
         Intersector::Exact => true,
         Intersector::Watertight => measure != Measure::Wrong,
@@ -78,27 +77,23 @@ fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
 }
 
 /// What is known of a cell on a device of that arithmetic; `None` if nobody measured it.
-#[must_use]
-pub fn known(
+pub(super) fn known(
     family: Family,
     by: Intersector,
     measure: Measure,
     device: Arithmetic,
 ) -> Option<&'static RateEntry> {
     let arithmetic = decisive(by, device);
+    let baseline = BASELINES.iter().find(|b| b.arithmetic == arithmetic)?;
     let names = (family.name(), by.name(), measure.name());
-    let mut of_kind = BASELINES.iter().filter(|b| b.arithmetic == arithmetic);
     let this = |e: &&RateEntry| (&*e.family, &*e.intersector, &*e.measure) == names;
-    of_kind.find_map(|b| b.entries.iter().find(this))
+    baseline.entries.iter().find(this)
 }
 
 /// Measures a device anew: every family at so many rays, of seeds from 1 to `seeds`. What no arithmetic of the
 /// device's own decides is measured on devices alone that round every operation once.
 ///
 /// `progress` hears of each family.
-///
-/// # Errors
-/// The subject failed.
 pub fn record(
     subject: &mut dyn Backend,
     (seeds, rays): (u64, u32),
@@ -163,4 +158,64 @@ fn spread(all: &[Measured], mean: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    const LOOSE: Arithmetic = Arithmetic {
+        rounds_division: false,
+        fuses: false,
+    };
+
+    /// A cell of rays at edges of closed bodies, of which so many answers are wrong, leak or hit twice.
+    fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
+        let counts = [
+            (Measure::Wrong, wrong, 8192),
+            (Measure::Leaks, leaks, 4096),
+            (Measure::DoubleHits, doubles, 8192),
+        ];
+        Cell::new(Family::Edges, by, &counts, device)
+    }
+
+    #[test]
+    fn a_device_is_held_to_what_was_measured_with_its_own_arithmetic() {
+        let by = Intersector::MollerTrumbore;
+        let [of_host, of_gpu] = [[1983, 186, 3828], [2056, 412, 2990]];
+        assert!(edges(by, of_host, Arithmetic::IEEE).is_ok());
+        assert!(edges(by, of_gpu, LOOSE).is_ok());
+        assert!(!edges(by, of_gpu, Arithmetic::IEEE).is_ok());
+        assert!(!edges(by, of_host, LOOSE).is_ok());
+    }
+
+    #[test]
+    fn answers_equal_everywhere_have_one_bound_and_unknown_arithmetic_has_none_of_its_own() {
+        let strange = Arithmetic {
+            rounds_division: false,
+            fuses: true,
+        };
+        for device in [Arithmetic::IEEE, LOOSE, strange] {
+            let of = |by| known(Family::Edges, by, Measure::Wrong, device);
+            let by = Intersector::Watertight;
+            let everywhere = known(Family::Edges, by, Measure::Wrong, Arithmetic::IEEE);
+            assert_eq!(of(Intersector::Watertight), everywhere);
+            assert_eq!(of(Intersector::Woop).is_some(), device != strange);
+            assert!(edges(Intersector::Exact, [0; 3], device).is_ok());
+            assert!(!edges(Intersector::Exact, [1, 0, 0], device).is_ok());
+        }
+    }
+
+    #[test]
+    fn every_baseline_has_every_cell_once_and_says_where_it_comes_from() {
+        for baseline in BASELINES.iter() {
+            let of = |by: Intersector| decisive(by, baseline.arithmetic) == baseline.arithmetic;
+            let all = Intersector::ALL.into_iter().filter(|&by| of(by));
+            for (family, by) in all.flat_map(|by| Family::ALL.map(|f| (f, by))) {
+                let this = |e: &&RateEntry| e.family == family.name() && e.intersector == by.name();
+                let mut found: Vec<_> = baseline.entries.iter().filter(this).collect();
+                found.retain(|e| e.measure == Measure::Wrong.name());
+                let none = by == Intersector::Exact;
+                assert_eq!(found.len(), usize::from(!none), "{family} {by}");
+            }
+            assert!(baseline.ground.contains("seed"), "{}", baseline.ground);
+        }
+    }
+}

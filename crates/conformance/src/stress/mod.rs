@@ -1,16 +1,14 @@
 //! How often each intersector is wrong where arithmetic is hardest.
 //!
-//! A [`Family`] makes scenes and rays that are hard in one way. A [`StressTest`] asks them of a backend and counts
-//! what differs from the exact answer (crate `oracle`, which shares no code with backends); on closed bodies also
-//! leaks and double hits. [`bounds`] says which rates are to be expected: none at all of robust
-//! intersectors, of others what was measured ([`baseline`]), with slack for chance. A rate above its bound is a
-//! fault; so is one below, for then something is not what it is called.
+//! A [`Family`] makes scenes and rays that are hard in one way. A [`StressTest`] asks them of a backend and counts what differs
+//! from the [exact answer](crate::oracle); on closed bodies also leaks and double hits. Robust intersectors may have none, of
+//! others what was measured is expected ([`baseline`]), with slack for chance. A rate above its bound is a fault; so is one
+//! below, for then something is not what it is called.
 //!
 //! An [`audit::Audit`] asks rays by the million of scenes of all kinds, of which `exact` may get none wrong.
 
 pub mod audit;
 pub mod baseline;
-pub mod bounds;
 mod cell;
 mod scenes;
 mod stress_test;

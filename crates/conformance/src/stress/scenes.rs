@@ -48,10 +48,9 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
         return vec![cloth(plan.rays as usize, &mut rng(0))];
     }
     let count = plan.rays.div_ceil(RAYS).max(SCENES);
-    let numbered = shares(plan.rays.into(), count.into()).enumerate();
-    numbered
-        .map(|(i, rays)| one(family, i, rays as usize, &mut rng(i as u64)))
-        .collect()
+    let numbered = (0..).zip(shares(plan.rays.into(), count.into()));
+    let scenes = numbered.map(|(i, rays)| one(family, i, rays as usize, &mut rng(i as u64)));
+    scenes.collect()
 }
 
 /// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
@@ -69,9 +68,10 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
         Family::Edges => body(0.0, Some(Aim::Edge), rng),
         Family::Vertices => body(0.0, Some(Aim::Vertex), rng),
         Family::Outlier => beside_outlier(body(0.0, None, rng), rng),
-        _ => asked(free(family, rng), rays, |aims, i| {
-            ray(family, aims, i + number, rng)
-        }),
+        _ => {
+            let scene = free(family, rng);
+            asked(scene, rays, |aims, i| ray(family, aims, i + number, rng))
+        }
     }
 }
 
@@ -84,10 +84,8 @@ fn closed(
 ) -> StressScene {
     let (round, body) = (number / BODIES.len(), number % BODIES.len());
     let placed = Placed::new(&BODIES[body], offset, false, rng);
-    let wanted = SORTS.into_iter();
-    let wanted: Vec<_> = wanted
-        .filter(|s| aim.is_none_or(|aim| aim == s.0))
-        .collect();
+    let mut wanted = SORTS.to_vec();
+    wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.0));
     let ray = |i: usize| {
         let sort = wanted[i % wanted.len()];
         (sort.1, valid(|| placed.ray(sort, rng)))

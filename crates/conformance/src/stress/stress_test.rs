@@ -2,7 +2,7 @@
 
 use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
-use crate::stage::{ask, moment, open, stand};
+use crate::stage::{ask, open, stand, triangles};
 use crate::stress::scenes::{StressScene, scenes};
 use crate::stress::{Cell, Family, Measure, Plan};
 use backend::{Backend, FrameReport, Hits, Intersector, Method, QueryKind, Rays, Result};
@@ -25,25 +25,13 @@ pub(super) struct Answered {
 
 impl StressTest {
     /// Makes and answers the rays of a family.
-    #[must_use]
     pub fn new(family: Family, plan: &Plan) -> Self {
         let scenes = scenes(family, plan).into_par_iter();
-        Self {
-            family,
-            scenes: scenes.map(Answered::new).collect(),
-        }
-    }
-
-    /// The family.
-    #[must_use]
-    pub fn family(&self) -> Family {
-        self.family
+        let scenes = scenes.map(Answered::new).collect();
+        Self { family, scenes }
     }
 
     /// Asks a backend everything; `None` if it does not support the intersector.
-    ///
-    /// # Errors
-    /// The subject failed.
     pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<Option<Cell>> {
         let method = Method {
             intersector,
@@ -54,12 +42,10 @@ impl StressTest {
         }
         let mut sum: Vec<(Measure, u64, u64)> = Vec::new();
         for scene in &self.scenes {
-            for (i, (measure, count, of)) in scene.count(subject, method)?.into_iter().enumerate() {
-                if i == sum.len() {
-                    sum.push((measure, 0, 0));
-                }
-                sum[i].1 += count;
-                sum[i].2 += of;
+            let counts = scene.count(subject, method)?;
+            sum.resize(counts.len(), (Measure::Wrong, 0, 0));
+            for (sum, (measure, count, of)) in sum.iter_mut().zip(counts) {
+                *sum = (measure, sum.1 + count, sum.2 + of);
             }
         }
         let arithmetic = subject.device().arithmetic;
@@ -70,7 +56,7 @@ impl StressTest {
 impl Answered {
     /// Asks the oracle, on as many threads as there are.
     pub(super) fn new(scene: StressScene) -> Self {
-        let oracle = Oracle::at(&moment(&scene.animation, scene.time));
+        let oracle = Oracle::new(triangles(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         Self { scene, exact }
     }
@@ -117,5 +103,68 @@ impl StressScene {
         open(subject, &self.animation, self.built, method)?;
         stand(subject, &self.animation, self.time)?;
         ask(subject, Rays::List(&self.rays), QueryKind::Closest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use backend::Arithmetic;
+    use cpu_ref::CpuBackend;
+
+    /// Every family, with its exact answers.
+    fn stress_tests(plan: &Plan) -> Vec<StressTest> {
+        let all = Family::ALL.into_iter();
+        all.map(|family| StressTest::new(family, plan)).collect()
+    }
+
+    /// Traces by `asked` but judges as if it were `named`.
+    fn cells(tests: &[StressTest], asked: Intersector, named: Intersector) -> Vec<Cell> {
+        let mut cpu = CpuBackend::new(Some(2)).unwrap();
+        let cell = |test: &StressTest| {
+            let cell = test.ask(&mut cpu, asked).unwrap().unwrap();
+            let counts = cell.measured.iter().map(|m| (m.measure, m.count, m.of));
+            let counts: Vec<_> = counts.collect();
+            Cell::new(cell.family, named, &counts, Arithmetic::IEEE)
+        };
+        tests.iter().map(cell).collect()
+    }
+
+    fn red(cells: &[Cell]) -> Vec<&Cell> {
+        cells.iter().filter(|c| !c.is_ok()).collect()
+    }
+
+    #[test]
+    fn every_rate_of_the_host_is_within_its_bound_whatever_the_seed_and_number_of_rays() {
+        let mut all = Vec::new();
+        let is_full = std::env::var("ABVH_FULL").is_ok_and(|full| full == "1");
+        let many = if is_full { 8192 } else { 1024 };
+        for (seed, rays) in [(1, many), (77, 500), (78, 33)] {
+            let tests = stress_tests(&Plan { seed, rays });
+            for by in Intersector::ALL {
+                all.extend(cells(&tests, by, by));
+            }
+        }
+        let measured = all.iter().flat_map(|c| &c.measured);
+        assert!(measured.clone().all(|m| m.of > 0 && m.bound.is_some()));
+        assert!(red(&all).is_empty(), "{:#?}", red(&all));
+    }
+
+    #[test]
+    fn whoever_answers_by_another_intersector_is_found_out_whether_worse_or_better() {
+        use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
+        let (seed, rays) = (5, 2048);
+        let tests = stress_tests(&Plan { seed, rays });
+        for (asked, named) in [
+            (Woop, Exact),
+            (Watertight, Exact),
+            (MollerTrumbore, Watertight),
+            (Exact, Woop),
+            (Watertight, MollerTrumbore),
+        ] {
+            let cells = cells(&tests, asked, named);
+            let red = red(&cells);
+            assert!(red.len() >= 5, "{asked} for {named}: {red:#?}");
+        }
     }
 }

@@ -7,7 +7,7 @@ use backend::{
 use bvh_layout::Topology;
 use conformance::stage::tree_over;
 use cpu_ref::CpuBackend;
-use geom::{Aabb, Animation, Hit, Point, Pose, Ray};
+use geom::{Aabb, Animation, Camera, Hit, Point, Pose, Ray};
 use std::sync::Arc;
 
 /// The reference, spoilt.
@@ -15,6 +15,12 @@ pub(crate) struct Faulty {
     inner: CpuBackend,
     /// What is wrong; of a fault that nobody plants here, no law notices anything.
     fault: &'static str,
+    seen: Seen,
+}
+
+/// What happened so far.
+#[derive(Default)]
+struct Seen {
     animation: Option<Arc<Animation>>,
     first_leaf: Option<u32>,
     /// Answers by ticket, as they were when submitted.
@@ -28,8 +34,8 @@ pub(crate) struct Faulty {
     taken: Option<Vec<Point>>,
     old_copy: Option<Vec<Point>>,
     pose: Option<Pose>,
-    /// Whether the host has looked at its key frames.
-    is_known: bool,
+    /// Whether the host has not looked at its key frames.
+    is_unknown: bool,
     /// The one before, of this scene.
     pose_before: Option<Pose>,
     /// The tree that was made last.
@@ -45,22 +51,7 @@ impl Faulty {
         Self {
             inner: CpuBackend::new(Some(1)).unwrap(),
             fault,
-            animation: None,
-            first_leaf: None,
-            kept: Vec::new(),
-            lent: Hits::default(),
-            rays: Vec::new(),
-            kind: None,
-            traces_since_refit: 0,
-            loads: 0,
-            taken: None,
-            old_copy: None,
-            pose: None,
-            is_known: true,
-            pose_before: None,
-            made: None,
-            brought: None,
-            together: (Vec::new(), 0),
+            seen: Seen::default(),
         }
     }
 
@@ -70,11 +61,12 @@ impl Faulty {
 
     /// What the fault makes of an answer.
     fn spoil(&self, hits: &mut Hits) {
+        let seen = &self.seen;
         let miss = |h: &mut Hit| *h = Hit::MISS;
         let found = hits.closest.iter_mut().filter(|h| h.is_hit());
         match self.fault {
-            "what arrives is not measured" if !self.is_known => {
-                found.for_each(|h| h.u = h.u.next_up())
+            "what arrives is not measured" if seen.is_unknown => {
+                found.for_each(|h| h.u = h.u.next_up());
             }
             "distances one ulp off" => found.for_each(|h| h.t = h.t.next_up()),
             "weights swapped" => found.for_each(|h| std::mem::swap(&mut h.u, &mut h.v)),
@@ -86,20 +78,20 @@ impl Faulty {
                 let near = |h: &&mut Hit| h.u.min(h.v) == 0.0;
                 found.filter(near).for_each(|h| h.t = h.t.next_down());
             }
-            "made tree misses sometimes" if self.made.is_some() => {
-                found.skip(1).for_each(miss);
-            }
+            "made tree misses sometimes" if seen.made.is_some() => found.skip(1).for_each(miss),
             "first leaf is never hit" | "new tree answers for old frames" => {
-                let first = self.first_leaf;
+                let first = seen.first_leaf;
                 found.filter(|h| Some(h.triangle) == first).for_each(miss);
             }
-            "ties go to the first leaf" => found
-                .filter(|h| self.first_leaf.is_some_and(|f| f / 4 == h.triangle / 4))
-                .for_each(|h| h.triangle = self.first_leaf.unwrap_or_default()),
-            "every third scene is empty" if self.loads.is_multiple_of(3) => found.for_each(miss),
-            "second trace misses" if self.traces_since_refit > 1 => found.for_each(miss),
+            "ties go to the first leaf" => {
+                let first = seen.first_leaf.unwrap_or_default();
+                let tied = found.filter(|h| h.triangle / 4 == first / 4);
+                tied.for_each(|h| h.triangle = first);
+            }
+            "every third scene is empty" if seen.loads.is_multiple_of(3) => found.for_each(miss),
+            "second trace misses" if seen.traces_since_refit > 1 => found.for_each(miss),
             "interval is closed" => {
-                let ends = self.rays.iter().map(|r| r.t_max);
+                let ends = seen.rays.iter().map(|r| r.t_max);
                 for (hit, end) in hits.closest.iter_mut().zip(ends) {
                     if !hit.is_hit() && end == 1.0 {
                         (hit.t, hit.triangle) = (1.0, 0);
@@ -108,16 +100,15 @@ impl Faulty {
             }
             _ => {}
         }
-        match (self.fault, self.kind) {
+        match (self.fault, seen.kind) {
             ("any hit forgets the last ray", Some(QueryKind::Any)) => {
                 let last = hits.blocked.iter_mut().rev().find(|b| **b == 1);
                 last.into_iter().for_each(|b| *b = 0);
             }
             ("shadows inverted", Some(QueryKind::ClosestAndShadow { .. })) => {
                 let pairs = hits.blocked.iter_mut().zip(&hits.closest);
-                pairs
-                    .filter(|(_, h)| h.is_hit())
-                    .for_each(|(b, _)| *b = 1 - *b);
+                let met = pairs.filter(|(_, h)| h.is_hit());
+                met.for_each(|(b, _)| *b = 1 - *b);
             }
             _ => {}
         }
@@ -141,27 +132,26 @@ impl Backend for Faulty {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        self.loads += 1;
-        self.kept.clear();
-        if !self.is("positions outlive their scene") {
-            self.old_copy = None;
-        }
-        (self.animation, self.made) = (Some(Arc::clone(&animation)), None);
-        (self.pose, self.pose_before) = (None, None);
+        self.seen = Seen {
+            animation: Some(Arc::clone(&animation)),
+            loads: self.seen.loads + 1,
+            old_copy: self.seen.old_copy.take(),
+            ..Seen::default()
+        };
         self.inner.load(animation, method)
     }
 
     fn bring(&mut self, tree: &Topology, _: Generation) -> Result<bool> {
-        self.brought.get_or_insert_with(|| tree.clone());
+        self.seen.brought.get_or_insert_with(|| tree.clone());
         Ok(true)
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        let left = self.brought.take();
+        let left = self.seen.brought.take();
         let left = left.filter(|_| self.is("a tree that was left is adopted"));
         let tree = left.as_ref().unwrap_or(tree);
-        self.made = None;
-        let adopted = match &self.animation {
+        self.seen.made = None;
+        let adopted = match &self.seen.animation {
             Some(animation) if self.is("what moves is passed over") => {
                 self.inner.adopt(&mislisted(tree, animation), generation)
             }
@@ -169,7 +159,7 @@ impl Backend for Faulty {
         };
         match (self.fault, &adopted) {
             ("any tree is taken", Err(_)) => return Ok(()),
-            (_, Ok(())) => self.first_leaf = tree.leaf_triangles().first().copied(),
+            (_, Ok(())) => self.seen.first_leaf = tree.leaf_triangles().first().copied(),
             _ => {}
         }
         adopted
@@ -177,41 +167,38 @@ impl Backend for Faulty {
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is("panics"), "this backend panics");
-        (self.pose_before, self.pose) = (self.pose, Some(pose));
-        let late = self.animation.as_ref().is_some_and(|a| match self.fault {
+        (self.seen.pose_before, self.seen.pose) = (self.seen.pose, Some(pose));
+        let animation = self.seen.animation.as_ref();
+        let late = animation.is_some_and(|a| match self.fault {
             "key frames of a stream come late" => a.window().is_some() && !a.is_arriving(),
             "key frames that arrive come late" => a.is_arriving(),
             _ => false,
         });
-        let known = |a: &Arc<Animation>| a.known_range(pose).is_some();
-        self.is_known = self.animation.as_ref().is_none_or(known);
+        let is_unknown = animation.is_some_and(|a| a.known_range(pose).is_none());
+        self.seen.is_unknown = is_unknown;
         let key = pose.key.saturating_sub(u32::from(late));
         self.inner.interpolate(Pose { key, ..pose })
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        match self
-            .pose_before
-            .filter(|_| self.is("boxes of the moment before"))
+        if self.is("boxes of the moment before")
+            && let Some(before) = self.seen.pose_before
         {
-            Some(before) => {
-                self.inner.interpolate(before)?;
-                self.inner.preprocess()
-            }
-            None => self.inner.preprocess(),
+            self.inner.interpolate(before)?;
         }
+        self.inner.preprocess()
     }
 
     fn refit(&mut self) -> Result<()> {
-        self.traces_since_refit = 0;
+        self.seen.traces_since_refit = 0;
         self.inner.refit()
     }
 
     /// Made on the host, between submissions.
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
         self.inner.submit()?;
-        let animation = self.animation.clone().expect("a scene");
-        let pose = self.pose.expect("positions");
+        let animation = self.seen.animation.clone().expect("a scene");
+        let pose = self.seen.pose.expect("positions");
         let all = 0..animation.vertex_count() as u32;
         let moment = animation.moment(pose)?;
         let mut positions: Vec<_> = all.map(|v| moment.vertex(v)).collect();
@@ -219,29 +206,27 @@ impl Backend for Faulty {
         if self.is("made tree is not the one in use") {
             positions.reverse();
         }
-        self.made = Some(tree_over(&animation, &positions));
+        self.seen.made = Some(tree_over(&animation, &positions));
         self.inner.preprocess()?;
         self.refit()
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
-        self.traces_since_refit += 1;
-        self.kind = Some(query.kind);
-        self.rays = match query.rays {
+        self.seen.traces_since_refit += 1;
+        self.seen.kind = Some(query.kind);
+        self.seen.rays = match query.rays {
             Rays::List(rays) => rays.to_vec(),
             Rays::Camera(_) | Rays::OnDevice(_) => Vec::new(),
         };
-        let Rays::Camera(camera) = query.rays else {
-            return self.inner.trace(query);
-        };
-        let mut camera = *camera;
-        if self.is("pixels sampled at corners") {
-            camera.corner = std::array::from_fn(|i| {
-                camera.corner[i] - 0.5 * (camera.across[i] + camera.down[i])
-            });
+        match query.rays {
+            Rays::Camera(camera) if self.is("pixels sampled at corners") => {
+                let half = |i: usize| 0.5 * (camera.across[i] + camera.down[i]);
+                let corner = std::array::from_fn(|i| camera.corner[i] - half(i));
+                let rays = Rays::Camera(&Camera { corner, ..*camera });
+                self.inner.trace(Query { rays, ..query })
+            }
+            _ => self.inner.trace(query),
         }
-        let rays = Rays::Camera(&camera);
-        self.inner.trace(Query { rays, ..query })
     }
 
     fn traces_together(&self, _: &[Query<'_>]) -> bool {
@@ -250,48 +235,44 @@ impl Backend for Faulty {
 
     /// One after the other.
     fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
-        self.together = (Vec::new(), 0);
+        self.seen.together = (Vec::new(), 0);
         for (place, &query) in queries.iter().enumerate() {
             self.inner.trace(query)?;
             let ticket = self.inner.submit()?;
-            self.together.1 += self.inner.wait(ticket)?.hits;
+            self.seen.together.1 += self.inner.wait(ticket)?.hits;
             let mut hits = self.inner.hits(ticket)?.clone();
             if place > 0 && self.is("the second of several queries misses") {
                 hits.closest.fill(Hit::MISS);
                 hits.blocked.fill(0);
             }
-            self.together.0.push(hits);
+            self.seen.together.0.push(hits);
         }
         Ok(())
     }
 
     fn hits_of(&mut self, _: Ticket, place: usize) -> Result<&mut Hits> {
-        Ok(&mut self.together.0[place])
+        Ok(&mut self.seen.together.0[place])
     }
 
     fn request_positions(&mut self) -> Result<()> {
         if self.is("positions outlive their scene") {
-            self.old_copy = Some(vec![[0.0; 3]]);
+            self.seen.old_copy = Some(vec![[0.0; 3]]);
         }
         self.inner.request_positions()
     }
 
     fn submit(&mut self) -> Result<Ticket> {
         let ticket = self.inner.submit()?;
-        let mut hits = match self.kind {
-            Some(_) => self.inner.hits(ticket)?.clone(),
-            None => Hits::default(),
-        };
-        if !self.is("new tree answers for old frames") {
-            self.spoil(&mut hits);
+        if self.seen.kind.is_some() {
+            let mut hits = self.inner.hits(ticket)?.clone();
+            if !self.is("new tree answers for old frames") {
+                self.spoil(&mut hits);
+            }
+            self.seen.kept.push((ticket, hits));
+        } else if self.is("answers lost without a trace") {
+            self.seen.kept.clear();
         }
-        let traced = self.kind.take().is_some();
-        if self.is("answers lost without a trace") && !traced {
-            self.kept.clear();
-        }
-        if traced {
-            self.kept.push((ticket, hits));
-        }
+        self.seen.kind = None;
         if self.is("tickets repeat") {
             return Ok(Ticket(ticket.0 / 2));
         }
@@ -303,7 +284,7 @@ impl Backend for Faulty {
             return Ok(FrameReport::default());
         }
         let mut report = self.inner.wait(ticket)?;
-        report.hits += std::mem::take(&mut self.together.1);
+        report.hits += std::mem::take(&mut self.seen.together.1);
         match self.fault {
             "inactive miscounted" if report.inactive > 1 => report.inactive -= 1,
             "hits miscounted" if report.hits > 3 => report.hits -= 1,
@@ -320,32 +301,29 @@ impl Backend for Faulty {
 
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits> {
         let newest = self.is("answers of the newest frame") || self.is("tickets repeat");
-        let found = match self.kept.iter().find(|k| k.0 == ticket) {
-            _ if newest => self.kept.last(),
-            found => found,
-        };
+        let mut newest_first = self.seen.kept.iter().rev();
+        let found = newest_first.find(|k| newest || k.0 == ticket);
         let mut hits = found.map(|k| k.1.clone()).unwrap_or_default();
         if self.is("new tree answers for old frames") {
             self.spoil(&mut hits);
         }
-        self.lent = hits;
-        Ok(&mut self.lent)
+        self.seen.lent = hits;
+        Ok(&mut self.seen.lent)
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         let taken = self.inner.take_positions()?;
         let Some((ticket, snapshot)) = taken else {
             if self.is("copies come twice")
-                && let Some(again) = self.taken.take()
+                && let Some(again) = self.seen.taken.take()
             {
                 return Ok(Some((Ticket(0), Box::new(again))));
             }
-            let old = self.old_copy.take();
-            let old = old.filter(|_| self.is("positions outlive their scene"));
+            let old = self.seen.old_copy.take();
             return Ok(old.map(|old| (Ticket(0), Box::new(old) as Snapshot)));
         };
-        self.taken = Some(snapshot.to_vec());
-        self.old_copy = None;
+        self.seen.taken = Some(snapshot.to_vec());
+        self.seen.old_copy = None;
         if self.is("copies are of the newest frame") {
             let newest = self.inner.inspect().positions()?;
             return Ok(Some((ticket, Box::new(newest))));
@@ -360,7 +338,7 @@ impl Backend for Faulty {
 
 impl Inspect for Faulty {
     fn rebuilt(&mut self) -> Result<Topology> {
-        Ok(self.made.clone().expect("a tree was made"))
+        Ok(self.seen.made.clone().expect("a tree was made"))
     }
 
     fn positions(&mut self) -> Result<Vec<Point>> {

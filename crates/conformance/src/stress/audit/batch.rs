@@ -3,11 +3,11 @@
 use super::BatchSpec;
 use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
-use crate::stage::{self, ask};
+use crate::stage::{ask, is_extreme, triangles};
 use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::Answered;
 use backend::{Backend, Method, QueryKind, Rays, Result};
-use geom::{Aabb, Hit, Moment, Point, Range, Ray};
+use geom::{Aabb, Hit, Ray, Triangle, is_active};
 use serde::Serialize;
 use std::ops::AddAssign;
 
@@ -128,25 +128,22 @@ impl AddAssign for AuditCounts {
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;
 
-/// What decides how far `t` may be off at one moment (`docs/design/hits.md`, "What is reported").
+/// What decides how far `t` may be off in a scene (`docs/design/hits.md`, "What is reported").
 struct TBounds<'a> {
-    moment: Moment<'a>,
-    range: Range,
+    scene: &'a StressScene,
+    corners: Vec<Triangle>,
     /// The box of all active triangles.
     root: Aabb,
 }
 
 impl<'a> TBounds<'a> {
     fn of(scene: &'a StressScene) -> Self {
-        let animation = &*scene.animation;
-        let moment = stage::moment(animation, scene.time);
-        let all = (0..animation.triangle_count() as u32).map(|t| moment.corners(t));
-        let points = all.filter(geom::is_active).flatten();
-        let root = points.fold(Aabb::EMPTY, |root, p| root.with_point(p));
+        let corners = triangles(&scene.animation, scene.time);
+        let active = corners.iter().filter(|c| is_active(c));
         Self {
-            range: animation.range(moment.pose()),
-            root,
-            moment,
+            scene,
+            root: active.map(Aabb::of_triangle).fold(Aabb::EMPTY, Aabb::union),
+            corners,
         }
     }
 
@@ -157,33 +154,26 @@ impl<'a> TBounds<'a> {
         if least <= most && !(least..=most).contains(&t) {
             return false;
         }
-        let exponent = -f64::from(self.moment.animation().scale_exponent());
-        let scaled: Point = ray.origin.map(|x| (f64::from(x) * exponent.exp2()) as f32);
-        if self.range.is_extreme(scaled) {
-            let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
+        // Where it is subnormal, it is rounded once more from scaled units.
+        let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
+        if is_extreme(&self.scene.animation, self.scene.time, ray.origin) {
             return (below..=above).contains(&hit.t) || t == least || t == most;
         }
         let [near, far] = self.own_span(ray, hit.triangle);
-        // Rounded once more from scaled units, where `t` is subnormal.
-        let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
         near.min(most.into()) <= above && below <= far.max(least.into())
     }
 
     /// Where the ray may be said to be within a triangle's box.
     fn own_span(&self, ray: &Ray, triangle: u32) -> [f64; 2] {
-        let corners = self.moment.corners(triangle);
         let d = ray.direction.map(f64::from);
         let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         let axis = d.iter().position(|x| x.abs() == longest).unwrap_or(0);
-        let o = f64::from(ray.origin[axis]);
-        let depths = corners.map(|p| (f64::from(p[axis]) - o) / d[axis]);
-        let reach = (0..3).map(|i| {
-            let away = |x: f32| (f64::from(x) - f64::from(ray.origin[i])).abs();
-            away(self.root.min[i]).max(away(self.root.max[i]))
-        });
+        let way = |i: usize, x: f32| f64::from(x) - f64::from(ray.origin[i]);
+        let ends = |i: usize| [self.root.min[i], self.root.max[i]].map(|x| way(i, x).abs());
+        let reach = (0..3).flat_map(ends);
         let padding = PADDING * reach.fold(0.0, f64::max) / longest;
-        let least = depths.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = depths.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        [least - padding, most + padding]
+        let own = Aabb::of_triangle(&self.corners[triangle as usize]);
+        let [a, b] = [own.min[axis], own.max[axis]].map(|x| way(axis, x) / d[axis]);
+        [a.min(b) - padding, a.max(b) + padding]
     }
 }

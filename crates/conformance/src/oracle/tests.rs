@@ -1,0 +1,162 @@
+//! Cases by hand, and the naive version on random ones.
+
+use super::*;
+use crate::{nth_case, stage};
+
+const SQUARE: [Triangle; 2] = [
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+    [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+];
+
+fn closest(corners: &[Triangle], ray: &Ray) -> Option<ExactHit> {
+    Oracle::new(corners.to_vec()).closest(ray)
+}
+
+/// A hit of triangle 0 at `t = 1`.
+fn first([edge, tie]: [bool; 2]) -> Option<ExactHit> {
+    let (triangle, t) = (0, 1.0);
+    Some(ExactHit {
+        triangle,
+        t,
+        edge,
+        tie,
+    })
+}
+
+#[test]
+fn the_greatest_and_the_least_numbers_are_no_trouble() {
+    for s in [f32::MAX, 1e30, 1e-30, f32::from_bits(8)] {
+        let corners = SQUARE.map(|t| t.map(|p| p.map(|x| x * s)));
+        let ray = Ray::new([0.5 * s, 0.25 * s, s], [0.0, 0.0, -s]);
+        assert_eq!(closest(&corners, &ray), first([false, false]), "{s}");
+    }
+    let far = Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -f32::from_bits(1)]);
+    let t = closest(&SQUARE, &far).map(|h| h.t);
+    assert_eq!(t, Some(f64::from(f32::MAX) / f64::from(f32::from_bits(1))));
+}
+
+/// Through exactly the middle of an edge that two triangles share.
+#[test]
+fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
+    let [a, b] = [
+        [125_496.0, -74_074.0, -194_525.0],
+        [132_966.0, 145_922.0, 96_123.0],
+    ];
+    let c = [88_925.0, 3_958.0, 74_750.0];
+    let d = [122_460.0, 12_028.0, -193_949.0];
+    let ray = Ray::new(
+        [-197_847.0, -163_721.0, 59_272.0],
+        [327_078.0, 199_645.0, -108_473.0],
+    );
+    let corners = [[a, b, c], [d, b, a]];
+    assert_eq!(closest(&corners, &ray), first([true, true]));
+    assert_eq!(naive::all(&ray, &corners).len(), 2);
+}
+
+/// Scenes of every kind that have few triangles, one of them twice, with some rays of every kind.
+fn cases() -> impl Iterator<Item = (Vec<Triangle>, Vec<Ray>)> {
+    let few = (0..200).map(|i| nth_case(9, i));
+    few.filter(|case| (1..=40).contains(&case.animation.triangle_count()))
+        .map(|case| {
+            let mut corners = stage::triangles(&case.animation, case.times[1]);
+            corners.push(corners[0]);
+            (corners, case.rays.into_iter().step_by(7).collect())
+        })
+}
+
+#[test]
+fn the_oracle_agrees_with_the_naive_version() {
+    for (corners, rays) in cases() {
+        let oracle = Oracle::new(corners.clone());
+        for ray in &rays {
+            let naive = naive::all(ray, &corners);
+            let all = oracle.all(ray);
+            let found: Vec<_> = all.iter().map(|h| (h.triangle, h.edge)).collect();
+            let expected: Vec<_> = naive.iter().map(|h| (h.1, h.2)).collect();
+            assert_eq!(found, expected, "{ray:?}");
+            for (i, h) in all.iter().enumerate() {
+                let tie = naive.iter().filter(|n| n.0 == naive[i].0).count() > 1;
+                assert_eq!((h.tie, Some(h.t)), (tie, naive[i].0.to_f64()));
+            }
+            assert_eq!(oracle.closest(ray), all.first().copied());
+            for i in 0..corners.len() as u32 {
+                let is_hit = all.iter().any(|h| h.triangle == i);
+                assert_eq!(oracle.hit_of(ray, i).is_some(), is_hit, "{ray:?} {i}");
+            }
+        }
+    }
+}
+
+#[test]
+fn double_precision_is_never_wrong_when_it_is_sure() {
+    for (all, rays) in cases() {
+        for ray in rays.iter().filter(|ray| ray.is_valid()) {
+            for corners in all.iter().filter(|corners| is_active(corners)) {
+                let is_right = match (judge(ray, corners), cross(ray, corners)) {
+                    (None, exact) => exact.is_none(),
+                    (Some(found), None) => !found.is_sure,
+                    (Some(c), Some(exact)) => (c.low..=c.high).contains(&to_f64(&exact)),
+                };
+                assert!(is_right, "{ray:?} {corners:?}");
+            }
+        }
+    }
+}
+
+/// The definition written down once more, as plainly as rational numbers allow.
+mod naive {
+    use geom::{Point, Ray, Triangle};
+    use num_rational::BigRational;
+    use num_traits::{Signed, Zero};
+
+    type Vector = [BigRational; 3];
+
+    /// Every hit as `(t, triangle, on an edge)`, by exact `t`, then by index.
+    pub(super) fn all(ray: &Ray, corners: &[Triangle]) -> Vec<(BigRational, u32, bool)> {
+        let one = |(i, c): (usize, &Triangle)| hit(ray, c).map(|(t, edge)| (t, i as u32, edge));
+        let mut hits: Vec<_> = corners.iter().enumerate().filter_map(one).collect();
+        hits.sort();
+        hits
+    }
+
+    /// Meets the plane, then asks of each edge on which side the point lies.
+    fn hit(ray: &Ray, corners: &Triangle) -> Option<(BigRational, bool)> {
+        if !ray.is_valid() || corners.iter().flatten().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let [a, b, c] = corners.map(vector);
+        let (o, d) = (vector(ray.origin), vector(ray.direction));
+        let n = cross(&sub(&b, &a), &sub(&c, &a));
+        let slope = dot(&n, &d);
+        if slope.is_zero() {
+            return None;
+        }
+        let t = dot(&n, &sub(&a, &o)) / slope;
+        let p: Vector = std::array::from_fn(|i| &o[i] + &t * &d[i]);
+        let side = |a: &Vector, b: &Vector| dot(&n, &cross(&sub(b, a), &sub(&p, a)));
+        let sides = [side(&a, &b), side(&b, &c), side(&c, &a)];
+        let inside = !sides.iter().any(Signed::is_negative);
+        let beyond = BigRational::from_float(ray.t_min).map_or(ray.t_min < 0.0, |x| t > x);
+        let before = BigRational::from_float(ray.t_max).map_or(ray.t_max > 0.0, |x| t < x);
+        (inside && beyond && before).then(|| (t, sides.iter().any(Zero::is_zero)))
+    }
+
+    fn vector(p: Point) -> Vector {
+        p.map(|x| BigRational::from_float(x).expect("tests ask with finite numbers"))
+    }
+
+    fn sub(a: &Vector, b: &Vector) -> Vector {
+        std::array::from_fn(|i| &a[i] - &b[i])
+    }
+
+    fn cross(a: &Vector, b: &Vector) -> Vector {
+        std::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            &a[j] * &b[k] - &a[k] * &b[j]
+        })
+    }
+
+    fn dot(a: &Vector, b: &Vector) -> BigRational {
+        (0..3).map(|i| &a[i] * &b[i]).sum()
+    }
+}
