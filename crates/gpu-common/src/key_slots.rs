@@ -1,6 +1,6 @@
 //! Key frames on the device: all of them, or those around the moment that is played.
 
-use crate::{BufferPurpose, GpuDevice, Sent};
+use crate::{GpuDevice, Sent};
 use backend::Result;
 use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
@@ -42,11 +42,10 @@ struct KeySlot<D: GpuDevice> {
 impl<D: GpuDevice> KeySlots<D> {
     /// Sends the key frames that are held; none of a stream.
     pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
-        let what = BufferName::Earlier.name();
         let slot = |(key, frame): (usize, &KeyFrame)| {
             Ok(KeySlot {
                 key,
-                buffer: gpu.buffer(what, size_of_val(&frame[..]) as u64, BufferPurpose::Storage)?,
+                buffer: gpu.buffer(BufferName::Earlier, size_of_val(&frame[..]) as u64)?,
                 arrival: 0,
                 used: 0,
                 read_by: 0,

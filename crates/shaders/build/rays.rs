@@ -1,7 +1,6 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
 use crate::compose::{KEPT, Sources};
-use crate::variants::{EntryPoint, conditions};
 use crate::{harden, include_words, options, parse, reflect};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use naga::ShaderStage;
@@ -26,7 +25,7 @@ const UNKNOWN: [(&str, &str); 5] = [
 ];
 
 /// The pipeline's stages as a Rust constant.
-pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Result<String> {
+pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let stages = [
         "closest_hit",
         "miss",
@@ -36,7 +35,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
         "given_shadow",
         "given_any",
     ];
-    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[], &conditions(all))?;
+    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[])?;
     for (here, there) in UNKNOWN {
         ensure!(source.contains(here), "no {here}");
         source = source.replace(here, there);
@@ -52,7 +51,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
     hand_over_attributes(&mut lowered)?;
     drop_geometry(&mut lowered);
     let spirv = include_words(out, "rays", &lowered.assemble())?;
-    let (_, bindings) = reflect::bindings(&module)?;
+    let bindings: String = reflect::bindings(&module)?.into_values().collect();
     let scene = reflect::scene(&module)?;
     let entries = |stage| {
         let all = module.entry_points.iter().filter(move |e| e.stage == stage);
