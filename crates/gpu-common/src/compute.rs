@@ -146,9 +146,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         let engine = &mut self.engine;
-        engine
-            .gpu
-            .check_kernels(&|k| !k.makes_trees() && k.serves(method))?;
+        let wanted = |k: &Kernel| !k.makes_trees() && k.serves(method);
+        engine.gpu.check_kernels(&wanted)?;
         let traits = engine.pipelines.traits;
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(method) && k.suits(traits));

@@ -201,10 +201,8 @@ impl<D: GpuDevice> Engine<D> {
     /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        let positions = self
-            .snapshots
-            .requested
-            .map(|p| (&scene.positions[p], scene.position_bytes()));
+        let place = |p: usize| (&scene.positions[p], scene.position_bytes());
+        let positions = self.snapshots.requested.map(place);
         let about = (!self.traces.pending.is_empty(), never_active);
         let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
         self.traces.submitted(ticket);

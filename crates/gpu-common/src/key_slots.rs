@@ -52,16 +52,11 @@ impl<D: GpuDevice> KeySlots<D> {
             })
         };
         let held = animation.held_keys().unwrap_or_default();
-        let slots = held
-            .iter()
-            .enumerate()
-            .map(slot)
-            .collect::<Result<Vec<_>>>()?;
-        let contents = held.iter().zip(&slots);
-        let contents: Vec<(&[u8], _)> = contents
-            .map(|(frame, slot)| (bytemuck::cast_slice(frame), &slot.buffer))
-            .collect();
-        gpu.upload(&contents)?;
+        let slots = held.iter().enumerate().map(slot);
+        let slots = slots.collect::<Result<Vec<_>>>()?;
+        let frames = held.iter().map(|frame| bytemuck::cast_slice(frame));
+        let contents = frames.zip(slots.iter().map(|slot| &slot.buffer));
+        gpu.upload(&contents.collect::<Vec<_>>())?;
         Ok(Self {
             slots,
             kept: match (animation.vertex_count() * size_of::<Point>()) as u64 {

@@ -62,7 +62,11 @@ impl WgpuDevice {
         } else {
             let mut encoder = self.gpu.encoder("a frame")?;
             let encoded = self.encode(&mut encoder, slot, positions)?;
-            (Some(self.gpu.submit([encoder])?), encoded)
+            let place = self.gpu.submit([encoder]);
+            (
+                Some(place.inspect_err(|_| slot.recall(&self.gpu))?),
+                encoded,
+            )
         };
         slot.sent = Some((place, report));
         Ok(copy)

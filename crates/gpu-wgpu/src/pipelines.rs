@@ -70,13 +70,12 @@ fn compute_pipeline(
     module: &wgpu::ShaderModule,
     layout: &BindGroupLayout,
 ) -> ComputePipeline {
-    let layout = gpu
-        .device
-        .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(kernel.name),
-            bind_group_layouts: &[Some(layout)],
-            immediate_size: 0,
-        });
+    let desc = wgpu::PipelineLayoutDescriptor {
+        label: Some(kernel.name),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    };
+    let layout = gpu.device.create_pipeline_layout(&desc);
     let desc = wgpu::ComputePipelineDescriptor {
         label: Some(kernel.name),
         layout: Some(&layout),

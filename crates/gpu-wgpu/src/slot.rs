@@ -102,6 +102,12 @@ impl Slot {
         Mapping::on_submit(encoder, &self.back, MapMode::Read)
     }
 
+    /// The encoder was refused: wgpu maps the report all the same.
+    pub(crate) fn recall(&self, gpu: &Gpu) {
+        // A device that is gone took the report with it, as what comes next will tell.
+        let _ = unmap(&gpu.device, &self.back);
+    }
+
     /// Writes passes of these stages: one, if they can be timed in it.
     fn passes(
         &mut self,

@@ -2,7 +2,7 @@
 
 use crate::compose::{KEPT, Sources};
 use crate::{harden, include_words, options, parse, reflect};
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use naga::ShaderStage;
 use naga::back::spv;
 use naga::valid::Capabilities;
@@ -77,11 +77,8 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
     let attributes = Operand::StorageClass(StorageClass::HitAttributeKHR);
     let is_private = |i: &Instruction, op| i.class.opcode == op && i.operands.contains(&private);
     let all = &module.types_global_values;
-    let variables: Vec<_> = all
-        .iter()
-        .filter(|i| is_private(i, Op::Variable))
-        .filter_map(|i| i.result_id)
-        .collect();
+    let variables = all.iter().filter(|i| is_private(i, Op::Variable));
+    let variables: Vec<_> = variables.filter_map(|i| i.result_id).collect();
     let [variable] = variables[..] else {
         bail!("one private variable, found {}", variables.len());
     };
@@ -97,9 +94,8 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
         let mut used = i.operands.iter();
         i.class.opcode == Op::Load || !used.any(|o| *o == Operand::IdRef(variable))
     });
-    whole
-        .then_some(())
-        .context("attributes are read as a whole, and only read")
+    ensure!(whole, "attributes are read as a whole, and only read");
+    Ok(())
 }
 
 /// naga takes a triangle's number for that of geometry shaders; those that trace rays have it anyway.

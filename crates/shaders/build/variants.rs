@@ -75,9 +75,8 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
             let name = name.and_then(|n| n.split_once('(')).context("an entry")?.0;
-            let axes = at
-                .checked_sub(1)
-                .and_then(|i| lines[i].strip_prefix("// Variants: "));
+            let above = at.checked_sub(1).map(|i| lines[i]);
+            let axes = above.and_then(|line| line.strip_prefix("// Variants: "));
             let entry = EntryPoint::new(file, name, axes.unwrap_or("."));
             all.push(entry.with_context(|| name.to_owned())?);
         }

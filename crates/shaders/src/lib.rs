@@ -238,10 +238,9 @@ impl Kernel {
 /// # Panics
 /// If there is none: entry points are known when the program is written, and every method has them all.
 pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
-    let mut found = KERNELS.iter().filter(|k| k.entry == entry);
-    found
-        .find(|k| k.serves(method))
-        .unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
+    let mut all = KERNELS.iter();
+    let found = all.find(|k| k.entry == entry && k.serves(method));
+    found.unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
 }
 
 /// The kernel with that entry point, which every method shares; also one of [`RAY_KERNELS`].
