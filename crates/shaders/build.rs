@@ -18,7 +18,6 @@ use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
 };
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use variants::{EntryPoint, Text, Variant};
 
@@ -26,11 +25,12 @@ fn main() -> Result<()> {
     println!("cargo::rerun-if-changed=wgsl");
     println!("cargo::rerun-if-changed=build");
     let out = PathBuf::from(std::env::var("OUT_DIR").context("cargo sets OUT_DIR")?);
-    let sources = Sources::read(Path::new("wgsl"))?;
+    let mut sources = Sources::read(Path::new("wgsl"))?;
     let entries = variants::entries(&sources)?;
+    sources.conditions = variants::conditions(&entries);
     let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
     let table = |about, constant, some: &[&EntryPoint]| {
-        let each = some.iter().map(|e| compile(&out, &sources, &entries, e));
+        let each = some.iter().map(|e| compile(&out, &sources, e));
         let all = each.collect::<Result<String>>()?;
         anyhow::Ok(format!(
             "/// {about}\npub static {constant}: &[Kernel] = &[\n{all}];\n"
@@ -39,8 +39,8 @@ fn main() -> Result<()> {
     let kernels = table("Every kernel.", "KERNELS", &kernels)?;
     let about = "Kernels beside [`RAYS`], for those who have a driver make trees.";
     let beside = table(about, "RAY_KERNELS", &beside)?;
-    let pipeline = rays::compile(&out, &sources, &entries).context(rays::PIPELINE)?;
-    let module = variants::module(&sources, &entries).context("the module")?;
+    let pipeline = rays::compile(&out, &sources).context(rays::PIPELINE)?;
+    let module = variants::module(&sources).context("the module")?;
     parse(&module, CAPABILITIES)?;
     std::fs::write(out.join("module.wgsl"), module)?;
     let all = [kernels, beside, pipeline].concat();
@@ -48,13 +48,8 @@ fn main() -> Result<()> {
 }
 
 /// All variants of a kernel as Rust expressions.
-fn compile(
-    out: &Path,
-    sources: &Sources,
-    all: &[EntryPoint],
-    entry: &EntryPoint,
-) -> Result<String> {
-    let variants = entry.variants(sources, all);
+fn compile(out: &Path, sources: &Sources, entry: &EntryPoint) -> Result<String> {
+    let variants = entry.variants(sources);
     let variants = variants.with_context(|| entry.name.clone())?;
     let each = variants.iter().map(|v| compile_variant(out, entry, v));
     each.collect()
@@ -66,36 +61,26 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
     let name: Vec<_> = [entry.name.clone()].into_iter().chain(values).collect();
     let name = name.join(".");
     let (code, module) = code(out, &name, &variant.text).with_context(|| name.clone())?;
-    let fused = match &variant.fused {
-        Some(text) => format!(
-            "Some({})",
-            self::code(out, &format!("{name}.fused"), text)?.0
-        ),
-        None => "None".to_owned(),
-    };
+    let fused = variant.fused.as_ref().map(|text| {
+        let (code, _) = self::code(out, &format!("{name}.fused"), text)?;
+        anyhow::Ok(format!("Some({code})"))
+    });
+    let fused = fused.transpose()?.unwrap_or("None".to_owned());
     let workgroup = reflect::workgroup(&module, &entry.name)?;
     let shared = reflect::shared_bytes(&module);
-    let (numbers, bindings) = reflect::bindings(&module)?;
+    let bindings = reflect::bindings(&module)?;
     // wgpu numbers a kernel's buffers anew, without gaps, and changes no SPIR-V that is passed through.
-    let is_whole = numbers.iter().zip(0..).all(|(&number, i)| number == i);
     ensure!(
-        is_whole,
+        bindings.keys().copied().eq(0..bindings.len() as u32),
         "bindings of {name} are not numbered from 0 on without gaps"
     );
-    let slots: Vec<_> = slots
-        .iter()
-        .map(|(axis, values)| format!("({axis:?}, &{values:?})"))
-        .collect();
-    let slots = slots.join(", ");
-    let entry = &entry.name;
-    let mut text = String::new();
-    writeln!(
-        text,
-        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: &[{slots}], code: {code}, \
+    let bindings: String = bindings.into_values().collect();
+    let (entry, slots) = (&entry.name, format!("{slots:?}").replace('[', "&["));
+    Ok(format!(
+        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: {slots}, code: {code}, \
          fused: {fused}, workgroup: {workgroup:?}, \
-         shared_bytes: {shared}, bindings: &[{bindings}] }},"
-    )?;
-    Ok(text)
+         shared_bytes: {shared}, bindings: &[{bindings}] }},\n"
+    ))
 }
 
 /// WGSL and SPIR-V as files and a Rust expression that includes them, and the module.
@@ -113,7 +98,9 @@ fn code(out: &Path, name: &str, text: &Text) -> Result<(String, naga::Module)> {
 fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_ne_bytes()).collect();
     std::fs::write(out.join(format!("{name}.spv")), bytes)?;
-    Ok(format!("words!(\"/{name}.spv\")"))
+    Ok(format!(
+        "include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))"
+    ))
 }
 
 /// What kernels may ask of a device; hosts load those that ask for more than all have where it is there.

@@ -33,9 +33,8 @@ impl Stage {
     }
 }
 
-/// Turns ticks, of which only some bits count, into milliseconds since the
-/// first submission. Submissions are shown in their order and oftener than the
-/// ticks wrap.
+/// Turns ticks, of which only some bits count, into milliseconds since the first submission. Submissions are shown in their
+/// order and oftener than the ticks wrap.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     mask: u64,

@@ -2,8 +2,9 @@
 
 mod trace;
 
+use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale, are_given};
+use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -12,7 +13,7 @@ use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose};
 use shaders::rebuild::{Plan, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{Extent, KERNELS, Kernel, Params, Shape, Traits, common};
+use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -44,14 +45,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
         let pipelines = Pipelines::of(&gpu, [common("arithmetic")])?;
-        let (mut engine, found) = Engine::new(gpu, pipelines)?;
-        let (packets, rasterizes) = engine.gpu.forms();
-        engine.pipelines.traits = Traits {
-            fuses_once: found.fuses_once,
-            packets,
-            rasterizes,
-        };
-        Ok(Self::with(engine))
+        Engine::new(gpu, pipelines).map(Self::with)
     }
 
     fn with(engine: Engine<D>) -> Self {
@@ -136,8 +130,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
 /// What makes trees for a method.
 fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
-    let all = KERNELS.iter().filter(|k| k.makes_trees());
-    all.filter(move |k| k.serves(method))
+    let makes = move |k: &&Kernel| k.makes_trees() && k.serves(method);
+    KERNELS.iter().filter(makes)
 }
 
 impl<D: GpuDevice> Backend for ComputeBackend<D> {
@@ -152,9 +146,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
         let engine = &mut self.engine;
-        engine
-            .gpu
-            .check_kernels(&|k| !k.makes_trees() && k.serves(method))?;
+        let wanted = |k: &Kernel| !k.makes_trees() && k.serves(method);
+        engine.gpu.check_kernels(&wanted)?;
         let traits = engine.pipelines.traits;
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(method) && k.suits(traits));
@@ -280,13 +273,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
-        let rays = match query.rays {
-            Rays::Camera(camera) if !are_given(&query) => work::Rays::Camera(camera),
-            rays => {
-                let unseen = matches!(rays, Rays::OnDevice(_));
-                work::Rays::Given(rays.count() as u32, unseen)
-            }
-        };
+        let rays = as_given(&query, matches!(query.rays, Rays::OnDevice(_)));
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = match makes_trees {
             true => Shape::made_on_device(self.method.layout, leaves),

@@ -1,20 +1,79 @@
 //! What a GPU interface has to do.
 
-use crate::{Clock, KernelCode, Options, Sent, Stage};
-use backend::{BackendError, Device, DeviceBytes, Result, Snapshot, Ticket};
+use crate::{Clock, KernelCode, Stage};
+use backend::{Device, DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use shaders::work::Work;
 use shaders::{BufferName, Counts, Kernel, Packets};
 use std::ops::Range;
+use std::path::PathBuf;
 
-/// Who writes a buffer.
+/// How to open a device.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// An adapter's index; the first GPU, else the first adapter, if not given.
+    pub adapter: Option<usize>,
+    /// Folder in which compiled kernels are kept for runs to come, where the device can; nothing is kept without one.
+    pub cache: Option<PathBuf>,
+    /// Whether to run under the interface's validation layer.
+    pub validation: Validation,
+    /// In which form kernels go in, where the interface takes more than one.
+    pub kernels: KernelForm,
+}
+
+/// Whether to run under a validation layer, with synchronisation validation where the interface has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validation {
+    /// Without it.
+    #[default]
+    Off,
+    /// With it where it is installed.
+    IfInstalled,
+    /// With it, or not at all. wgpu cannot tell whether it is installed.
+    Required,
+}
+
+/// In which form kernels go in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelForm {
+    /// SPIR-V where the device takes it, else WGSL.
+    #[default]
+    Best,
+    /// WGSL, without checks added.
+    TrustedWgsl,
+    /// WGSL, with checks of bounds and loops added.
+    CheckedWgsl,
+}
+
+/// What goes to the device beside the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BufferPurpose {
-    /// Kernels, or the host while nothing is under way.
-    Storage,
-    /// The host, for each frame anew: see [`GpuDevice::write`].
-    Input,
+pub enum Sent {
+    /// A tree's record.
+    Tree,
+    /// The positions of a key frame.
+    KeyFrame,
+}
+
+impl Sent {
+    /// Its name in messages.
+    pub fn what(self) -> &'static str {
+        match self {
+            Self::Tree => "the tree's record",
+            Self::KeyFrame => "key frames",
+        }
+    }
+
+    /// Bytes from which on few are kept at a time, for their memory counts more than a wait.
+    pub const LARGE: u64 = 64 << 20;
+
+    /// Bytes to make room for, so that the next one fits too: trees of one scene differ little, key frames not at all.
+    pub fn room(self, bytes: u64) -> u64 {
+        match self {
+            Self::Tree => bytes + bytes / 32,
+            Self::KeyFrame => bytes,
+        }
+    }
 }
 
 /// A kernel to be recorded.
@@ -54,7 +113,7 @@ pub struct LentRays<B> {
 ///
 /// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
 /// in their order; what is recorded reads what was recorded before. Where copies have queues of their own, the device puts
-/// them in order with the submissions that need them.
+/// them in order with the submissions that need them; what does nothing here is for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send;
@@ -72,13 +131,11 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what the device lacks for any scene.
+    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] with what the device lacks for
+    /// any scene. What else may go wrong, here and in all other methods: see [`backend::BackendError`].
     fn open(options: &Options) -> Result<Self>;
 
     /// The device of a maker for another scene, which is traced beside those that it has.
-    ///
-    /// # Errors
-    /// Those of the device.
     fn beside(maker: Self::Maker) -> Result<Self>;
 
     /// Who is at work. How it computes is found out later.
@@ -96,17 +153,13 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Bytes that one buffer may have.
     fn max_buffer_bytes(&self) -> u64;
 
-    /// Refuses a device on which one of these kernels cannot run.
-    ///
-    /// # Errors
-    /// [`BackendError::Limit`] with the limit's name.
+    /// Refuses, by the limit's name, a device on which one of these kernels cannot run.
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()>;
 
-    /// A buffer of so many bytes, `what` naming it in messages. At least 16, so that an empty scene has buffers to bind.
-    ///
-    /// # Errors
-    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need. All other methods: see [`BackendError`].
-    fn buffer(&self, what: &str, bytes: u64, purpose: BufferPurpose) -> Result<Self::Buffer>;
+    /// A buffer of so many bytes, and of at least 16, so that an empty scene has buffers to bind. The host
+    /// [writes](GpuDevice::write) [`BufferName::Rays`]; the others kernels write, or the host while nothing is under way. What
+    /// is too large is refused with the need.
+    fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;
 
     /// Bytes that kernels may use.
     fn size(buffer: &Self::Buffer) -> u64;
@@ -122,24 +175,19 @@ pub trait GpuDevice: Send + Sized + 'static {
     }
 
     /// Drops a buffer once all that was recorded so far is done with it.
-    fn discard(&mut self, buffer: Self::Buffer);
+    fn discard(&mut self, _buffer: Self::Buffer) {}
 
     /// The rays that its owner told it of last, once.
-    fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>> {
-        None
-    }
+    fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>>;
 
     /// Buffers made so far, of any purpose.
     fn buffers_made(&self) -> u64;
 
     /// Fills buffers from their beginning, and waits until that is done.
-    ///
-    /// # Errors
-    /// See [`BackendError`]; likewise below.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Fills so many rows of a buffer of [`BufferPurpose::Input`] for the next submission, by all threads. Nothing under way
-    /// may use it.
+    /// Fills so many rows of a buffer of rays, or of answers lent with them, for the next submission, by all threads. Nothing
+    /// under way may use it.
     fn write<T: Pod + Send>(
         &mut self,
         to: &mut Self::Buffer,
@@ -147,7 +195,7 @@ pub trait GpuDevice: Send + Sized + 'static {
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()>;
 
-    /// Waits for what was submitted and shows the first `count` elements of a buffer in [`parts`], each with the number of
+    /// Waits for what was submitted and shows the first `count` elements of a buffer in [`parts`](crate::parts), each with the number of
     /// those before it: one is looked at while the next ones are copied. What fills the buffer must be finished.
     fn read<T: Pod>(
         &mut self,
@@ -169,9 +217,7 @@ pub trait GpuDevice: Send + Sized + 'static {
 
     /// Memory to send something from, with room for as much as the last of its kind took; `None` before the first, or where
     /// whoever fills it would save nothing.
-    fn staging(&mut self, _what: Sent) -> Result<Option<Self::Staging>> {
-        Ok(None)
-    }
+    fn staging(&mut self, what: Sent) -> Result<Option<Self::Staging>>;
 
     /// Writes what is to be sent, part by part, on any thread; says whether there was room.
     fn fill(staging: &mut Self::Staging, parts: &[&[u32]]) -> bool;
@@ -185,13 +231,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     }
 
     /// As [`GpuDevice::send`], of a key frame. A buffer that held another one may get the runs of vertices alone that differ.
-    fn send_key(
-        &mut self,
-        key: &KeyFrame,
-        _moving: &[Range<usize>],
-    ) -> Result<(Self::Buffer, u64)> {
-        self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)])
-    }
+    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Self::Buffer, u64)>;
 
     /// Whether what was sent is there. Never waits.
     fn has_been_sent(&self, _arrival: u64) -> Result<bool> {
@@ -199,7 +239,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     }
 
     /// The next submission waits until this was sent, and all before it.
-    fn expect(&mut self, arrival: u64);
+    fn expect(&mut self, _arrival: u64) {}
 
     /// Takes back a buffer, to send another of its kind in it once nothing reads it any more: the last so many submissions
     /// do not.
@@ -234,26 +274,22 @@ pub trait GpuDevice: Send + Sized + 'static {
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 
     /// Notes that the next submission overwrites what a copy reads.
-    fn overwrites(&mut self, copy: &Self::Copy);
+    fn overwrites(&mut self, _copy: &Self::Copy) {}
 
     /// Positions that have arrived, which may outlive the device.
     fn take(&mut self, copy: Self::Copy, vertices: usize) -> Result<Snapshot>;
 
     /// Drops what a recording that is not going to be submitted asked for.
-    fn abandon(&mut self);
+    fn abandon(&mut self) {}
 
-    /// Waits for all that is under way, and lets go of all that belongs to the scene.
-    fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Self::Slot>) -> Result<()>;
+    /// Waits for all that is under way, and lets go of all that belongs to the scene, but for what [slots](GpuSlot::forget) have.
+    fn unload(&mut self) -> Result<()>;
 
     /// Waits until the device has nothing left to do.
     fn wait_idle(&self) -> Result<()>;
 
     /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames.
-    fn with_own_bytes(
-        &self,
-        bytes: DeviceBytes,
-        slots: &mut dyn Iterator<Item = &Self::Slot>,
-    ) -> DeviceBytes;
+    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes;
 }
 
 /// Commands, parameters, counts and marks of time of one submission.
@@ -262,9 +298,6 @@ pub trait GpuSlot<D: GpuDevice>: Send {
     const SPLITS: bool = false;
 
     /// Begins a recording, with all counts 0 and a mark of time. The last submission must have been finished.
-    ///
-    /// # Errors
-    /// See [`BackendError`]; likewise below.
     fn begin(&mut self, gpu: &D) -> Result<()>;
 
     /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
@@ -286,87 +319,12 @@ pub trait GpuSlot<D: GpuDevice>: Send {
     fn split(&mut self, _gpu: &D) -> Result<()> {
         Ok(())
     }
-}
 
-/// In which parts so many elements come to the host.
-pub fn parts<T>(count: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
-    const BYTES: usize = 8 << 20;
-    let most = BYTES / size_of::<T>();
-    (0..count.div_ceil(most)).map(move |i| i * most..count.min((i + 1) * most))
-}
+    /// Lets go of all that belongs to the scene.
+    fn forget(&mut self) {}
 
-/// Refuses a need above a limit.
-///
-/// # Errors
-/// [`BackendError::Limit`] with both.
-pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
-    match need > limit {
-        true => Err(BackendError::Limit {
-            what: what(),
-            need,
-            limit,
-        }),
-        false => Ok(()),
-    }
-}
-
-/// A few buffers, each found by its name.
-pub struct BufferTable<D: GpuDevice>(Vec<(BufferName, D::Buffer)>);
-
-impl<D: GpuDevice> BufferTable<D> {
-    /// Buffers of these sizes.
-    ///
-    /// # Errors
-    /// Those of [`GpuDevice::buffer`].
-    pub fn new(gpu: &D, sizes: impl IntoIterator<Item = (BufferName, u64)>) -> Result<Self> {
-        let make = |(name, bytes): (BufferName, u64)| {
-            let buffer = gpu.buffer(name.name(), bytes, BufferPurpose::Storage)?;
-            Ok((name, buffer))
-        };
-        let made = sizes.into_iter().map(make);
-        made.collect::<Result<_>>().map(Self)
-    }
-
-    /// Buffers of these contents.
-    ///
-    /// # Errors
-    /// Those of [`GpuDevice::buffer`] and [`GpuDevice::upload`].
-    pub(crate) fn filled(gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<Self> {
-        let sizes = contents.iter().map(|&(name, c)| (name, c.len() as u64));
-        let made = Self::new(gpu, sizes)?;
-        made.fill(gpu, contents)?;
-        Ok(made)
-    }
-
-    /// Fills some of them from their beginning.
-    pub(crate) fn fill(&self, gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<()> {
-        let buffer = |name| self.get(name).expect("what is filled is there");
-        let all = contents.iter().map(|&(name, c)| (c, buffer(name)));
-        gpu.upload(&all.collect::<Vec<_>>())
-    }
-
-    /// The buffer of that name, where there is one.
-    pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
-        let found = self.0.iter().find(|(n, _)| *n == name);
-        found.map(|(_, buffer)| buffer)
-    }
-
-    /// Puts a larger buffer, with some to spare, in the place of one that is too small. Trees of one scene differ little in
-    /// size.
-    pub(crate) fn grow(&mut self, gpu: &mut D, name: BufferName, bytes: u64) -> Result<()> {
-        let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
-        let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
-            return Ok(());
-        };
-        let most = gpu.max_buffer_bytes().max(bytes);
-        let larger = most.min(bytes + bytes / 32);
-        let larger = gpu.buffer(name.name(), larger, BufferPurpose::Storage)?;
-        gpu.discard(std::mem::replace(buffer, larger));
-        Ok(())
-    }
-
-    /// Bytes of device memory.
-    pub fn held(&self) -> u64 {
-        self.0.iter().map(|(_, b)| D::held(b)).sum()
+    /// Bytes of device memory, unless the device counts them.
+    fn bytes(&self) -> u64 {
+        0
     }
 }

@@ -1,7 +1,7 @@
 //! What frames of any kind take of a device.
 
 use crate::snapshots::Snapshots;
-use crate::traces::{Trace, Traces};
+use crate::traces::Traces;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
     BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
@@ -10,7 +10,7 @@ use backend::{
 use geom::{Animation, Point, Pose};
 use shaders::arithmetic::{self, Findings};
 use shaders::work::{self, Work};
-use shaders::{BufferName, Params};
+use shaders::{BufferName, Params, Traits};
 use std::sync::Arc;
 
 /// What must run before a trace.
@@ -29,9 +29,8 @@ pub enum Stale {
 /// A device with a scene, its positions, submissions and traces. What trees are and how rays go down them is for the owner
 /// to say.
 ///
-/// Stages are timed by the device's clock; where it has none, each stage's time
-/// is `None` and `device_ms` is the host's, from the submission to the moment
-/// its end was seen.
+/// Stages are timed by the device's clock; where it has none, each stage's time is `None` and `device_ms` is the host's,
+/// from the submission to the moment its end was seen.
 pub struct Engine<D: GpuDevice> {
     /// Who is at work.
     pub device: Device,
@@ -57,14 +56,20 @@ impl<D: GpuDevice> Engine<D> {
     ///
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if it is wrong.
-    pub fn new(mut gpu: D, pipelines: Pipelines<D>) -> Result<(Self, Findings)> {
+    pub fn new(mut gpu: D, mut pipelines: Pipelines<D>) -> Result<Self> {
         let mut frames = Frames::new(&gpu)?;
         let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let device = Device {
             arithmetic: found.arithmetic,
             ..gpu.device()
         };
-        Ok((Self::with((gpu, device), frames, pipelines), found))
+        let (packets, rasterizes) = gpu.forms();
+        pipelines.traits = Traits {
+            fuses_once: found.fuses_once,
+            packets,
+            rasterizes,
+        };
+        Ok(Self::with((gpu, device), frames, pipelines))
     }
 
     /// Without a scene.
@@ -102,9 +107,6 @@ impl<D: GpuDevice> Engine<D> {
     }
 
     /// Waits for what is under way and lets go of the scene.
-    ///
-    /// # Errors
-    /// Those of the device; likewise all that follows.
     pub fn unload(&mut self) -> Result<()> {
         self.frames.unload(&mut self.gpu)?;
         (self.traces, self.snapshots) = (Traces::default(), Snapshots::default());
@@ -130,8 +132,8 @@ impl<D: GpuDevice> Engine<D> {
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
 
-    /// Records kernels, as a stage or as part of none, and makes those that are not ready yet. `own` gives buffers that are not the scene's, or stand in place of
-    /// these.
+    /// Records kernels, as a stage or as part of none, and makes those that are not ready yet. `own` gives buffers that are not
+    /// the scene's, or stand in place of these.
     ///
     /// # Panics
     /// If a kernel names a buffer that nobody has.
@@ -154,10 +156,7 @@ impl<D: GpuDevice> Engine<D> {
             found.unwrap_or_else(|| panic!("no buffer {name:?}"))
         };
         let slot = self.frames.record(gpu)?;
-        match stage {
-            Some(stage) => slot.record(gpu, pipelines, stage, work, &find),
-            None => slot.record_untimed(gpu, pipelines, work, &find),
-        }
+        slot.record(gpu, pipelines, stage, work, &find)
     }
 
     /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
@@ -166,26 +165,17 @@ impl<D: GpuDevice> Engine<D> {
     /// If no trace is pending.
     pub fn shade(&mut self, query: &Query<'_>, params: Params) -> Result<()> {
         let mut trace = self.traces.pending.pop().expect("a trace is recorded");
-        let shaded = self.shade_trace(&mut trace, query, params);
+        let is_shaded = trace.has_tree && self.scene().has_palette();
+        let shaded = match (query.rays, query.kind.light()) {
+            (Rays::Camera(camera), Some(lamp)) if is_shaded => {
+                let work = [work::shade(params, camera, lamp)];
+                let made = trace.make_pixels(&self.gpu);
+                made.and_then(|()| self.run(None, &work, |name| trace.get(name)))
+            }
+            _ => Ok(()),
+        };
         self.traces.pending.push(trace);
         shaded
-    }
-
-    fn shade_trace(
-        &mut self,
-        trace: &mut Trace<D>,
-        query: &Query<'_>,
-        params: Params,
-    ) -> Result<()> {
-        let (Rays::Camera(camera), Some(lamp)) = (query.rays, query.kind.light()) else {
-            return Ok(());
-        };
-        if !trace.has_tree || !self.scene().has_palette() {
-            return Ok(());
-        }
-        let work = [work::shade(params, camera, lamp)];
-        trace.make_pixels(&self.gpu)?;
-        self.run(None, &work, |name| trace.get(name))
     }
 
     /// Takes what pictures are painted by.
@@ -211,10 +201,8 @@ impl<D: GpuDevice> Engine<D> {
     /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
-        let positions = self
-            .snapshots
-            .requested
-            .map(|p| (&scene.positions[p], scene.position_bytes()));
+        let place = |p: usize| (&scene.positions[p], scene.position_bytes());
+        let positions = self.snapshots.requested.map(place);
         let about = (!self.traces.pending.is_empty(), never_active);
         let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
         self.traces.submitted(ticket);
@@ -261,9 +249,9 @@ impl<D: GpuDevice> Engine<D> {
             tree,
             scratch,
             scene: self.scene.as_ref().map_or(0, SceneBuffers::held),
-            frames: frames + self.traces.held(),
+            frames: frames + self.traces.held() + self.frames.bytes(),
         };
-        self.gpu.with_own_bytes(bytes, &mut self.frames.own())
+        self.gpu.with_own_bytes(bytes)
     }
 
     /// Waits for all submissions and reads the current positions.
@@ -301,7 +289,7 @@ fn test_arithmetic<D: GpuDevice>(
     let find = |name| buffers.get(name).expect("it names no other buffer");
     let work = [work::arithmetic(all.len())];
     let slot = frames.record(gpu)?;
-    slot.record_untimed(gpu, pipelines, &work, &find)?;
+    slot.record(gpu, pipelines, None, &work, &find)?;
     let (ticket, _) = frames.submit(gpu, None, (false, 0))?;
     frames.retire(gpu, ticket)?;
     let results = gpu.read_all(find(BufferName::Results), all.len())?;

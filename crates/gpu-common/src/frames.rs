@@ -45,7 +45,7 @@ struct Submission {
 /// One submission at a time.
 pub struct Slot<D: GpuDevice> {
     /// The device's part.
-    pub own: D::Slot,
+    own: D::Slot,
     stages: Vec<Stage>,
     /// Those that had nothing to do.
     idle: Vec<Stage>,
@@ -76,41 +76,39 @@ impl<D: GpuDevice> Slot<D> {
         self.own.begin(gpu)
     }
 
-    /// Records a stage. What cannot be recorded is refused before anything is. `interpolate` stays open for what may run
-    /// beside it, and is then timed with that. A stage without work takes no time, but as the first it begins the frame's.
-    ///
-    /// # Errors
-    /// [`BackendError::Limit`] if a dispatch is too large; else those of the device.
-    pub fn record(
+    /// Records kernels, as a stage or as part of none. What cannot be recorded is refused before anything is. `interpolate`
+    /// stays open for what may run beside it, and is then timed with that. A stage without work takes no time, but as the first
+    /// it begins the frame's.
+    pub(crate) fn record(
         &mut self,
         gpu: &D,
         pipelines: &Pipelines<D>,
-        stage: Stage,
+        stage: Option<Stage>,
         work: &[Work],
         find: Find<'_, '_, D::Buffer>,
     ) -> Result<()> {
-        if !work.first().is_some_and(|w| w.alongside) {
+        if stage.is_none() || !work.first().is_some_and(|w| w.alongside) {
             self.close(gpu)?;
         }
         if work.is_empty() && !self.stages.is_empty() {
-            self.idle.push(stage);
+            self.idle.extend(stage);
             return Ok(());
         }
-        if stage == Stage::Preprocess && self.stages.contains(&stage) {
+        let again = |stage: Stage| stage == Stage::Preprocess && self.stages.contains(&stage);
+        if stage.is_some_and(again) {
             self.own.clear_counts(gpu, LEAF_COUNTS)?;
         }
-        self.dispatch(gpu, pipelines, work, find)?;
-        self.open = stage == Stage::Interpolate;
-        match self.open {
-            true => Ok(()),
-            false => self.end(gpu, stage),
+        let dispatch = |work| dispatch(gpu, pipelines, work);
+        let all = work.iter().map(dispatch).collect::<Result<Vec<_>>>()?;
+        self.own.dispatch(gpu, &all, find)?;
+        self.open = stage == Some(Stage::Interpolate);
+        match stage.filter(|_| !self.open) {
+            Some(stage) => self.end(gpu, stage),
+            None => Ok(()),
         }
     }
 
     /// Records a stage that is no list of kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn record_as(
         &mut self,
         gpu: &D,
@@ -120,39 +118,6 @@ impl<D: GpuDevice> Slot<D> {
         self.close(gpu)?;
         record(&mut self.own)?;
         self.end(gpu, stage)
-    }
-
-    /// Records kernels that belong to no stage.
-    ///
-    /// # Errors
-    /// As [`Slot::record`].
-    pub fn record_untimed(
-        &mut self,
-        gpu: &D,
-        pipelines: &Pipelines<D>,
-        work: &[Work],
-        find: Find<'_, '_, D::Buffer>,
-    ) -> Result<()> {
-        self.close(gpu)?;
-        self.dispatch(gpu, pipelines, work, find)
-    }
-
-    fn dispatch(
-        &mut self,
-        gpu: &D,
-        pipelines: &Pipelines<D>,
-        work: &[Work],
-        find: Find<'_, '_, D::Buffer>,
-    ) -> Result<()> {
-        let each = work.iter().map(|work| {
-            Ok(Dispatch {
-                work,
-                pipeline: pipelines.get(work.kernel),
-                groups: groups(gpu, work)?,
-            })
-        });
-        let all = each.collect::<Result<Vec<_>>>()?;
-        self.own.dispatch(gpu, &all, find)
     }
 
     /// Ends `interpolate`, if it is open: what follows is not to run beside it.
@@ -178,15 +143,22 @@ impl<D: GpuDevice> Slot<D> {
     }
 }
 
-/// Workgroups of a dispatch along both axes.
-fn groups<D: GpuDevice>(gpu: &D, work: &Work) -> Result<[u32; 2]> {
+fn dispatch<'a, D: GpuDevice>(
+    gpu: &D,
+    pipelines: &'a Pipelines<D>,
+    work: &'a Work,
+) -> Result<Dispatch<'a, D>> {
     let limit = gpu.max_groups();
-    work.group_counts(limit)
-        .map_err(|need| BackendError::Limit {
-            what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
-            need: need.into(),
-            limit: limit.into(),
-        })
+    let refused = |need: u32| BackendError::Limit {
+        what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
+        need: need.into(),
+        limit: limit.into(),
+    };
+    Ok(Dispatch {
+        work,
+        pipeline: pipelines.get(work.kernel),
+        groups: work.group_counts(limit).map_err(refused)?,
+    })
 }
 
 impl<D: GpuDevice> Frames<D> {
@@ -210,9 +182,6 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// The slot being recorded, begun if need be.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn record(&mut self, gpu: &D) -> Result<&mut Slot<D>> {
         let place = self.place();
         let slot = &mut self.slots[place];
@@ -223,9 +192,9 @@ impl<D: GpuDevice> Frames<D> {
         Ok(slot)
     }
 
-    /// The parts of all slots that are the device's.
-    pub(crate) fn own(&self) -> impl Iterator<Item = &D::Slot> {
-        self.slots.iter().map(|slot| &slot.own)
+    /// Bytes of device memory of all slots.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.slots.iter().map(|slot| slot.own.bytes()).sum()
     }
 
     /// Submits the recording with the positions asked for; waits for the oldest
@@ -326,6 +295,8 @@ impl<D: GpuDevice> Frames<D> {
         self.ledger.clear();
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
-        gpu.unload(&mut self.slots.iter_mut().map(|slot| &mut slot.own))
+        gpu.unload()?;
+        self.slots.iter_mut().for_each(|slot| slot.own.forget());
+        Ok(())
     }
 }

@@ -27,9 +27,6 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
 impl<D: GpuDevice> ComputeBackend<D> {
     /// Waits for all submissions and reads the first elements of a buffer of the tree in use, for tests and dumps.
     ///
-    /// # Errors
-    /// See [`BackendError`].
-    ///
     /// # Panics
     /// If the tree has no such buffer.
     pub fn read_tree<T: Pod>(&mut self, name: BufferName, count: usize) -> Result<Vec<T>> {

@@ -1,6 +1,6 @@
 //! Key frames on the device: all of them, or those around the moment that is played.
 
-use crate::{BufferPurpose, GpuDevice, Sent};
+use crate::{GpuDevice, Sent};
 use backend::Result;
 use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
@@ -42,27 +42,21 @@ struct KeySlot<D: GpuDevice> {
 impl<D: GpuDevice> KeySlots<D> {
     /// Sends the key frames that are held; none of a stream.
     pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
-        let what = BufferName::Earlier.name();
         let slot = |(key, frame): (usize, &KeyFrame)| {
             Ok(KeySlot {
                 key,
-                buffer: gpu.buffer(what, size_of_val(&frame[..]) as u64, BufferPurpose::Storage)?,
+                buffer: gpu.buffer(BufferName::Earlier, size_of_val(&frame[..]) as u64)?,
                 arrival: 0,
                 used: 0,
                 read_by: 0,
             })
         };
         let held = animation.held_keys().unwrap_or_default();
-        let slots = held
-            .iter()
-            .enumerate()
-            .map(slot)
-            .collect::<Result<Vec<_>>>()?;
-        let contents = held.iter().zip(&slots);
-        let contents: Vec<(&[u8], _)> = contents
-            .map(|(frame, slot)| (bytemuck::cast_slice(frame), &slot.buffer))
-            .collect();
-        gpu.upload(&contents)?;
+        let slots = held.iter().enumerate().map(slot);
+        let slots = slots.collect::<Result<Vec<_>>>()?;
+        let frames = held.iter().map(|frame| bytemuck::cast_slice(frame));
+        let contents = frames.zip(slots.iter().map(|slot| &slot.buffer));
+        gpu.upload(&contents.collect::<Vec<_>>())?;
         Ok(Self {
             slots,
             kept: match (animation.vertex_count() * size_of::<Point>()) as u64 {

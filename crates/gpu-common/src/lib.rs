@@ -11,36 +11,30 @@
 //!
 //! To add a GPU interface, implement [`GpuDevice`]; its documentation says what may wait and what must not.
 
+mod buffers;
 pub mod cache_file;
 mod clock;
 mod compute;
 mod device;
-mod doors;
 mod engine;
 mod frames;
 mod inspect;
 mod key_slots;
-mod options;
 mod pipelines;
-mod runs;
 mod scene;
-mod sent;
 mod snapshots;
 mod traces;
 mod tree;
 
+use buffers::BufferTable;
+pub use buffers::{parts, refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    BufferPurpose, BufferTable, Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, parts,
-    refuse_above,
+    Dispatch, Find, Finished, GpuDevice, GpuSlot, KernelForm, LentRays, Options, Sent, Validation,
 };
-pub use doors::{compile_door, device_door};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
-pub use options::{KernelForm, Options, Validation};
-pub use pipelines::{KernelCode, Pipelines};
-pub use runs::without;
+pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use scene::SceneBuffers;
-pub use sent::Sent;
 pub use traces::{Trace, Traces, are_given};

@@ -4,7 +4,7 @@ use crate::GpuDevice;
 use backend::Result;
 use rayon::prelude::*;
 use shaders::{Code, Kernel, Traits};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::{self, JoinHandle};
 
 /// A kernel, and its code for the device at hand.
@@ -64,9 +64,14 @@ impl<D: GpuDevice> Pipelines<D> {
         }
         let kernels = missing.iter().map(|(kernel, _)| *kernel).collect();
         let make = gpu.pipeline_maker();
+        let make_all = move || {
+            // Compilers work for seconds: each kernel is made on a thread of rayon's.
+            let each = missing.par_iter();
+            each.map(|&kernel| D::make_pipeline(&make, kernel))
+                .collect()
+        };
         // Without a thread to be had, they are made when they are needed.
-        let thread = thread::Builder::new().spawn(move || make_all::<D>(&make, &missing));
-        if let Ok(thread) = thread {
+        if let Ok(thread) = thread::Builder::new().spawn(make_all) {
             let thread = Some(thread);
             self.making.push(Making { kernels, thread });
         }
@@ -87,10 +92,9 @@ impl<D: GpuDevice> Pipelines<D> {
             if let Some(at) = self.making.iter().position(has) {
                 self.wait(at)?;
             } else {
-                let missing = self.missing([kernel]);
-                let made = make_all::<D>(&gpu.pipeline_maker(), &missing)?;
-                let made = made.into_iter().map(Arc::new);
-                self.made.extend(made.map(|made| (kernel, made)));
+                let code = (kernel, kernel.code_for(self.traits));
+                let made = D::make_pipeline(&gpu.pipeline_maker(), code)?;
+                self.made.push((kernel, Arc::new(made)));
             }
         }
         Ok(())
@@ -134,10 +138,15 @@ impl<D: GpuDevice> Pipelines<D> {
     }
 }
 
-/// Compilers work for seconds: each kernel is made on a thread of rayon's.
-fn make_all<D: GpuDevice>(make: &D::Maker, missing: &[KernelCode]) -> Result<Vec<D::Pipeline>> {
-    missing
-        .par_iter()
-        .map(|&kernel| D::make_pipeline(make, kernel))
-        .collect()
+/// One driver (NVIDIA 580) locks itself up when a thread makes or destroys a device while another compiles kernels.
+static DOOR: RwLock<()> = RwLock::new(());
+
+/// Held while kernels are compiled, which several threads may do at a time.
+pub fn compile_door() -> RwLockReadGuard<'static, ()> {
+    DOOR.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Held while a device is made or destroyed.
+pub fn device_door() -> RwLockWriteGuard<'static, ()> {
+    DOOR.write().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,7 +1,7 @@
 //! What a loaded animation keeps on the device.
 
 use crate::key_slots::KeySlots;
-use crate::{BufferPurpose, BufferTable, GpuDevice};
+use crate::{BufferTable, GpuDevice};
 use backend::{Palette, Result};
 use bytemuck::cast_slice;
 use geom::Animation;
@@ -57,8 +57,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         if self.positions.len() == 2 {
             return Ok(());
         }
-        let what = BufferName::Positions.name();
-        let made = gpu.buffer(what, self.position_bytes(), BufferPurpose::Storage)?;
+        let made = gpu.buffer(BufferName::Positions, self.position_bytes())?;
         if self.moving_row_count.is_some() {
             let first = cast_slice(self.animation.first());
             gpu.upload(&[(first, &made)])?;
@@ -96,7 +95,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
     }
 
     /// Bytes of device memory.
-    pub fn held(&self) -> u64 {
+    pub(crate) fn held(&self) -> u64 {
         let tables = [Some(&self.others), self.palette.as_ref()];
         let tables = tables.into_iter().flatten().map(BufferTable::held);
         let positions = self.positions.iter().map(D::held);

@@ -1,13 +1,13 @@
 //! The output of traces, kept until it is too old to be asked for.
 
-use crate::{BufferPurpose, GpuDevice, LentRays};
+use crate::{BufferTable, GpuDevice, LentRays};
 use backend::{
     BackendError, FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket,
 };
 use bytemuck::Pod;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
-use shaders::BufferName;
+use shaders::{BufferName, work};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -42,30 +42,12 @@ pub struct Trace<D: GpuDevice> {
     /// Whether its pixels are there.
     shaded: bool,
     /// Each is there if a query ever needed it.
-    buffers: Outputs<D>,
+    buffers: BufferTable<D>,
     /// In their place, if there are any.
     lent: Option<LentRays<D::Buffer>>,
     /// On the host, once it was asked for.
     found: Hits,
     fetched: bool,
-}
-
-struct Outputs<D: GpuDevice> {
-    hits: Option<D::Buffer>,
-    occluded: Option<D::Buffer>,
-    rays: Option<D::Buffer>,
-    pixels: Option<D::Buffer>,
-}
-
-impl<D: GpuDevice> Default for Outputs<D> {
-    fn default() -> Self {
-        Self {
-            hits: None,
-            occluded: None,
-            rays: None,
-            pixels: None,
-        }
-    }
 }
 
 impl<D: GpuDevice> Default for Traces<D> {
@@ -81,9 +63,6 @@ impl<D: GpuDevice> Default for Traces<D> {
 impl<D: GpuDevice> Traces<D> {
     /// Buffers for a query, taken from the oldest trace if they fit. That one is
     /// older than the submissions that may be under way, so nothing uses it any more. The query is the next of its submission.
-    ///
-    /// # Errors
-    /// Those of [`GpuDevice::buffer`] and [`GpuDevice::write`].
     pub fn make(
         &mut self,
         gpu: &mut D,
@@ -98,58 +77,49 @@ impl<D: GpuDevice> Traces<D> {
             true => self.kept.pop_front(),
             false => None,
         };
-        let (spare, found) = old.map(|old| (old.buffers, old.found)).unwrap_or_default();
-        let (count, kind) = (query.rays.count() as u64, query.kind);
-        let fit = |gpu: &mut D, name: BufferName, bytes, needed: bool, spare| {
-            let purpose = match name {
-                BufferName::Rays => BufferPurpose::Input,
-                _ => BufferPurpose::Storage,
-            };
-            match needed && has_tree {
-                true => fitting(gpu, name.name(), bytes, purpose, spare).map(Some),
-                false => Ok(spare),
-            }
+        let (mut buffers, found) = match old {
+            Some(old) => (old.buffers, old.found),
+            None => (BufferTable::new(gpu, [])?, Hits::default()),
         };
+        let (count, kind) = (query.rays.count(), query.kind);
         let mut lent = lent_rays(gpu, query)?;
-        let answers = lent.as_mut().and_then(|lent| lent.answers.as_mut());
-        if let Some(answers) = answers.filter(|_| !has_tree) {
+        let room = lent.as_mut().and_then(|lent| lent.answers.as_mut());
+        let has_room = room.is_some();
+        if let Some(answers) = room.filter(|_| !has_tree) {
             // No kernel is going to write them.
-            let count = query.rays.count();
             match kind {
                 QueryKind::Any => gpu.write(answers, count, |_| 0_u32)?,
                 _ => gpu.write(answers, count, |_| Hit::MISS)?,
             }
         }
-        let given = are_given(query) && lent.is_none();
-        let rays_bytes = count * size_of::<Ray>() as u64;
-        let mut rays = fit(gpu, BufferName::Rays, rays_bytes, given, spare.rays)?;
         let mut extremes = lent.is_some();
-        if let Some(rays) = rays.as_mut().filter(|_| given && has_tree) {
+        if has_tree && lent.is_none() && are_given(query) {
+            let bytes = (count * size_of::<Ray>()) as u64;
+            let rays = buffers.fit(gpu, BufferName::Rays, bytes)?;
             extremes = send(gpu, query.rays, rays, is_extreme)?;
         }
-        let has_room = lent.as_ref().is_some_and(|lent| lent.answers.is_some());
-        let closest = kind != QueryKind::Any && !has_room;
-        let any = match kind {
+        if has_tree && kind != QueryKind::Any && !has_room {
+            let bytes = (count * size_of::<Hit>()) as u64;
+            buffers.fit(gpu, BufferName::Hits, bytes)?;
+        }
+        let occluded = match kind {
             QueryKind::Any => !has_room,
             QueryKind::Closest => intersector == Intersector::Exact,
             QueryKind::ClosestAndShadow { .. } => true,
         };
-        let hits = count * size_of::<Hit>() as u64;
-        let words = shaders::occluded_words(intersector, count);
+        if has_tree && occluded {
+            let words = shaders::occluded_words(intersector, count as u64);
+            buffers.fit(gpu, BufferName::Occluded, words * 4)?;
+        }
         Ok(Trace {
             ticket: Ticket(0),
             place: self.pending_count(),
-            count: count as usize,
+            count,
             kind,
             has_tree,
             extremes,
             shaded: false,
-            buffers: Outputs {
-                hits: fit(gpu, BufferName::Hits, hits, closest, spare.hits)?,
-                occluded: fit(gpu, BufferName::Occluded, words * 4, any, spare.occluded)?,
-                rays,
-                pixels: spare.pixels,
-            },
+            buffers,
             lent,
             found,
             fetched: false,
@@ -164,16 +134,16 @@ impl<D: GpuDevice> Traces<D> {
 
     /// What was recorded together is refused, since one of it was.
     pub(crate) fn refuse_pending(&mut self) {
-        self.pending
-            .iter_mut()
-            .for_each(|trace| trace.place = REFUSED);
+        for trace in &mut self.pending {
+            trace.place = REFUSED;
+        }
     }
 
     /// The traces that are pending were submitted.
     pub(crate) fn submitted(&mut self, ticket: Ticket) {
         let pending = self.pending.drain(..);
-        self.kept
-            .extend(pending.map(|trace| Trace { ticket, ..trace }));
+        let submitted = pending.map(|trace| Trace { ticket, ..trace });
+        self.kept.extend(submitted);
     }
 
     /// How many submissions' traces are kept, of the oldest perhaps a part.
@@ -196,29 +166,7 @@ impl<D: GpuDevice> Traces<D> {
     /// Bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         let all = self.kept.iter().chain(&self.pending);
-        let each = all.flat_map(|t| {
-            let Outputs {
-                hits,
-                occluded,
-                rays,
-                pixels,
-            } = &t.buffers;
-            [hits, occluded, rays, pixels]
-        });
-        each.flatten().map(D::held).sum()
-    }
-}
-
-fn fitting<D: GpuDevice>(
-    gpu: &D,
-    what: &str,
-    bytes: u64,
-    purpose: BufferPurpose,
-    spare: Option<D::Buffer>,
-) -> Result<D::Buffer> {
-    match spare.filter(|b| D::size(b) >= bytes) {
-        Some(buffer) => Ok(buffer),
-        None => gpu.buffer(what, bytes, purpose),
+        all.map(|trace| trace.buffers.held()).sum()
     }
 }
 
@@ -235,6 +183,14 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
 /// made here they have the same bits.
 pub fn are_given(query: &Query<'_>) -> bool {
     !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
+}
+
+/// A query's rays as kernels have them, and whether any given one may be extreme.
+pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
+    match query.rays {
+        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+        rays => work::Rays::Given(rays.count() as u32, extremes),
+    }
 }
 
 /// Sends rays, and says whether any is extreme.
@@ -271,31 +227,24 @@ impl<D: GpuDevice> Trace<D> {
             QueryKind::Any => BufferName::Occluded,
             QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => BufferName::Hits,
         };
-        let name = match name {
-            BufferName::Answers => answers,
-            name => name,
+        let name = if name == BufferName::Answers {
+            answers
+        } else {
+            name
         };
         let lent = self.lent.as_ref().and_then(|lent| match name {
             BufferName::Rays => Some(&lent.rays),
             name if name == answers => lent.answers.as_ref(),
             _ => None,
         });
-        let own = match name {
-            BufferName::Hits => &self.buffers.hits,
-            BufferName::Occluded => &self.buffers.occluded,
-            BufferName::Rays => &self.buffers.rays,
-            BufferName::Pixels => &self.buffers.pixels,
-            _ => &None,
-        };
-        lent.or(own.as_ref())
+        lent.or_else(|| self.buffers.get(name))
     }
 
     /// Makes room for a pixel a ray, which are about to be recorded.
     pub(crate) fn make_pixels(&mut self, gpu: &D) -> Result<()> {
-        let spare = self.buffers.pixels.take();
-        let (what, bytes) = (BufferName::Pixels.name(), 4 * self.count as u64);
-        let pixels = fitting(gpu, what, bytes, BufferPurpose::Storage, spare)?;
-        (self.buffers.pixels, self.shaded) = (Some(pixels), true);
+        let bytes = 4 * self.count as u64;
+        self.buffers.fit(gpu, BufferName::Pixels, bytes)?;
+        self.shaded = true;
         Ok(())
     }
 
@@ -318,23 +267,19 @@ impl<D: GpuDevice> Trace<D> {
         if self.fetched {
             return Ok(&mut self.found);
         }
-        let Hits {
-            mut closest,
-            mut blocked,
-        } = std::mem::take(&mut self.found);
-        match self.kind {
-            QueryKind::Any => closest.clear(),
-            _ => {
-                let miss = (BufferName::Hits, Hit::MISS);
-                self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
-            }
+        let found = std::mem::take(&mut self.found);
+        let (mut closest, mut blocked) = (found.closest, found.blocked);
+        if self.kind == QueryKind::Any {
+            closest.clear();
+        } else {
+            let miss = (BufferName::Hits, Hit::MISS);
+            self.fetch_each(gpu, miss, |hit: Hit| hit, &mut closest)?;
         }
-        match self.kind {
-            QueryKind::Closest => blocked.clear(),
-            _ => {
-                let miss = (BufferName::Occluded, 0);
-                self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
-            }
+        if self.kind == QueryKind::Closest {
+            blocked.clear();
+        } else {
+            let miss = (BufferName::Occluded, 0);
+            self.fetch_each(gpu, miss, |word: u32| word as u8, &mut blocked)?;
         }
         (self.found, self.fetched) = (Hits { closest, blocked }, true);
         Ok(&mut self.found)

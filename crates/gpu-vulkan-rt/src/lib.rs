@@ -88,7 +88,7 @@ impl DriverTreeBackend {
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);
         let kernels = Pipelines::of(&device, shared.into_iter().chain(RAY_KERNELS))?;
-        let (mut engine, _) = Engine::new(device, kernels)?;
+        let mut engine = Engine::new(device, kernels)?;
         let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
         Ok(Self {
             engine,

@@ -17,7 +17,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u32]) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, kernel: &'static Kernel, spirv: &[u8]) -> Result<Self> {
         let bindings = kernel.bindings.iter();
         let bindings = bindings.map(|b| (b.number, descriptor_type(b.kind)));
         let layouts = Layouts::new(gpu, kernel.name, vk::ShaderStageFlags::COMPUTE, bindings)?;
@@ -86,11 +86,12 @@ impl Layouts {
 pub fn with_module<T>(
     gpu: &Gpu,
     what: &str,
-    spirv: &[u32],
+    spirv: &[u8],
     compile: impl FnOnce(vk::ShaderModule) -> Result<T>,
 ) -> Result<T> {
     let _door = compile_door();
-    let info = vk::ShaderModuleCreateInfo::default().code(spirv);
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
+    let info = vk::ShaderModuleCreateInfo::default().code(&words);
     // SAFETY: the words are SPIR-V that the build validated.
     let module = unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(what))?;
     let made = compile(module);

@@ -13,10 +13,8 @@ use crate::transfer::{Copy, Transfer, Windows, load};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
-use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent,
-};
-use shaders::{Kernel, Packets};
+use gpu_common::{Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent};
+use shaders::{BufferName, Kernel, Packets};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -169,12 +167,12 @@ impl GpuDevice for VulkanDevice {
         self.gpu.limits.admit_kernels(wanted)
     }
 
-    fn buffer(&self, what: &str, bytes: u64, purpose: BufferPurpose) -> Result<Buffer> {
-        let place = match purpose {
-            BufferPurpose::Storage => BufferUse::Device,
-            BufferPurpose::Input => BufferUse::Upload,
+    fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
+        let place = match name {
+            BufferName::Rays => BufferUse::Upload,
+            _ => BufferUse::Device,
         };
-        Buffer::new(&self.gpu, what, bytes, place)
+        Buffer::new(&self.gpu, name.name(), bytes, place)
     }
 
     fn size(buffer: &Buffer) -> u64 {
@@ -343,7 +341,7 @@ impl GpuDevice for VulkanDevice {
         self.overwritten = None;
     }
 
-    fn unload(&mut self, _: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
+    fn unload(&mut self) -> Result<()> {
         self.wait_idle()?;
         (self.senders, self.outgrown) = (Sender::all(&self.gpu), Pool::default());
         self.keys_read = KeysRead::default();
@@ -360,11 +358,7 @@ impl GpuDevice for VulkanDevice {
         self.lent.wait()
     }
 
-    fn with_own_bytes(
-        &self,
-        bytes: DeviceBytes,
-        _: &mut dyn Iterator<Item = &Slot>,
-    ) -> DeviceBytes {
+    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
         let [[trees, staging], [keys, key_staging]] = self.senders.each_ref().map(Sender::held);
         let (tree, scene) = (bytes.tree + trees, bytes.scene + keys);
         let scratch = bytes.scratch + staging + key_staging + self.outgrown.held();

@@ -15,45 +15,28 @@ use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode};
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
 const PIECE: u64 = 512 << 10;
 
-/// A buffer that kernels read and write.
-pub(crate) fn storage(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
-    let about = || format!("{what} (bytes of one buffer)");
-    refuse_above(about, bytes, span(&gpu.limits))?;
-    let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-    make(gpu, what, bytes, usage)
-}
-
-/// A buffer that the host maps to read.
-pub(crate) fn readback(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
-    let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-    make(gpu, what, bytes, usage)
-}
-
-/// A buffer that the host writes to, at once and whenever it is mapped again.
-pub(crate) fn make_mapped(gpu: &Gpu, what: &str, bytes: u64) -> Result<Buffer> {
-    let usage = BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC;
-    make_at(gpu, (what, bytes), usage, true)
-}
+/// Usage of a buffer that kernels read and write.
+pub(crate) const STORAGE: BufferUsages = BufferUsages::STORAGE
+    .union(BufferUsages::COPY_SRC)
+    .union(BufferUsages::COPY_DST);
+/// Of one that the host maps to read.
+pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
+/// Of one that the host writes to, at once and whenever it is mapped again.
+pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
 
 /// At least 16 bytes, so that an empty scene has buffers to bind.
 pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
-    make_at(gpu, (what, bytes), usage, false)
-}
-
-fn make_at(
-    gpu: &Gpu,
-    (what, bytes): (&str, u64),
-    usage: BufferUsages,
-    mapped_at_creation: bool,
-) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
-    let about = || format!("{what} (bytes of one buffer)");
-    refuse_above(about, size, gpu.limits.max_buffer_size)?;
+    let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
+        true => (bytes, span(&gpu.limits)),
+        false => (size, gpu.limits.max_buffer_size),
+    };
+    refuse_above(|| format!("{what} (bytes of one buffer)"), need, limit)?;
     let desc = wgpu::BufferDescriptor {
         label: Some(what),
         size,
         usage,
-        mapped_at_creation,
+        mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
     };
     gpu.count(|t| t.buffers += 1);
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
@@ -102,40 +85,33 @@ pub(crate) fn copy_part(
     })
 }
 
-/// Records a copy in pieces.
+/// Records a copy in pieces to the beginning of a buffer.
 pub(crate) fn copy(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
-    [(from, at), (to, place)]: [(&Buffer, u64); 2],
+    (from, at): (&Buffer, u64),
+    to: &Buffer,
     bytes: u64,
 ) -> Result<()> {
     gpu.guard("a copy", bytes, || {
         for begin in (0..bytes).step_by(PIECE as usize) {
             let size = PIECE.min(bytes - begin);
-            encoder.copy_buffer_to_buffer(from, at + begin, to, place + begin, size);
+            encoder.copy_buffer_to_buffer(from, at + begin, to, begin, size);
         }
     })
 }
-
-type MapResult = std::result::Result<(), wgpu::BufferAsyncError>;
 
 /// A mapping asked for; it arrives while the device is polled.
 pub(crate) struct Mapping(Arc<OnceLock<bool>>);
 
 impl Mapping {
-    pub(crate) fn ask(gpu: &Gpu, buffer: &Buffer) -> Result<Self> {
-        let done = Arc::new(OnceLock::new());
-        let heard = hears(&done);
-        gpu.guard("mapping a buffer", 0, || {
-            buffer.map_async(MapMode::Read, .., heard);
-        })?;
-        Ok(Self(done))
-    }
-
-    /// Likewise, as soon as these commands are submitted.
+    /// Asks for one as soon as these commands are submitted.
     pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer, mode: MapMode) -> Self {
         let done = Arc::new(OnceLock::new());
-        encoder.map_buffer_on_submit(buffer, mode, .., hears(&done));
+        let heard = Arc::clone(&done);
+        encoder.map_buffer_on_submit(buffer, mode, .., move |result| {
+            let _ = heard.set(result.is_ok());
+        });
         Self(done)
     }
 
@@ -169,13 +145,6 @@ impl Mapping {
     }
 }
 
-fn hears(done: &Arc<OnceLock<bool>>) -> impl FnOnce(MapResult) + Send + 'static {
-    let done = Arc::clone(done);
-    move |result| {
-        let _ = done.set(result.is_ok());
-    }
-}
-
 /// Windows through which the host looks at a buffer, part by part.
 #[derive(Default)]
 pub(crate) struct Windows(Vec<Buffer>);
@@ -195,10 +164,10 @@ impl Windows {
             let [at, bytes] = [part.start, part.len()].map(|n| (n * size_of::<T>()) as u64);
             let window = match self.0.iter().position(|w| w.size() >= bytes) {
                 Some(i) => self.0.swap_remove(i),
-                None => readback(gpu, "a view for the host", bytes)?,
+                None => make(gpu, "a view for the host", bytes, READBACK)?,
             };
             let mut encoder = gpu.encoder("a view for the host")?;
-            copy(gpu, &mut encoder, [(from, at), (&window, 0)], bytes)?;
+            copy(gpu, &mut encoder, (from, at), &window, bytes)?;
             let mapping = Mapping::on_submit(&encoder, &window, MapMode::Read);
             copies.push((part, window, mapping, gpu.submit([encoder])?));
         }

@@ -1,13 +1,11 @@
 //! What goes wrong on the device, gathered from everywhere wgpu may say it.
 //!
-//! - Every call that wgpu may refuse runs in [`crate::gpu::Gpu::guard`]: out of memory, invalid and
-//!   internal errors are caught there, on our own devices and on lent ones alike.
-//! - Of a device's loss wgpu tells callbacks alone. Our own device has one; on
-//!   a lent one the callback is the engine's, and the loss shows when something
-//!   is waited for: polling panics (which is caught, unless the program is built
-//!   to abort) or a mapping is refused. A call refused as invalid asks for it, too.
-//! - What happens outside of any call goes to our own device's handler for
-//!   uncaptured errors, and the next call returns it.
+//! - Every call that wgpu may refuse runs in [`crate::gpu::Gpu::guard`]: out of memory, invalid and internal errors are caught
+//!   there, on our own devices and on lent ones alike.
+//! - Of a device's loss wgpu tells callbacks alone. Our own device has one; on a lent one the callback is the engine's. There
+//!   the loss shows when something is waited for: polling panics (which is caught, unless the program is built to abort) or a
+//!   mapping is refused. A call refused as invalid asks for it, too.
+//! - What happens outside of any call goes to our own device's handler for uncaptured errors, and the next call returns it.
 
 use backend::BackendError;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -56,10 +54,7 @@ impl Faults {
         if let Some(why) = lock(&self.lost).as_ref() {
             return Err(BackendError::DeviceLost(why.clone()));
         }
-        match lock(&self.pending).take() {
-            Some(error) => Err(error),
-            None => Ok(()),
-        }
+        lock(&self.pending).take().map_or(Ok(()), Err)
     }
 
     /// Everything that wgpu refused, in order.
@@ -68,10 +63,8 @@ impl Faults {
     }
 }
 
-/// What the validation layer called an error so far, in this process.
-///
-/// Layers older than SPIR-V's number for WGSL as a source language call the
-/// names that wgpu gives its own translations an error; that is left out.
+/// What the validation layer called an error so far, in this process. Layers older than SPIR-V's number for WGSL as a source
+/// language call the names that wgpu gives its own translations an error; that is left out.
 pub(crate) fn layer_messages() -> Vec<String> {
     static HEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
     let unknown_language = |m: &String| m.ends_with("Invalid source language operand: 10");

@@ -1,11 +1,10 @@
 //! The device and its queue; every call to them that can fail passes through here.
 
-use crate::adapters::{enumerate, kind, takes_spirv};
-use crate::buffers::{readback, unmap};
+use crate::adapters::{enumerate, instance, kind, takes_spirv};
+use crate::buffers::{READBACK, make, unmap};
 use crate::faults::{Faults, lock};
-use crate::instance::instance;
 use crate::limits::{check, generous, useful_features};
-use crate::pipeline_cache::PipelineCache;
+use crate::pipelines::PipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::{KernelForm, Options, Validation, device_door};
 use shaders::Packets;
@@ -16,11 +15,15 @@ use std::sync::{Arc, Mutex};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with what every part of the backend needs of it.
-pub(crate) struct Gpu {
+pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
+    /// In which form kernels go in.
+    pub(crate) form: KernelForm,
+    /// Whether it was opened with validation.
+    pub(crate) is_validated: bool,
     /// Nanoseconds a tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
@@ -36,7 +39,8 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens an adapter.
     pub(crate) fn open(options: &Options) -> Result<Self> {
-        let (found, list) = enumerate(&instance(options.validation != Validation::Off))?;
+        let is_validated = options.validation != Validation::Off;
+        let (found, list) = enumerate(&instance(is_validated))?;
         let adapter = &found[AdapterInfo::choose(&list, options.adapter)?.index];
         check(&adapter.limits())?;
         let desc = wgpu::DeviceDescriptor {
@@ -54,6 +58,7 @@ impl Gpu {
         let (device, queue) = opened
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::lent(device, queue, adapter.get_info())?;
+        (gpu.form, gpu.is_validated) = (options.kernels, is_validated);
         gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.listen();
         Ok(gpu)
@@ -74,12 +79,14 @@ impl Gpu {
             info,
             limits,
             features,
+            form: KernelForm::default(),
+            is_validated: false,
             faults: Arc::default(),
             call_counts: Mutex::default(),
             cache: None,
             probe: None,
         };
-        gpu.probe = Some(Mutex::new(readback(&gpu, "a probe", 16)?));
+        gpu.probe = Some(Mutex::new(make(&gpu, "a probe", 16, READBACK)?));
         Ok(gpu)
     }
 
@@ -96,16 +103,15 @@ impl Gpu {
         });
     }
 
+    /// Whether kernels go in as SPIR-V.
     pub(crate) fn takes_spirv(&self) -> bool {
-        takes_spirv(&self.info, self.features)
+        self.form == KernelForm::Best && takes_spirv(&self.info, self.features)
     }
 
-    /// How invocations search together here, given kernels in that form.
-    pub(crate) fn packets(&self, form: KernelForm) -> Option<Packets> {
+    /// How invocations search together here.
+    pub(crate) fn packets(&self) -> Option<Packets> {
         let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
-        let has_subgroups = form == KernelForm::Best
-            && self.takes_spirv()
-            && self.features.contains(Features::SUBGROUP);
+        let has_subgroups = self.takes_spirv() && self.features.contains(Features::SUBGROUP);
         let is_software = kind(&self.info) == DeviceKind::Software;
         Packets::for_device(has_subgroups.then_some(sizes), is_software)
     }
@@ -234,11 +240,10 @@ impl Drop for OpenDevice {
 
 /// Calls to wgpu since the backend was opened.
 ///
-/// A steady frame makes no buffer and no bind group, uploads one page of
-/// parameters (64 dispatches; rays given one by one are a second upload, or beyond a
-/// megabyte submissions of their own), and is one submission. It has a pass for geometry and one for rays (one a stage
-/// where passes take no timestamps between dispatches), and one dispatch a kernel but
-/// for refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
+/// A steady frame makes no buffer and no bind group, uploads one page of parameters (64 dispatches; rays given one by one
+/// are a second upload, or beyond a megabyte submissions of their own), and is one submission. It has a pass for geometry
+/// and one for rays (one a stage where passes take no timestamps between dispatches), and one dispatch a kernel but for
+/// refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CallCounts {
     /// Buffers made, or lent by a program in place of others.

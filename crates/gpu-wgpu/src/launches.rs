@@ -79,7 +79,12 @@ impl Launches {
     ) -> Result<Vec<Launch>> {
         let first = self.rows.len() / self.stride;
         all.iter().for_each(|d| self.push(&d.work.params));
-        self.make_pages(gpu)?;
+        let page = ROWS * self.stride;
+        while self.pages.len() * page < self.rows.len() {
+            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+            let made = make(gpu, "parameters", page as u64, usage)?;
+            self.pages.push(made);
+        }
         let mut made: Vec<Launch> = Vec::with_capacity(all.len());
         for (i, dispatch) in all.iter().enumerate() {
             let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
@@ -113,10 +118,9 @@ impl Launches {
 
     /// Sends all parameters so far on their way.
     pub(crate) fn write(&self, gpu: &Gpu) -> Result<()> {
-        let pages = self.pages.iter().zip(self.rows.chunks(ROWS * self.stride));
-        pages
-            .into_iter()
-            .try_for_each(|(page, rows)| write(gpu, page, 0, rows))
+        let rows = self.rows.chunks(ROWS * self.stride);
+        let mut pages = self.pages.iter().zip(rows);
+        pages.try_for_each(|(page, rows)| write(gpu, page, 0, rows))
     }
 
     fn push(&mut self, params: &Params) {
@@ -124,23 +128,12 @@ impl Launches {
         self.rows.extend_from_slice(bytemuck::bytes_of(params));
         self.rows.resize(at + self.stride, 0);
     }
-
-    fn make_pages(&mut self, gpu: &Gpu) -> Result<()> {
-        let page = ROWS * self.stride;
-        while self.pages.len() * page < self.rows.len() {
-            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-            self.pages
-                .push(make(gpu, "parameters", page as u64, usage)?);
-        }
-        Ok(())
-    }
 }
 
 /// Bind groups by kernel and buffers.
 ///
-/// A group keeps its buffers alive, so all are dropped when a buffer was made
-/// since: it may stand in for one that nothing else holds any more. A steady
-/// frame makes none.
+/// A group keeps its buffers alive, so all are dropped when a buffer was made since: it may stand in for one that nothing
+/// else holds any more. A steady frame makes none.
 #[derive(Default)]
 struct Groups {
     made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,
@@ -183,7 +176,12 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup>
         .map(|(b, buffer)| wgpu::BindGroupEntry {
             binding: b.number,
             resource: match b.kind {
-                Kind::Uniform => wgpu::BindingResource::Buffer(one_row(buffer)),
+                // One row of it.
+                Kind::Uniform => wgpu::BindingResource::Buffer(BufferBinding {
+                    buffer,
+                    offset: 0,
+                    size: NonZeroU64::new(size_of::<Params>() as u64),
+                }),
                 Kind::Read | Kind::ReadWrite => buffer.as_entire_binding(),
             },
         })
@@ -197,12 +195,4 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup>
     gpu.guard(pipeline.kernel.name, 0, || {
         gpu.device.create_bind_group(&desc)
     })
-}
-
-fn one_row(params: &Buffer) -> BufferBinding<'_> {
-    BufferBinding {
-        buffer: params,
-        offset: 0,
-        size: NonZeroU64::new(size_of::<Params>() as u64),
-    }
 }

@@ -1,15 +1,16 @@
-//! What lies in buffers of the program's own: positions that its kernels made, which go from buffer to buffer, and rays, which
-//! kernels bind as they are. No host sees them.
+//! What is shared with the program on its own device, and no host sees. Positions that its kernels made go from buffer to buffer.
+//! Kernels bind its rays as they are, and shaders of its own trace the scene.
 
-use crate::buffers::copy_part;
+use crate::buffers::{copy_part, make, write};
 use crate::gpu::Gpu;
-use crate::wgpu_device::WgpuDevice;
+use crate::wgpu_device::{WgpuBackend, WgpuDevice};
 use backend::Result;
 use geom::Point;
 use gpu_common::{LentRays, without};
+use shaders::Params;
 use std::collections::VecDeque;
 use std::ops::Range;
-use wgpu::{Buffer, BufferSlice, CommandEncoder};
+use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder};
 
 const POINT: u64 = size_of::<Point>() as u64;
 
@@ -91,7 +92,7 @@ impl WgpuDevice {
     pub fn bring_points(&mut self, first: usize, from: BufferSlice<'_>) {
         let run = first..first + (from.size() / POINT) as usize;
         self.release_points(&run);
-        let DevicePoints { runs, brought, .. } = &mut self.points;
+        let DevicePoints { runs, brought, .. } = &mut self.scene.points;
         brought.push((run.clone(), (from.buffer().clone(), from.offset())));
         runs.insert(runs.partition_point(|r| r.start < run.start), run);
     }
@@ -101,7 +102,7 @@ impl WgpuDevice {
     /// # Errors
     /// The buffers that they came from cannot be copied.
     pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
-        let (gpu, points) = (&self.gpu, &mut self.points);
+        let (gpu, points) = (&self.gpu, &mut self.scene.points);
         if !points.runs.contains(run) {
             return Ok(None);
         }
@@ -116,17 +117,43 @@ impl WgpuDevice {
 
     /// Has a run of them come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
-        self.points.brought.retain(|(other, _)| other != run);
-        self.points.runs = without(&self.points.runs, std::slice::from_ref(run));
+        self.scene.points.brought.retain(|(other, _)| other != run);
+        self.scene.points.runs = without(&self.scene.points.runs, std::slice::from_ref(run));
     }
 
     /// Has the next queries of [`backend::Rays::OnDevice`] trace these, which kernels can bind: each the next of them.
     pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
-        if self.rays.lent != rays {
+        if self.scene.rays.lent != rays {
             // Groups keep the others alive until they are made anew.
             self.gpu.count(|t| t.buffers += 1);
         }
-        self.rays.due = rays.iter().cloned().collect();
-        self.rays.lent = rays;
+        self.scene.rays.due = rays.iter().cloned().collect();
+        self.scene.rays.lent = rays;
     }
+
+    /// A buffer that holds these: another one if they are others, for what reads it may not be submitted yet.
+    fn module_params(&mut self, params: Params) -> Result<Buffer> {
+        if let Some((_, buffer)) = self.module.as_ref().filter(|(of, _)| *of == params) {
+            return Ok(buffer.clone());
+        }
+        let bytes = bytemuck::bytes_of(&params);
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let buffer = make(&self.gpu, "parameters", bytes.len() as u64, usage)?;
+        write(&self.gpu, &buffer, 0, bytes)?;
+        self.module = Some((params, buffer.clone()));
+        Ok(buffer)
+    }
+}
+
+/// Parameters, the tree's nodes, its triangles, and how far coordinates reach.
+pub type TracedScene = [Buffer; 4];
+
+/// The scene as the last submission leaves it; `None` if none brought it up to date, or by another method than the usual.
+pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
+    let Some((params, others)) = backend.traced_scene() else {
+        return Ok(None);
+    };
+    let [nodes, records, range] = others.map(Clone::clone);
+    let params = backend.gpu_mut().module_params(params)?;
+    Ok(Some([params, nodes, records, range]))
 }

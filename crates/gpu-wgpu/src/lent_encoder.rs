@@ -1,13 +1,13 @@
 //! Commands that go into an encoder of the program's, which submits it itself.
 
-use crate::buffers::{Mapping, PositionsCopy, copy, readback};
+use crate::buffers::{Mapping, PositionsCopy, READBACK, copy, make};
 use crate::gpu::Gpu;
 use crate::slot::Slot;
 use crate::wgpu_device::WgpuDevice;
 use backend::{Result, Ticket};
 use gpu_common::Sent;
 use std::collections::VecDeque;
-use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, MapMode, SubmissionIndex};
 
 /// The encoder that the next submission goes into, and submissions that went into others.
 #[derive(Default)]
@@ -53,67 +53,59 @@ impl WgpuDevice {
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<PositionsCopy>> {
-        let Some(mut encoder) = self.take_encoder() else {
+        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
+            let encoded = self.encode(&mut encoder, slot, positions);
+            self.scene.encoder.encoder = Some(encoder);
+            let encoded = encoded?;
+            self.scene.encoder.under_way.push_back((ticket, None));
+            (None, encoded)
+        } else {
             let mut encoder = self.gpu.encoder("a frame")?;
-            let copied = self.encode(&mut encoder, slot, positions)?;
-            slot.submit(&self.gpu, encoder)?;
-            let ask = |buffer| {
-                let mapping = Mapping::ask(&self.gpu, &buffer)?;
-                Ok(PositionsCopy { buffer, mapping })
-            };
-            return copied.map(ask).transpose();
+            let encoded = self.encode(&mut encoder, slot, positions)?;
+            let place = self.gpu.submit([encoder]);
+            (
+                Some(place.inspect_err(|_| slot.recall(&self.gpu))?),
+                encoded,
+            )
         };
-        let encoded = self.encode(&mut encoder, slot, positions);
-        let copy = encoded.map(|copied| {
-            slot.leave(&encoder);
-            copied.map(|buffer| {
-                let mapping = Mapping::on_submit(&encoder, &buffer, wgpu::MapMode::Read);
-                PositionsCopy { buffer, mapping }
-            })
-        });
-        self.encoder.encoder = Some(encoder);
-        let under_way = copy.is_ok().then_some((ticket, None));
-        self.encoder.under_way.extend(under_way);
-        copy
+        slot.sent = Some((place, report));
+        Ok(copy)
     }
 
-    /// Writes a recording into an encoder; gives the buffer that the positions are copied to.
+    /// Writes a recording into an encoder; gives its report, and the positions that it copies.
     fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
         slot: &mut Slot,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<Buffer>> {
+    ) -> Result<(Mapping, Option<PositionsCopy>)> {
         let gpu = &self.gpu;
-        self.points.encode(gpu, encoder)?;
+        self.scene.points.encode(gpu, encoder)?;
         slot.encode(gpu, encoder)?;
         let Some((from, bytes)) = positions else {
-            return Ok(None);
+            return Ok((slot.report(encoder), None));
         };
-        let spare = self.spares.pop().and_then(|s| s.unmapped(&gpu.device));
+        let spare = self.scene.spares.pop();
+        let spare = spare.and_then(|s| s.unmapped(&gpu.device));
         let buffer = match spare.filter(|b| b.size() >= bytes) {
             Some(buffer) => buffer,
-            None => readback(gpu, "vertices for the builder", bytes)?,
+            None => make(gpu, "vertices for the builder", bytes, READBACK)?,
         };
-        copy(gpu, encoder, [(from, 0), (&buffer, 0)], bytes)?;
-        Ok(Some(buffer))
+        copy(gpu, encoder, (from, 0), &buffer, bytes)?;
+        let mapping = Mapping::on_submit(encoder, &buffer, MapMode::Read);
+        let copy = PositionsCopy { buffer, mapping };
+        Ok((slot.report(encoder), Some(copy)))
     }
 
     /// Commands of nothing yet.
-    ///
-    /// # Errors
-    /// The device is lost.
     pub fn encoder(&self) -> Result<CommandEncoder> {
         self.gpu.encoder("nothing")
     }
 
     /// Has the next submission go into this encoder instead of the queue. What went into the one before should be in the
     /// queue by now.
-    ///
-    /// # Errors
-    /// The device is lost.
     pub fn lend_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
-        let lent = &mut self.encoder;
+        let lent = &mut self.scene.encoder;
         lent.encoder = Some(encoder);
         if let Some((_, place @ None)) = lent.under_way.back_mut() {
             // Of a program's own submission nobody tells the place.
@@ -124,11 +116,11 @@ impl WgpuDevice {
 
     /// The encoder lent last, unless it was taken back.
     pub fn take_encoder(&mut self) -> Option<CommandEncoder> {
-        self.encoder.encoder.take()
+        self.scene.encoder.encoder.take()
     }
 
     /// Whether encoders with submissions are not seen to be done.
     pub fn has_encoded(&self) -> bool {
-        !self.encoder.under_way.is_empty()
+        !self.scene.encoder.under_way.is_empty()
     }
 }

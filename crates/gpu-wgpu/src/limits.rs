@@ -12,11 +12,10 @@ pub fn required_features() -> Features {
     Features::empty()
 }
 
-/// Features that an engine should ask for where its adapter has them:
-/// timestamps, without which stages are not timed; timestamps within passes, without which each stage takes a pass of its
-/// own, and so some microseconds more; shaders passed through,
-/// which spares the kernels some arithmetic on Vulkan; subgroups, by which rays search together;
-/// and the least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
+/// Features that an engine should ask for where its adapter has them: timestamps, without which stages are not timed;
+/// timestamps within passes, without which each stage takes a pass of its own, and so some microseconds more; shaders
+/// passed through, which spares the kernels some arithmetic on Vulkan; subgroups, by which rays search together; and the
+/// least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
 #[must_use]
 pub fn useful_features() -> Features {
     Features::TIMESTAMP_QUERY
@@ -33,8 +32,7 @@ pub(crate) const LEAST_OF_64_BITS: Features =
 
 /// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.
 ///
-/// They are the least that suffice; merge them with the engine's own by
-/// [`Limits::or_better_values_from`].
+/// They are the least that suffice; merge them with the engine's own by [`Limits::or_better_values_from`].
 #[must_use]
 pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     let leaves = animation.live_count() as u64;

@@ -2,7 +2,7 @@
 //!
 //! Commands are kept as a list until the submission, which knows the encoder that they go into.
 
-use crate::buffers::{Mapping, readback, storage, unmap, unreadable};
+use crate::buffers::{Mapping, READBACK, STORAGE, make, unmap, unreadable};
 use crate::gpu::Gpu;
 use crate::launches::{Launch, Launches};
 use crate::marks::{self, Marks};
@@ -11,7 +11,7 @@ use backend::{BackendError, Result};
 use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::Counts;
 use std::time::Duration;
-use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
@@ -31,7 +31,8 @@ pub struct Slot {
     commands: Vec<Command>,
     /// What belongs to no stage yet.
     waiting: Vec<Launch>,
-    sent: Option<(Submitted, Mapping)>,
+    /// The place in the queue, unless the program submits it, if it does; and the report.
+    pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
 }
 
 enum Command {
@@ -40,38 +41,19 @@ enum Command {
     Stage(Stage, Vec<Launch>),
 }
 
-/// Who submitted it.
-enum Submitted {
-    Here(SubmissionIndex),
-    /// The program, if it did.
-    ByProgram,
-}
-
 impl Slot {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
+        let report = marks::BYTES + COUNTS * PLACES as u64;
         Ok(Self {
-            counts: vec![storage(gpu, "counts", COUNTS)?],
+            counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
             places: 1,
             marks: Marks::new(gpu)?,
-            back: readback(gpu, "a report", marks::BYTES + COUNTS * PLACES as u64)?,
+            back: make(gpu, "a report", report, READBACK)?,
             launches: Launches::new(gpu),
             commands: Vec::new(),
             waiting: Vec::new(),
             sent: None,
         })
-    }
-
-    /// Bytes of device memory.
-    pub(crate) fn bytes(&self) -> u64 {
-        let marks = self.marks.as_ref().map_or(0, Marks::bytes);
-        COUNTS * self.counts.len() as u64 + self.launches.bytes() + marks
-    }
-
-    /// Lets go of the buffers of a scene.
-    pub(crate) fn forget(&mut self) {
-        self.launches.forget();
-        self.waiting.clear();
-        self.commands.clear();
     }
 
     /// Writes all that was recorded, and has the report copied.
@@ -113,6 +95,17 @@ impl Slot {
                 marks.resolve(encoder, &self.back, 0);
             }
         })
+    }
+
+    /// Has the report mapped: the last that may be asked of an encoder.
+    pub(crate) fn report(&self, encoder: &CommandEncoder) -> Mapping {
+        Mapping::on_submit(encoder, &self.back, MapMode::Read)
+    }
+
+    /// The encoder was refused: wgpu maps the report all the same.
+    pub(crate) fn recall(&self, gpu: &Gpu) {
+        // A device that is gone took the report with it, as what comes next will tell.
+        let _ = unmap(&gpu.device, &self.back);
     }
 
     /// Writes passes of these stages: one, if they can be timed in it.
@@ -167,32 +160,18 @@ impl Slot {
         })
     }
 
-    /// What was encoded is submitted.
-    pub(crate) fn submit(&mut self, gpu: &Gpu, encoder: CommandEncoder) -> Result<()> {
-        let submission = gpu.submit([encoder])?;
-        let mapping = Mapping::ask(gpu, &self.back)?;
-        self.sent = Some((Submitted::Here(submission), mapping));
-        Ok(())
-    }
-
-    /// What was encoded is for the program to submit.
-    pub(crate) fn leave(&mut self, encoder: &CommandEncoder) {
-        let mapping = Mapping::on_submit(encoder, &self.back, wgpu::MapMode::Read);
-        self.sent = Some((Submitted::ByProgram, mapping));
-    }
-
     /// Waits for the submission and says what it left behind.
     pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Finished> {
         // An earlier wait that failed took it.
         let lost = || gpu.faults.lose("a submission never ended".into());
-        let (submitted, mapping) = self.sent.take().ok_or_else(lost)?;
-        match submitted {
-            Submitted::Here(submission) => gpu.wait_for(submission)?,
-            Submitted::ByProgram if mapping.poll(gpu)? => (),
-            Submitted::ByProgram => {
+        let (place, mapping) = self.sent.take().ok_or_else(lost)?;
+        match place {
+            Some(place) => gpu.wait_for(place)?,
+            None if mapping.poll(gpu)? => (),
+            None => {
                 gpu.wait_idle()?;
                 if !mapping.arrives_within(gpu, Duration::from_millis(50))? {
-                    self.sent = Some((submitted, mapping));
+                    self.sent = Some((None, mapping));
                     let why = "the encoder that the step is in was not submitted";
                     return Err(BackendError::rejected("what a step found", why));
                 }
@@ -241,7 +220,7 @@ impl GpuSlot<WgpuDevice> for Slot {
         let places = all.iter().map(|d| d.work.place + 1).max();
         self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
         while self.counts.len() < self.places {
-            self.counts.push(storage(gpu, "counts", COUNTS)?);
+            self.counts.push(make(gpu, "counts", COUNTS, STORAGE)?);
         }
         let counts = &self.counts[..self.places];
         let launches = self.launches.make(gpu, counts, all, find)?;
@@ -259,5 +238,16 @@ impl GpuSlot<WgpuDevice> for Slot {
     fn clear_counts(&mut self, _: &WgpuDevice, bytes: u64) -> Result<()> {
         self.commands.push(Command::Clear(bytes));
         Ok(())
+    }
+
+    fn bytes(&self) -> u64 {
+        let marks = self.marks.as_ref().map_or(0, Marks::bytes);
+        COUNTS * self.counts.len() as u64 + self.launches.bytes() + marks
+    }
+
+    fn forget(&mut self) {
+        self.launches.forget();
+        self.waiting.clear();
+        self.commands.clear();
     }
 }

@@ -1,7 +1,7 @@
 //! Memory of the host that rays and trees are sent from. wgpu's queue would take new memory for each write, and fill it on
 //! this thread. For positions that was no slower: they lie in order already, and busy threads would take them up late.
 
-use crate::buffers::{Mapping, copy_part, make_mapped, unmap, unreadable, write};
+use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write};
 use crate::gpu::Gpu;
 use backend::Result;
 use bytemuck::Pod;
@@ -61,7 +61,7 @@ impl Staging {
         }
         let buffer = match best {
             Some((_, i)) => self.0.swap_remove(i).0,
-            None => make_mapped(gpu, "memory to send from", bytes)?,
+            None => make(gpu, "memory to send from", bytes, STAGING)?,
         };
         Ok(Filled { buffer, bytes: 0 })
     }

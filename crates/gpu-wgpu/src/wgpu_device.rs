@@ -1,7 +1,7 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, PositionsCopy, Windows, storage, upload, write};
+use crate::buffers::{Arrived, PositionsCopy, STORAGE, Windows, make, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
@@ -13,11 +13,8 @@ use crate::staging::{Filled, Staging};
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
-use gpu_common::{
-    BufferPurpose, Clock, ComputeBackend, Finished, GpuDevice, KernelCode, KernelForm, LentRays,
-    Options, Sent, Validation,
-};
-use shaders::{Kernel, Packets, Params};
+use gpu_common::{Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent};
+use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
 use std::sync::Arc;
 use wgpu::Buffer;
@@ -25,10 +22,9 @@ use wgpu::Buffer;
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
 
-/// Computes on a device that an engine opened, with the features and limits
-/// it has: see [`crate::required_features`], [`crate::useful_features`] and
-/// [`crate::required_limits`]. The engine's error handler and its callback
-/// for a lost device are left alone.
+/// Computes on a device that an engine opened, with the features and limits it has: see [`crate::required_features`],
+/// [`crate::useful_features`] and [`crate::required_limits`]. The engine's error handler and its callback for a lost device
+/// are left alone.
 ///
 /// # Errors
 /// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that the device does not reach,
@@ -39,12 +35,20 @@ pub fn from_device(
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
     let gpu = Gpu::lent(device, queue, info)?;
-    let how = (KernelForm::default(), Validation::default());
-    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu), how))
+    ComputeBackend::over(WgpuDevice::over(Arc::new(gpu)))
 }
 
 /// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
 pub struct WgpuDevice {
+    pub(crate) scene: SceneState,
+    /// What the program's shaders read last.
+    pub(crate) module: Option<(Params, Buffer)>,
+    pub(crate) gpu: Arc<Gpu>,
+}
+
+/// What is let go of with a scene.
+#[derive(Default)]
+pub(crate) struct SceneState {
     windows: Windows,
     staging: Staging,
     /// Bytes that were sent last, of each [`Sent`].
@@ -55,56 +59,35 @@ pub struct WgpuDevice {
     pub(crate) points: DevicePoints,
     pub(crate) rays: DeviceRays,
     pub(crate) encoder: LentEncoder,
-    /// What the program's shaders read last.
-    pub(crate) module: Option<(Params, Buffer)>,
-    form: KernelForm,
-    validation: Validation,
-    pub(crate) gpu: Arc<Gpu>,
-}
-
-/// Makes kernels ready on any thread.
-pub struct PipelineMaker {
-    gpu: Arc<Gpu>,
-    form: KernelForm,
 }
 
 impl WgpuDevice {
-    fn over(gpu: Arc<Gpu>, (form, validation): (KernelForm, Validation)) -> Self {
+    fn over(gpu: Arc<Gpu>) -> Self {
         Self {
-            windows: Windows::default(),
-            staging: Staging::default(),
-            last_sent: [0; 2],
-            free: Default::default(),
-            spares: Spares::default(),
-            points: DevicePoints::default(),
-            rays: DeviceRays::default(),
-            encoder: LentEncoder::default(),
+            scene: SceneState::default(),
             module: None,
-            form,
-            validation,
             gpu,
         }
     }
 
     /// A buffer for so many bytes, and whether it held another thing of its kind.
     fn room(&mut self, what: Sent, bytes: u64) -> Result<(Buffer, bool)> {
-        let spare = self.free[what as usize].pop();
+        let spare = self.scene.free[what as usize].pop();
         match spare.filter(|buffer| buffer.size() >= bytes) {
             Some(buffer) => Ok((buffer, true)),
-            None => Ok((storage(&self.gpu, what.what(), what.room(bytes))?, false)),
+            None => {
+                let made = make(&self.gpu, what.what(), what.room(bytes), STORAGE)?;
+                Ok((made, false))
+            }
         }
     }
 
-    /// What wgpu refused so far on this device and, if it was opened
-    /// with validation, what the layer below it called an error.
-    ///
-    /// wgpu passes on the layer's errors in builds with debug assertions alone,
-    /// and for the process as a whole. Where the layer is not installed, it has
-    /// nothing to say.
+    /// What wgpu refused so far on this device and, if it was opened with validation, what the layer below it called an error.
+    /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole.
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         let mut messages = self.gpu.faults.messages();
-        if self.validation != Validation::Off {
+        if self.gpu.is_validated {
             messages.extend(layer_messages());
         }
         messages
@@ -120,18 +103,17 @@ impl WgpuDevice {
 impl GpuDevice for WgpuDevice {
     type Buffer = Buffer;
     type Pipeline = Pipeline;
-    type Maker = PipelineMaker;
+    type Maker = Arc<Gpu>;
     type Slot = Slot;
     type Copy = PositionsCopy;
     type Staging = Filled;
 
     fn open(options: &Options) -> Result<Self> {
-        let how = (options.kernels, options.validation);
-        Ok(Self::over(Arc::new(Gpu::open(options)?), how))
+        Gpu::open(options).map(|gpu| Self::over(Arc::new(gpu)))
     }
 
-    fn beside(maker: PipelineMaker) -> Result<Self> {
-        Ok(Self::over(maker.gpu, (maker.form, Validation::default())))
+    fn beside(gpu: Arc<Gpu>) -> Result<Self> {
+        Ok(Self::over(gpu))
     }
 
     fn device(&self) -> Device {
@@ -147,11 +129,8 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn forms(&self) -> (Option<Packets>, bool) {
-        let gpu = &self.gpu;
-        (
-            gpu.packets(self.form),
-            gpu.features.contains(LEAST_OF_64_BITS),
-        )
+        let rasterizes = self.gpu.features.contains(LEAST_OF_64_BITS);
+        (self.gpu.packets(), rasterizes)
     }
 
     fn clock(&self) -> Clock {
@@ -170,19 +149,16 @@ impl GpuDevice for WgpuDevice {
         check_kernels(&self.gpu.limits, wanted)
     }
 
-    fn buffer(&self, what: &str, bytes: u64, _: BufferPurpose) -> Result<Buffer> {
-        storage(&self.gpu, what, bytes)
+    fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
+        make(&self.gpu, name.name(), bytes, STORAGE)
     }
 
     fn size(buffer: &Buffer) -> u64 {
         buffer.size()
     }
 
-    /// Submissions keep what they use alive.
-    fn discard(&mut self, _: Buffer) {}
-
     fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
-        self.rays.due.pop_front()
+        self.scene.rays.due.pop_front()
     }
 
     fn buffers_made(&self) -> u64 {
@@ -199,7 +175,7 @@ impl GpuDevice for WgpuDevice {
         count: usize,
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()> {
-        self.staging.write(&self.gpu, to, count, row)
+        self.scene.staging.write(&self.gpu, to, count, row)
     }
 
     fn read<T: Pod>(
@@ -208,12 +184,12 @@ impl GpuDevice for WgpuDevice {
         count: usize,
         look: impl FnMut(usize, &[T]),
     ) -> Result<()> {
-        self.windows.read(&self.gpu, from, count, look)
+        self.scene.windows.read(&self.gpu, from, count, look)
     }
 
     fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
         let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let mut filled = self.staging.take(&self.gpu, what.room(bytes))?;
+        let mut filled = self.scene.staging.take(&self.gpu, what.room(bytes))?;
         match filled.fill(parts) {
             true => self.send_filled(what, filled),
             false => Err(self.gpu.faults.lose("nothing can be written".into())),
@@ -221,9 +197,13 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn staging(&mut self, what: Sent) -> Result<Option<Filled>> {
-        match self.last_sent[what as usize] {
+        match self.scene.last_sent[what as usize] {
             0 => Ok(None),
-            bytes => self.staging.take(&self.gpu, what.room(bytes)).map(Some),
+            bytes => self
+                .scene
+                .staging
+                .take(&self.gpu, what.room(bytes))
+                .map(Some),
         }
     }
 
@@ -233,43 +213,36 @@ impl GpuDevice for WgpuDevice {
 
     fn send_filled(&mut self, what: Sent, filled: Filled) -> Result<(Buffer, u64)> {
         let (buffer, _) = self.room(what, filled.bytes)?;
-        self.last_sent[what as usize] = filled.bytes;
-        self.staging.send(&self.gpu, filled, (&buffer, 0))?;
+        self.scene.last_sent[what as usize] = filled.bytes;
+        self.scene.staging.send(&self.gpu, filled, (&buffer, 0))?;
         Ok((buffer, 0))
     }
 
     fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
         let (buffer, held_another) = self.room(Sent::KeyFrame, size_of_val(&key[..]) as u64)?;
         let all = 0..key.len();
-        let runs = if held_another {
-            moving
-        } else {
-            std::slice::from_ref(&all)
-        };
-        for run in self.points.others(runs) {
+        let all = std::slice::from_ref(&all);
+        let runs = if held_another { moving } else { all };
+        for run in self.scene.points.others(runs) {
             let at = (run.start * size_of::<Point>()) as u64;
             write(&self.gpu, &buffer, at, &key[run])?;
         }
-        self.points.copy_to(&buffer);
+        self.scene.points.copy_to(&buffer);
         Ok((buffer, 0))
     }
 
-    /// The queue runs in order.
-    fn expect(&mut self, _: u64) {}
-
     fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
-        if !self.encoder.holds(what, &buffer) {
-            self.free[what as usize].push(buffer);
+        if !self.scene.encoder.holds(what, &buffer) {
+            self.scene.free[what as usize].push(buffer);
         }
     }
 
-    fn pipeline_maker(&self) -> PipelineMaker {
-        let (gpu, form) = (Arc::clone(&self.gpu), self.form);
-        PipelineMaker { gpu, form }
+    fn pipeline_maker(&self) -> Arc<Gpu> {
+        Arc::clone(&self.gpu)
     }
 
-    fn make_pipeline(maker: &PipelineMaker, kernel: KernelCode) -> Result<Pipeline> {
-        Pipeline::new(&maker.gpu, maker.form, kernel)
+    fn make_pipeline(gpu: &Arc<Gpu>, kernel: KernelCode) -> Result<Pipeline> {
+        Pipeline::new(gpu, kernel)
     }
 
     fn slot(&self) -> Result<Slot> {
@@ -286,10 +259,10 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
-        self.encoder.wait(&self.gpu, ticket)?;
+        self.scene.encoder.wait(&self.gpu, ticket)?;
         let finished = slot.finish(&self.gpu)?;
-        for (what, buffer) in self.encoder.finished(ticket) {
-            self.free[what as usize].push(buffer);
+        for (what, buffer) in self.scene.encoder.finished(ticket) {
+            self.scene.free[what as usize].push(buffer);
         }
         Ok(finished)
     }
@@ -302,23 +275,13 @@ impl GpuDevice for WgpuDevice {
         copy.mapping.poll(&self.gpu)
     }
 
-    /// The queue runs in order.
-    fn overwrites(&mut self, _: &PositionsCopy) {}
-
     fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
-        Ok(self.spares.lend(Arrived::new(copy, vertices)?))
+        Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
     }
 
-    fn abandon(&mut self) {}
-
-    fn unload(&mut self, slots: &mut dyn Iterator<Item = &mut Slot>) -> Result<()> {
+    fn unload(&mut self) -> Result<()> {
         self.gpu.wait_idle()?;
-        slots.for_each(Slot::forget);
-        (self.staging, self.last_sent) = (Staging::default(), [0; 2]);
-        self.free = Default::default();
-        (self.spares, self.windows) = (Spares::default(), Windows::default());
-        (self.points, self.rays) = (DevicePoints::default(), DeviceRays::default());
-        self.encoder = LentEncoder::default();
+        self.scene = SceneState::default();
         Ok(())
     }
 
@@ -327,17 +290,12 @@ impl GpuDevice for WgpuDevice {
     }
 
     /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
-    fn with_own_bytes(
-        &self,
-        bytes: DeviceBytes,
-        slots: &mut dyn Iterator<Item = &Slot>,
-    ) -> DeviceBytes {
+    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
         let size = |all: &Vec<Buffer>| all.iter().map(Buffer::size).sum::<u64>();
-        let [trees, keys] = self.free.each_ref().map(size);
+        let [trees, keys] = self.scene.free.each_ref().map(size);
         DeviceBytes {
             tree: bytes.tree + trees,
             scene: bytes.scene + keys,
-            frames: bytes.frames + slots.map(Slot::bytes).sum::<u64>(),
             ..bytes
         }
     }

@@ -10,12 +10,16 @@ use wesl::{CompileOptions, Feature, Features, Mangler, NoMangler, VirtualResolve
 /// Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
 pub(crate) const KEPT: NoMangler = NoMangler;
 
-/// All files, by their paths from the folder `wgsl` on without extension.
-pub(crate) struct Sources(BTreeMap<String, String>);
+pub(crate) struct Sources {
+    /// All files, by their paths from the folder `wgsl` on without extension.
+    pub(crate) files: BTreeMap<String, String>,
+    /// All conditions that they may name.
+    pub(crate) conditions: Vec<String>,
+}
 
 impl Sources {
     pub(crate) fn read(root: &Path) -> Result<Self> {
-        let mut files = BTreeMap::new();
+        let (mut files, conditions) = (BTreeMap::new(), Vec::new());
         for folder in root.read_dir().context("wgsl")? {
             for file in folder?.path().read_dir().context("a folder in wgsl")? {
                 let path = file?.path();
@@ -24,28 +28,21 @@ impl Sources {
                 files.insert(name.to_string_lossy().into_owned(), text);
             }
         }
-        Ok(Self(files))
+        Ok(Self { files, conditions })
     }
 
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
-        let all = self.0.iter();
-        all.map(|(name, text)| (name.as_str(), text.as_str()))
-    }
-
-    /// Entry points of a file with all that they use, names of other files by the mangler. Conditions hold that are named in
-    /// `on`; those in neither list are errors.
+    /// Entry points of a file with all that they use, names of other files by the mangler, where the conditions `on` hold.
     pub(crate) fn compose(
         &self,
         file: &str,
         (entries, mangler): (&[&str], &impl Mangler),
         on: &[&str],
-        off: &[&str],
     ) -> Result<String> {
         let mut resolver = VirtualResolver::new();
-        for (name, text) in self.iter() {
+        for (name, text) in &self.files {
             resolver.add_module(module(name), text.into());
         }
-        let flag = |name: &&str| ((*name).to_owned(), Feature::from(on.contains(name)));
+        let flag = |name: &String| (name.clone(), Feature::from(on.contains(&name.as_str())));
         let options = CompileOptions {
             imports: true,
             condcomp: true,
@@ -59,7 +56,7 @@ impl Sources {
             keep_root: false,
             features: Features {
                 default: Feature::Error,
-                flags: off.iter().chain(on).map(flag).collect(),
+                flags: self.conditions.iter().map(flag).collect(),
             },
         };
         let made = wesl::compile(&module(file), &resolver, mangler, &options);
@@ -76,10 +73,7 @@ fn module(name: &str) -> ModulePath {
 /// Gives each `@binding(next)` its number, from 1 on: the parameters have number 0.
 fn number_bindings(source: &str) -> String {
     let mut parts = source.split("@binding(next)");
-    let mut numbered = parts.next().unwrap_or_default().to_owned();
-    for (i, part) in parts.enumerate() {
-        numbered.push_str(&format!("@binding({})", i + 1));
-        numbered.push_str(part);
-    }
-    numbered
+    let first = parts.next().unwrap_or_default().to_owned();
+    let number = |all, (part, i)| format!("{all}@binding({i}){part}");
+    parts.zip(1..).fold(first, number)
 }

@@ -54,39 +54,26 @@ fn named(module: &Module, is_it: impl Fn(&str) -> bool) -> impl Iterator<Item = 
 
 /// naga clears every variable; stacks and the room for whole numbers need none of it.
 fn drop_null_initialisers(module: &mut Module) {
-    let nulls: HashSet<u32> = module
-        .types_global_values
-        .iter()
-        .filter(|i| i.class.opcode == Op::ConstantNull)
-        .filter_map(|i| i.result_id)
-        .collect();
-    let arrays: HashSet<u32> = module
-        .types_global_values
-        .iter()
-        .filter(|i| i.class.opcode == Op::TypePointer)
-        .filter(|i| points_to_array(module, i))
-        .filter_map(|i| i.result_id)
-        .collect();
+    let ids = |is_it: &dyn Fn(&Instruction) -> bool| -> HashSet<u32> {
+        let found = module.types_global_values.iter().filter(|i| is_it(i));
+        found.filter_map(|i| i.result_id).collect()
+    };
+    let nulls = ids(&|i| i.class.opcode == Op::ConstantNull);
+    let arrays = ids(&|i| i.class.opcode == Op::TypeArray);
+    let pointers = ids(&|i| i.class.opcode == Op::TypePointer && is_second(i, &arrays));
     let blocks = module.functions.iter_mut().flat_map(|f| &mut f.blocks);
     let inside = blocks.flat_map(|b| &mut b.instructions);
     for i in inside.chain(&mut module.types_global_values) {
-        let stack =
-            i.class.opcode == Op::Variable && i.result_type.is_some_and(|t| arrays.contains(&t));
-        let cleared = matches!(i.operands.get(1), Some(Operand::IdRef(id)) if nulls.contains(id));
-        if stack && cleared {
+        let points_to_array = i.result_type.is_some_and(|t| pointers.contains(&t));
+        if i.class.opcode == Op::Variable && points_to_array && is_second(i, &nulls) {
             i.operands.truncate(1);
         }
     }
 }
 
-fn points_to_array(module: &Module, pointer: &Instruction) -> bool {
-    let Some(Operand::IdRef(pointee)) = pointer.operands.get(1) else {
-        return false;
-    };
-    module
-        .types_global_values
-        .iter()
-        .any(|i| i.result_id == Some(*pointee) && i.class.opcode == Op::TypeArray)
+/// Whether the second operand is one of these.
+fn is_second(i: &Instruction, ids: &HashSet<u32>) -> bool {
+    matches!(i.operands.get(1), Some(Operand::IdRef(id)) if ids.contains(id))
 }
 
 /// A function of two words that gives two, the low one of their product first.
@@ -108,7 +95,11 @@ fn replace(module: &mut Module, at: usize) -> Result<()> {
     let [both, whole, low, high, pair] = std::array::from_fn(|i| header.bound + i as u32);
     header.bound += 5;
     let function = &mut module.functions[at];
-    let (word, operands) = parameters(function)?;
+    let parameters = &function.parameters;
+    ensure!(parameters.len() == 2, "two parameters");
+    let word = parameters[0].result_type.context("a type")?;
+    let operands = parameters.iter().filter_map(|p| p.result_id);
+    let operands = operands.map(Operand::IdRef).collect();
     let result = function.def.as_ref().and_then(|i| i.result_type);
     let result = result.context("a result")?;
     let make = |op, ty, id, operands| Instruction::new(op, Some(ty), Some(id), operands);
@@ -133,14 +124,4 @@ fn replace(module: &mut Module, at: usize) -> Result<()> {
     let both = Instruction::new(Op::TypeStruct, None, Some(both), words);
     module.types_global_values.push(both);
     Ok(())
-}
-
-/// The type of a function's two parameters, and them.
-fn parameters(function: &Function) -> Result<(u32, Vec<Operand>)> {
-    let mut types = function.parameters.iter().filter_map(|p| p.result_type);
-    let word = types.next().context("parameters")?;
-    let ids = function.parameters.iter().filter_map(|p| p.result_id);
-    let operands: Vec<_> = ids.map(Operand::IdRef).collect();
-    ensure!(operands.len() == 2, "two parameters");
-    Ok((word, operands))
 }

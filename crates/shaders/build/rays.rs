@@ -1,9 +1,8 @@
 //! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
 use crate::compose::{KEPT, Sources};
-use crate::variants::{EntryPoint, conditions};
 use crate::{harden, include_words, options, parse, reflect};
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Result, anyhow, bail, ensure};
 use naga::ShaderStage;
 use naga::back::spv;
 use naga::valid::Capabilities;
@@ -26,7 +25,7 @@ const UNKNOWN: [(&str, &str); 5] = [
 ];
 
 /// The pipeline's stages as a Rust constant.
-pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Result<String> {
+pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let stages = [
         "closest_hit",
         "miss",
@@ -36,7 +35,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
         "given_shadow",
         "given_any",
     ];
-    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[], &conditions(all))?;
+    let mut source = sources.compose(PIPELINE, (&stages, &KEPT), &[])?;
     for (here, there) in UNKNOWN {
         ensure!(source.contains(here), "no {here}");
         source = source.replace(here, there);
@@ -52,7 +51,7 @@ pub(crate) fn compile(out: &Path, sources: &Sources, all: &[EntryPoint]) -> Resu
     hand_over_attributes(&mut lowered)?;
     drop_geometry(&mut lowered);
     let spirv = include_words(out, "rays", &lowered.assemble())?;
-    let (_, bindings) = reflect::bindings(&module)?;
+    let bindings: String = reflect::bindings(&module)?.into_values().collect();
     let scene = reflect::scene(&module)?;
     let entries = |stage| {
         let all = module.entry_points.iter().filter(move |e| e.stage == stage);
@@ -78,11 +77,8 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
     let attributes = Operand::StorageClass(StorageClass::HitAttributeKHR);
     let is_private = |i: &Instruction, op| i.class.opcode == op && i.operands.contains(&private);
     let all = &module.types_global_values;
-    let variables: Vec<_> = all
-        .iter()
-        .filter(|i| is_private(i, Op::Variable))
-        .filter_map(|i| i.result_id)
-        .collect();
+    let variables = all.iter().filter(|i| is_private(i, Op::Variable));
+    let variables: Vec<_> = variables.filter_map(|i| i.result_id).collect();
     let [variable] = variables[..] else {
         bail!("one private variable, found {}", variables.len());
     };
@@ -98,9 +94,8 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
         let mut used = i.operands.iter();
         i.class.opcode == Op::Load || !used.any(|o| *o == Operand::IdRef(variable))
     });
-    whole
-        .then_some(())
-        .context("attributes are read as a whole, and only read")
+    ensure!(whole, "attributes are read as a whole, and only read");
+    Ok(())
 }
 
 /// naga takes a triangle's number for that of geometry shaders; those that trace rays have it anyway.

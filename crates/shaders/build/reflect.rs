@@ -2,12 +2,11 @@
 
 use anyhow::{Context, Result, bail};
 use naga::{AddressSpace, StorageAccess};
+use std::collections::BTreeMap;
 
 pub(crate) fn workgroup(module: &naga::Module, name: &str) -> Result<[u32; 3]> {
     let entry = module.entry_points.iter().find(|e| e.name == name);
-    Ok(entry
-        .context("the entry point must be named like its file")?
-        .workgroup_size)
+    Ok(entry.context("an entry point")?.workgroup_size)
 }
 
 fn is_tree(module: &naga::Module, variable: &naga::GlobalVariable) -> bool {
@@ -18,10 +17,9 @@ fn is_tree(module: &naga::Module, variable: &naga::GlobalVariable) -> bool {
 /// Where the driver's tree is bound.
 pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
     let mut all = module.global_variables.iter().map(|(_, v)| v);
-    let tree = all
-        .find(|v| is_tree(module, v))
-        .and_then(|v| v.binding.as_ref());
-    Ok(tree.context("a tree of the driver's")?.binding)
+    let tree = all.find(|v| is_tree(module, v));
+    let binding = tree.and_then(|v| v.binding.as_ref());
+    Ok(binding.context("a tree of the driver's")?.binding)
 }
 
 /// Bytes that a workgroup shares, each variable in whole rows of 16.
@@ -32,9 +30,9 @@ pub(crate) fn shared_bytes(module: &naga::Module) -> u32 {
     bytes.map(|b| b.next_multiple_of(16)).sum()
 }
 
-/// The bindings of group 0, by number and as Rust expressions; a driver's tree is left out.
-pub(crate) fn bindings(module: &naga::Module) -> Result<(Vec<u32>, String)> {
-    let mut found = Vec::new();
+/// The bindings of group 0 by their numbers, as Rust expressions; a driver's tree is left out.
+pub(crate) fn bindings(module: &naga::Module) -> Result<BTreeMap<u32, String>> {
+    let mut found = BTreeMap::new();
     for (_, variable) in module.global_variables.iter() {
         let Some(binding) = &variable.binding else {
             continue;
@@ -52,14 +50,13 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<(Vec<u32>, String)> {
             other => bail!("unexpected address space {other:?}"),
         };
         let name = camel_case(variable.name.as_deref().unwrap_or_default());
-        found.push((binding.binding, kind, name));
+        let number = binding.binding;
+        let text = format!(
+            "Binding {{ number: {number}, kind: Kind::{kind}, name: BufferName::{name} }}, "
+        );
+        found.insert(number, text);
     }
-    found.sort();
-    let text = |(number, kind, name): &(u32, &str, String)| {
-        format!("Binding {{ number: {number}, kind: Kind::{kind}, name: BufferName::{name} }}, ")
-    };
-    let numbers = found.iter().map(|(number, ..)| *number).collect();
-    Ok((numbers, found.iter().map(text).collect()))
+    Ok(found)
 }
 
 /// `leaf_nodes` as `LeafNodes`.

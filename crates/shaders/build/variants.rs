@@ -7,22 +7,14 @@ use crate::compose::{KEPT, Sources};
 use anyhow::{Context, Result, ensure};
 use wesl::EscapeMangler;
 
-/// The axes that hosts choose along, each with its values and the condition that holds for each.
+/// The axes that hosts choose along, each with its values. In capitals they are conditions.
 /// `src/method.rs` says which value a method takes.
-const AXES: &[(&str, &[(&str, &str)])] = &[
+const AXES: [(&str, &[&str]); 2] = [
     (
         "intersector",
-        &[
-            ("moller_trumbore", "MOLLER_TRUMBORE"),
-            ("woop", "WOOP"),
-            ("watertight", "WATERTIGHT"),
-            ("exact", "EXACT"),
-        ],
+        &["moller_trumbore", "woop", "watertight", "exact"],
     ),
-    (
-        "layout",
-        &[("bvh2", "LAYOUT_BVH2"), ("fast", "LAYOUT_FAST")],
-    ),
+    ("layout", &["bvh2", "fast"]),
 ];
 /// Holds where single IEEE operations are kept single by arithmetic that a compiler cannot see through, not by decorations
 /// of the SPIR-V.
@@ -31,30 +23,24 @@ const OPAQUE: &str = "OPAQUE";
 const FUSED: &str = "FUSED";
 /// Holds for entry points that are named so.
 const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
-
 /// Holds for the text that shaders of others call: nothing is counted.
 const MODULE: &str = "MODULE";
 
-/// A value of an axis.
-#[derive(Clone, Copy)]
-struct Value {
-    axis: &'static str,
-    name: &'static str,
-    condition: &'static str,
-}
+/// An axis, and some of its values or all.
+type Choice = (&'static str, Vec<&'static str>);
 
 /// A compute kernel before its variants are chosen.
 pub(crate) struct EntryPoint {
     /// Its file, and its name.
     pub(crate) file: String,
     pub(crate) name: String,
-    choices: Vec<Vec<Value>>,
+    choices: Vec<Choice>,
     divides: bool,
 }
 
 /// A kernel as it is compiled: for all choices that compose to the same text.
 pub(crate) struct Variant {
-    chosen: Vec<Vec<Value>>,
+    chosen: Vec<Vec<&'static str>>,
     /// With products of halves.
     pub(crate) text: Text,
     /// With fused products and sums, where that differs.
@@ -69,7 +55,7 @@ pub(crate) struct Text {
 }
 
 /// Single rays for shaders of others, by the usual method.
-pub(crate) fn module(sources: &Sources, all: &[EntryPoint]) -> Result<String> {
+pub(crate) fn module(sources: &Sources) -> Result<String> {
     let names = [
         "abvh_closest",
         "abvh_any",
@@ -77,22 +63,20 @@ pub(crate) fn module(sources: &Sources, all: &[EntryPoint]) -> Result<String> {
         "ABVH_MISS",
         "ABVH_EXTREME",
     ];
-    let file = "traversal/module";
-    let on = ["WATERTIGHT", "LAYOUT_FAST", OPAQUE, MODULE];
-    sources.compose(file, (&names, &EscapeMangler), &on, &conditions(all))
+    let on = ["WATERTIGHT", "FAST", OPAQUE, MODULE];
+    sources.compose("traversal/module", (&names, &EscapeMangler), &on)
 }
 
 /// Every compute kernel, sorted by name.
 pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
     let mut all = Vec::new();
-    for (file, text) in sources.iter() {
+    for (file, text) in &sources.files {
         let lines: Vec<_> = text.lines().collect();
         for at in (0..lines.len()).filter(|&at| lines[at].starts_with("@compute")) {
             let name = lines[at + 1].strip_prefix("fn ");
             let name = name.and_then(|n| n.split_once('(')).context("an entry")?.0;
-            let axes = at
-                .checked_sub(1)
-                .and_then(|i| lines[i].strip_prefix("// Variants: "));
+            let above = at.checked_sub(1).map(|i| lines[i]);
+            let axes = above.and_then(|line| line.strip_prefix("// Variants: "));
             let entry = EntryPoint::new(file, name, axes.unwrap_or("."));
             all.push(entry.with_context(|| name.to_owned())?);
         }
@@ -104,38 +88,39 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
 impl EntryPoint {
     fn new(file: &str, name: &str, axes: &str) -> Result<Self> {
         let axes = axes.strip_suffix('.').context("a full stop")?;
-        let mut entry = Self {
-            file: file.to_owned(),
-            name: name.to_owned(),
-            choices: Vec::new(),
-            divides: false,
-        };
+        let (mut choices, mut divides) = (Vec::new(), false);
         for word in axes.split(", ").filter(|w| !w.is_empty()) {
             match word.strip_suffix(')').and_then(|w| w.split_once('(')) {
-                None if word == "arithmetic" => entry.divides = true,
-                None => entry.choices.push(values(word)?),
-                Some((axis, only)) => {
-                    let mut all = values(axis)?;
-                    all.retain(|v| only.split(' ').any(|o| o == v.name));
-                    ensure!(!all.is_empty(), "{axis} has no value {only}");
-                    entry.choices.push(all);
+                None if word == "arithmetic" => divides = true,
+                None => choices.push(axis(word)?),
+                Some((name, only)) => {
+                    let (axis, mut values) = axis(name)?;
+                    values.retain(|v| only.split(' ').any(|o| o == *v));
+                    ensure!(!values.is_empty(), "{axis} has no value {only}");
+                    choices.push((axis, values));
                 }
             }
         }
-        Ok(entry)
+        Ok(Self {
+            file: file.to_owned(),
+            name: name.to_owned(),
+            choices,
+            divides,
+        })
     }
 
     /// Every way to choose, those together that come to the same text.
-    pub(crate) fn variants(&self, sources: &Sources, all: &[EntryPoint]) -> Result<Vec<Variant>> {
-        let mut ways: Vec<Vec<Value>> = vec![Vec::new()];
-        for choice in &self.choices {
-            let with = |way: &Vec<Value>, v| way.iter().copied().chain([v]).collect();
-            let more = |way| choice.iter().map(move |&v| with(way, v));
-            ways = ways.iter().flat_map(more).collect();
+    pub(crate) fn variants(&self, sources: &Sources) -> Result<Vec<Variant>> {
+        let mut ways: Vec<Vec<&str>> = vec![Vec::new()];
+        for (_, values) in &self.choices {
+            let pairs = ways
+                .iter()
+                .flat_map(|way| values.iter().map(move |&v| (way, v)));
+            ways = pairs.map(|(way, v)| [&way[..], &[v]].concat()).collect();
         }
         let mut made: Vec<Variant> = Vec::new();
         for way in ways {
-            let text = |fused| self.text(sources, all, &way, fused);
+            let text = |fused| self.text(sources, &way, fused);
             let fused = self.divides.then(|| text(Some(FUSED))).transpose()?;
             let text = text(None)?;
             let fused = fused.filter(|f| *f != text);
@@ -151,18 +136,13 @@ impl EntryPoint {
         Ok(made)
     }
 
-    fn text(
-        &self,
-        sources: &Sources,
-        all: &[EntryPoint],
-        way: &[Value],
-        fused: Option<&str>,
-    ) -> Result<Text> {
+    fn text(&self, sources: &Sources, way: &[&str], fused: Option<&str>) -> Result<Text> {
         let subgroups = self.name.ends_with(SUBGROUPS.1).then_some(SUBGROUPS.0);
+        let values: Vec<_> = way.iter().map(|v| v.to_uppercase()).collect();
         let compose = |opaque: Option<&str>| {
-            let way = way.iter().map(|v| v.condition).chain([&self.name[..]]);
-            let on: Vec<_> = way.chain(subgroups).chain(fused).chain(opaque).collect();
-            sources.compose(&self.file, (&[&self.name], &KEPT), &on, &conditions(all))
+            let named = values.iter().chain([&self.name]).map(String::as_str);
+            let on: Vec<_> = named.chain(subgroups).chain(fused).chain(opaque).collect();
+            sources.compose(&self.file, (&[&self.name], &KEPT), &on)
         };
         Ok(Text {
             plain: compose(None)?,
@@ -173,21 +153,17 @@ impl EntryPoint {
 
 impl Variant {
     /// Each axis with the values that it serves; axes along which nothing differs are left out.
-    pub(crate) fn serves(
-        &self,
-        entry: &EntryPoint,
-    ) -> Result<Vec<(&'static str, Vec<&'static str>)>> {
+    pub(crate) fn serves(&self, entry: &EntryPoint) -> Result<Vec<Choice>> {
         let (mut served, mut combinations) = (Vec::new(), 1);
-        for (i, choice) in entry.choices.iter().enumerate() {
-            let has = |v: &&Value| self.chosen.iter().any(|c| c[i].name == v.name);
-            let names: Vec<_> = choice.iter().filter(has).map(|v| v.name).collect();
-            combinations *= names.len();
-            if names.len() < values(choice[0].axis)?.len() {
-                served.push((choice[0].axis, names));
+        for (i, (name, values)) in entry.choices.iter().enumerate() {
+            let mut values = values.clone();
+            values.retain(|v| self.chosen.iter().any(|way| way[i] == *v));
+            combinations *= values.len();
+            if values.len() < axis(name)?.1.len() {
+                served.push((*name, values));
             }
         }
-        let is_whole = combinations == self.chosen.len();
-        let name = &entry.name;
+        let (is_whole, name) = (combinations == self.chosen.len(), &entry.name);
         ensure!(
             is_whole,
             "equal variants of {name} are no whole rows of an axis"
@@ -196,24 +172,18 @@ impl Variant {
     }
 }
 
-fn values(axis: &str) -> Result<Vec<Value>> {
-    let found = AXES.iter().find(|(name, _)| *name == axis);
-    let (axis, all) = found.with_context(|| format!("no axis {axis}"))?;
-    let value = |&(name, condition)| Value {
-        axis,
-        name,
-        condition,
-    };
-    Ok(all.iter().map(value).collect())
+/// An axis with all its values.
+fn axis(name: &str) -> Result<Choice> {
+    let found = AXES.iter().find(|(axis, _)| *axis == name);
+    let (axis, values) = found.with_context(|| format!("no axis {name}"))?;
+    Ok((axis, values.to_vec()))
 }
 
 /// All conditions that a file may name.
-pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<&str> {
-    let values = AXES.iter().flat_map(|(_, values)| values.iter());
-    let values = values.map(|(_, condition)| *condition);
-    let entries = all.iter().map(|e| e.name.as_str());
-    values
-        .chain([OPAQUE, FUSED, MODULE, SUBGROUPS.0])
-        .chain(entries)
-        .collect()
+pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
+    let values = AXES.iter().flat_map(|(_, values)| *values);
+    let others = [OPAQUE, FUSED, MODULE, SUBGROUPS.0].map(str::to_owned);
+    let entries = all.iter().map(|e| e.name.clone());
+    let values = values.map(|v| v.to_uppercase());
+    values.chain(others).chain(entries).collect()
 }

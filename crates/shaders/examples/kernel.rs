@@ -9,10 +9,8 @@ use std::process::ExitCode;
 /// Whether a kernel has that entry point and serves those values.
 fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
     let serves = |value: &String| {
-        kernel
-            .slots
-            .iter()
-            .any(|(_, served)| served.contains(&value.as_str()))
+        let mut slots = kernel.slots.iter();
+        slots.any(|(_, served)| served.contains(&value.as_str()))
     };
     kernel.entry == entry && values.iter().filter(|v| *v != "fused").all(serves)
 }

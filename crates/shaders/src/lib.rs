@@ -1,9 +1,8 @@
 //! All WGSL, compiled and reflected at build time.
 //!
-//! Each kernel comes as SPIR-V whose every addition, subtraction and
-//! multiplication is decorated NoContraction, for those who can load it, and as
-//! WGSL whose arithmetic a compiler cannot see through, for those who cannot.
-//! Both give the bits that `cpu-ref` gives.
+//! Each kernel comes as SPIR-V whose additions, subtractions and multiplications are decorated NoContraction, for those who
+//! can load it. For others it comes as WGSL whose arithmetic a compiler cannot see through. Both give the bits that `cpu-ref`
+//! gives.
 //!
 //! The kernels are WESL: each file in `wgsl` imports what it uses itself, and conditions (`@if(EXACT)`) tell variants apart. A
 //! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a kernel as it is composed:
@@ -17,11 +16,9 @@
 //! what kernels count. `gpu-common` is that host.
 
 pub mod arithmetic;
-mod buffers;
 mod method;
 mod params;
 mod pictures;
-mod projection;
 pub mod rebuild;
 mod shape;
 mod tree_stats;
@@ -31,9 +28,8 @@ pub mod work;
 use backend::Method;
 
 pub use arithmetic::Traits;
-pub use buffers::{BufferName, RANGE_BYTES, tree_buffers};
+pub use method::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
-pub use method::{occluded_words, record_bytes};
 pub use params::{Counts, Params};
 pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, WideShape, moving_rows};
@@ -67,8 +63,8 @@ pub struct Kernel {
 pub struct Code {
     /// WGSL with opaque arithmetic.
     pub wgsl: &'static str,
-    /// SPIR-V 1.3 with NoContraction.
-    pub spirv: &'static [u32],
+    /// SPIR-V 1.3 with NoContraction: its words in this machine's order of bytes.
+    pub spirv: &'static [u8],
 }
 
 /// A buffer that a kernel asks for.
@@ -80,6 +76,81 @@ pub struct Binding {
     pub kind: Kind,
     /// The variable's name, which is the buffer's.
     pub name: BufferName,
+}
+
+backend::named! {
+    /// A buffer by its name in the kernels, and what messages call it. The build makes [`Binding`]s of these, so a
+    /// kernel can name no other.
+    pub enum BufferName {
+        /// [`Params`] of one dispatch.
+        Params = "parameters",
+        /// [`Counts`] of one submission.
+        Counts = "counts",
+        /// What the test of a device's arithmetic computes with: see [`crate::arithmetic`].
+        Operands = "operands",
+        /// What that test gives.
+        Results = "results",
+        /// The key frame before the moment.
+        Earlier = "a key frame",
+        /// The key frame after it.
+        Later = "a key frame",
+        /// How far its coordinates reach, where the host did not look: wgsl/geometry/range.wgsl.
+        Range = "a key frame's range",
+        /// Interpolated vertices.
+        Positions = "positions",
+        /// Rows of positions in which anything moves: see [`crate::moving_rows`].
+        MovingRows = "rows that move",
+        /// Three vertices a triangle.
+        Triangles = "triangles' corners",
+        /// Three finite vertices a triangle, for trees of the driver's.
+        Cleansed = "cleansed triangles",
+        /// The tree's record as the host sends it.
+        Topology = "the tree's record",
+        /// Leaves by their ranks. Empty with layout `fast`, as is the other list.
+        LeafNodes = "the list of leaves",
+        /// Inner nodes likewise.
+        InnerNodes = "the list of inner nodes",
+        /// Three vertices a leaf with layout `fast`, else empty.
+        LeafCorners = "the leaves' vertices",
+        /// What intersectors read of each triangle.
+        Records = "the triangles' records",
+        /// With layout `fast` empty until a tree says how many rows it takes ([`Shape::node_rows`]), as is `costs`.
+        Nodes = "the tree's nodes",
+        /// Partial sums of areas: see build/refit.wgsl and [`Shape::own_cost_bytes`].
+        Costs = "the tree's areas",
+        /// Empty until a trace says how much it takes: see [`crate::work::Trace::cover_bytes`].
+        Covers = "what triangles cover of the picture",
+        /// Likewise: see [`crate::work::Trace::visibility_bytes`]. It grows with the picture, not with the tree.
+        Visibility = "the visibility buffer",
+        /// Rays given one by one.
+        Rays = "rays",
+        /// Closest hits.
+        Hits = "hits",
+        /// Whether rays met anything, or hits lie in shadow.
+        Occluded = "shadows",
+        /// Hits or occlusion, as they are counted.
+        Answers = "answers",
+        /// sRGB of each triangle: [`backend::Palette::colours`].
+        Colours = "the triangles' colours",
+        /// [`backend::Palette::tones`].
+        Tones = "tones",
+        /// Four bytes a pixel, of pictures that are shaded.
+        Pixels = "pixels",
+        /// The live triangles, for trees made on the device; so are the next.
+        Live = "the live triangles",
+        /// The numbers of leaves, in place of [`BufferName::LeafNodes`] where not all triangles are live. No kernel's own name.
+        LeafNumbers = "the numbers of leaves",
+        /// Keys to sort by, before a pass and after it.
+        Keys = "keys to sort by",
+        /// The leaves' triangles, likewise.
+        Sorted = "sorted triangles",
+        /// How often each value of a digit occurs.
+        Digits = "counts of digits",
+        /// Parts of the scene's box.
+        Boxes = "the scene's box",
+        /// Subtrees that are merged, before a phase and after it.
+        Clusters = "clusters",
+    }
 }
 
 /// How a kernel uses a buffer.
@@ -102,8 +173,8 @@ pub fn storage_buffers(bindings: &[Binding]) -> u32 {
 /// The stages of a ray-tracing pipeline, in one module of SPIR-V 1.4 with NoContraction.
 #[derive(Clone, Copy, Debug)]
 pub struct RayStages {
-    /// The module.
-    pub spirv: &'static [u32],
+    /// The module, as [`Code::spirv`].
+    pub spirv: &'static [u8],
     /// Where the driver's tree is bound in group 0.
     pub scene: u32,
     /// What else the stages read and write, by number, all in group 0.
@@ -114,30 +185,6 @@ pub struct RayStages {
     pub closest_hit: &'static str,
     /// The entry point for rays that miss.
     pub miss: &'static str,
-}
-
-/// A file's bytes, where words may lie.
-#[repr(C, align(4))]
-struct Aligned<const N: usize>([u8; N]);
-
-impl<const N: usize> Aligned<N> {
-    #[expect(
-        unsafe_code,
-        reason = "no safe cast of bytes to words is known while constants are made"
-    )]
-    const fn words(&self) -> &[u32] {
-        // SAFETY: the bytes lie where words may, N / 4 words are no more bytes than there are, and any bits are a word.
-        unsafe { std::slice::from_raw_parts(self.0.as_ptr().cast(), N / 4) }
-    }
-}
-
-/// A file of the build's, as words.
-macro_rules! words {
-    ($file:literal) => {{
-        static FILE: Aligned<{ include_bytes!(concat!(env!("OUT_DIR"), $file)).len() }> =
-            Aligned(*include_bytes!(concat!(env!("OUT_DIR"), $file)));
-        FILE.words()
-    }};
 }
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
@@ -172,27 +219,17 @@ impl Kernel {
     /// asks for them.
     #[must_use]
     pub fn precedes_traces(&self) -> bool {
-        const STEMS: [&str; 7] = [
-            "interpolate",
-            "preprocess",
-            "refit",
-            "gather",
-            "sum",
-            "areas",
-            "mark",
-        ];
-        let stem = self.entry.split('_').next().unwrap_or_default();
-        STEMS.contains(&stem) && !self.makes_trees()
+        let stem = self.entry.split('_').next();
+        matches!(
+            stem.unwrap_or_default(),
+            "interpolate" | "preprocess" | "refit" | "gather" | "sum" | "areas" | "mark"
+        )
     }
 
     /// Whether it is of use to layout `fast` alone.
     pub fn refits_treelets(&self) -> bool {
         let mut all = KERNELS.iter().filter(|k| k.entry == self.entry);
-        all.all(|k| {
-            k.slots
-                .iter()
-                .any(|&(axis, values)| axis == "layout" && values == ["fast"])
-        })
+        all.all(|k| k.slots.contains(&("layout", &["fast"])))
     }
 }
 
@@ -201,10 +238,9 @@ impl Kernel {
 /// # Panics
 /// If there is none: entry points are known when the program is written, and every method has them all.
 pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
-    let mut found = KERNELS.iter().filter(|k| k.entry == entry);
-    found
-        .find(|k| k.serves(method))
-        .unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
+    let mut all = KERNELS.iter();
+    let found = all.find(|k| k.entry == entry && k.serves(method));
+    found.unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
 }
 
 /// The kernel with that entry point, which every method shares; also one of [`RAY_KERNELS`].

@@ -1,6 +1,7 @@
 //! Which variants of kernels a method takes, and how much room.
 
-use backend::{Intersector, Method};
+use crate::{BufferName, Shape};
+use backend::{Intersector, Layout, Method};
 
 /// The value along `axis` of the kernels that serve `method`: the host's half of `build/variants.rs`.
 pub(crate) fn value(axis: &str, method: Method) -> &'static str {
@@ -17,11 +18,36 @@ pub(crate) fn value(axis: &str, method: Method) -> &'static str {
 /// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
 ///
 /// 48 a leaf, and for `woop`, whose transform fills them all, 4 more behind all of those: the triangle's index.
-pub fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
+fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     match intersector {
         Intersector::Woop => leaves * 48 + (leaves * 4).next_multiple_of(16),
         _ => leaves * 48,
     }
+}
+
+/// Bytes of the buffer `range`.
+pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
+
+/// Bytes of each buffer that suffice for every tree of so many leaves; with layout `fast` but for nodes and costs.
+pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {
+    let usual = |bytes| match method.layout {
+        Layout::Bvh2 => bytes,
+        Layout::Fast => 0,
+    };
+    let nodes = (2 * leaves).saturating_sub(1);
+    [
+        (BufferName::LeafNodes, usual(leaves * 4)),
+        (BufferName::InnerNodes, usual(leaves * 4)),
+        (BufferName::LeafCorners, leaves * 12 - usual(leaves * 12)),
+        (
+            BufferName::Records,
+            record_bytes(method.intersector, leaves),
+        ),
+        (BufferName::Nodes, usual(nodes * 32)),
+        (BufferName::Costs, usual(Shape::cost_bytes(leaves))),
+        (BufferName::Covers, 0),
+        (BufferName::Visibility, 0),
+    ]
 }
 
 /// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
@@ -60,7 +86,6 @@ pub(crate) fn places(rays: u64) -> u32 {
 mod tests {
     use super::*;
     use crate::{KERNELS, kernel};
-    use backend::Layout;
     use std::collections::BTreeSet;
 
     #[test]

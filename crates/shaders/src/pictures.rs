@@ -151,51 +151,48 @@ mod tests {
         assert_eq!(of(Some((8, 8)), true), Some(Packets::ByGroups));
     }
 
-    #[test]
-    fn tiles_pay_where_a_picture_has_pixels_enough() {
-        let params = |triangles: u32| {
-            let shape = Shape {
-                node_count: 2 * triangles - 1,
-                wide: WideShape {
-                    at: 0,
-                    lanes: 1,
-                    root: 1,
-                },
-                ..Shape::default()
-            };
-            Params {
-                width: 64,
-                height: 48,
-                ..Params::of(0, &shape)
-            }
-        };
-        let most = 64 * 48 / 4;
-        for how in [Packets::BySubgroups, Packets::ByGroups] {
-            assert!(packets_pay(METHOD, &params(most), how));
-            assert!(!packets_pay(METHOD, &params(most + 1), how));
-        }
-        let exact = Method {
-            intersector: Intersector::Exact,
-            ..METHOD
-        };
-        assert!(!packets_pay(exact, &params(most), Packets::BySubgroups));
-        let none = Params {
-            wide_root: 0,
-            ..params(most)
-        };
-        assert!(!packets_pay(METHOD, &none, Packets::BySubgroups));
-    }
-
+    /// Made for a picture of that size, over so many triangles and a wide tree of them.
     fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
         let shape = Shape {
-            node_count: 2 * triangles - 1,
-            ..Shape::default()
+            wide: WideShape {
+                root: 1,
+                ..WideShape::default()
+            },
+            ..Shape::made_on_device(Layout::Fast, triangles)
         };
         Params {
             width,
             height,
             ..Params::of(0, &shape)
         }
+    }
+
+    /// With another intersector than either has kernels for, and with another layout.
+    const OTHERS: [Method; 2] = [
+        Method {
+            intersector: Intersector::Exact,
+            ..METHOD
+        },
+        Method {
+            layout: Layout::Bvh2,
+            ..METHOD
+        },
+    ];
+
+    #[test]
+    fn tiles_pay_where_a_picture_has_pixels_enough() {
+        let most = 64 * 48 / 4;
+        let [usual, more] = [most, most + 1].map(|triangles| params(triangles, [64, 48]));
+        for how in [Packets::BySubgroups, Packets::ByGroups] {
+            assert!(packets_pay(METHOD, &usual, how));
+            assert!(!packets_pay(METHOD, &more, how));
+            assert!(OTHERS.iter().all(|&o| !packets_pay(o, &usual, how)));
+        }
+        let no_wide_tree = Params {
+            wide_root: 0,
+            ..usual
+        };
+        assert!(!packets_pay(METHOD, &no_wide_tree, Packets::BySubgroups));
     }
 
     #[test]
@@ -217,25 +214,14 @@ mod tests {
             (100, [16, 16], true, true),
             (100, [16, 15], false, false),
         ] {
-            let all = [
-                (Packets::BySubgroups, by_subgroups),
-                (Packets::ByGroups, by_groups),
-            ];
-            for (how, pays) in all {
-                let about = format!("{triangles} triangles, {size:?}, {how:?}");
-                let found = rasterization_pays(METHOD, &params(triangles, size), how);
-                assert_eq!(found, pays, "{about}");
-            }
+            let found = [Packets::BySubgroups, Packets::ByGroups]
+                .map(|how| rasterization_pays(METHOD, &params(triangles, size), how));
+            let expected = [by_subgroups, by_groups];
+            assert_eq!(found, expected, "{triangles} triangles, {size:?}");
         }
-        let usual = params(1_600_000, large);
-        let (exact, bvh2) = (Intersector::Exact, Layout::Bvh2);
-        for (intersector, layout) in [(exact, METHOD.layout), (METHOD.intersector, bvh2)] {
-            let other = Method {
-                intersector,
-                layout,
-            };
-            assert!(!rasterization_pays(other, &usual, Packets::BySubgroups));
-        }
+        let pays =
+            |method| rasterization_pays(method, &params(1_600_000, large), Packets::BySubgroups);
+        assert!(pays(METHOD) && OTHERS.into_iter().all(|other| !pays(other)));
     }
 
     #[test]

@@ -2,17 +2,14 @@
 //!
 //! Three steps, each a list of dispatches of which no number depends on what the device finds:
 //!
-//! 1. `sort`: the live triangles along a space-filling curve (Lauterbach,
-//!    Garland, Sengupta, Luebke, Manocha: *Fast BVH Construction on GPUs*, 2009),
-//!    by a stable radix sort of 8 bits a pass;
-//! 2. [`crate::work::leaves`], with leaves in that order: the buffer `sorted`
-//!    in place of `topology`, the numbers from 0 on in place of `leaf_nodes`, and
-//!    `clusters` in place of `nodes`;
+//! 1. `sort`: the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha: *Fast BVH
+//!    Construction on GPUs*, 2009), by a stable radix sort of 8 bits a pass;
+//! 2. [`crate::work::leaves`], with leaves in that order: the buffer `sorted` in place of `topology`, the numbers from 0 on in
+//!    place of `leaf_nodes`, and `clusters` in place of `nodes`;
 //! 3. `cluster`: neighbours merge bottom-up into `nodes`, boxes and all.
 //!
-//! What comes of it can be traced as it is: neither `expand` nor `refit` is needed.
-//! Of layout `fast` only the 64 bytes of an inner node and the leaves of two are
-//! made: leaves stay in the order of the curve, and there are no treelets.
+//! What comes of it can be traced as it is: neither `expand` nor `refit` is needed. Of layout `fast` only the 64 bytes of
+//! an inner node and the leaves of two are made: leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
 

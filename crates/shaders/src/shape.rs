@@ -105,20 +105,13 @@ impl Shape {
     /// About that of a tree of so many leaves that is yet to be built: enough to tell which kernels it will take.
     #[must_use]
     pub fn expected(layout: Layout, leaves: u32) -> Self {
-        let wide = match layout {
-            Layout::Fast => WideShape {
-                at: 0,
-                lanes: leaves,
-                root: 1,
-            },
-            Layout::Bvh2 => WideShape::default(),
+        let (lanes, root) = match layout {
+            Layout::Fast => (leaves, 1),
+            Layout::Bvh2 => (0, 0),
         };
         Self {
-            layout,
-            leaf_count: leaves,
-            node_count: (2 * leaves).saturating_sub(1),
-            wide,
-            ..Self::default()
+            wide: WideShape { at: 0, lanes, root },
+            ..Self::made_on_device(layout, leaves)
         }
     }
 
@@ -180,9 +173,8 @@ impl Shape {
     }
 }
 
-/// Rows of four floats of all positions, laid end to end, in which any vertex
-/// moves: what `interpolate` may write in place of all. They rise. `None` where
-/// so many move that lists do not pay ([`StaticParts::pays`]).
+/// Rows of four floats of all positions, laid end to end, in which any vertex moves: what `interpolate` may write in place
+/// of all. They rise. `None` where so many move that lists do not pay ([`StaticParts::pays`]).
 ///
 /// Whoever writes only these must have the first key frame in the positions before.
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
@@ -238,10 +230,8 @@ impl MovingShape {
 }
 
 fn behind(at: u32, levels: &[Range<usize>]) -> Vec<Range<u32>> {
-    let levels = levels.iter();
-    levels
-        .map(|l| at + l.start as u32..at + l.end as u32)
-        .collect()
+    let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
+    levels.iter().map(place).collect()
 }
 
 #[cfg(test)]

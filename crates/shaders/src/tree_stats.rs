@@ -58,15 +58,12 @@ impl TreeStats {
                 self.still_areas = f64::from(counts.areas);
             }
             let areas = self.still_areas + f64::from(counts.moving_areas);
-            self.sah_cost = cost(areas, f64::from(counts.root_area));
+            // The root's area is not among the others.
+            let root = f64::from(counts.root_area);
+            self.sah_cost = sah_cost(areas + root, root);
         }
         report.inactive = self.inactive;
         report.degenerate = self.degenerate;
         report.sah_cost = self.sah_cost;
     }
-}
-
-/// A tree's cost: its root's area is not among the others.
-fn cost(areas: f64, root: f64) -> Option<f64> {
-    sah_cost(areas + root, root)
 }

@@ -1,10 +1,6 @@
 //! What holds for every kernel: how many variants there are, what a driver may fuse, how parameters lie in memory.
-#![expect(
-    clippy::print_stdout,
-    reason = "the numbers are told to who asks for them"
-)]
 
-use shaders::{KERNELS, Kernel, Params, RAY_KERNELS};
+use shaders::{Code, KERNELS, Kernel, Params, RAY_KERNELS};
 use spirv::{Decoration, Op};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::iter;
@@ -17,26 +13,17 @@ fn all() -> impl Iterator<Item = &'static Kernel> {
     KERNELS.iter().chain(RAY_KERNELS)
 }
 
-/// The texts of a kernel: with products of halves, and with fused products and sums.
-fn texts(kernel: &'static Kernel) -> impl Iterator<Item = &'static str> {
-    [Some(kernel.code), kernel.fused]
-        .into_iter()
-        .flatten()
-        .map(|code| code.wgsl)
+/// A kernel with products of halves, and with fused products and sums.
+fn codes(kernel: &'static Kernel) -> impl Iterator<Item = Code> {
+    [Some(kernel.code), kernel.fused].into_iter().flatten()
 }
 
 #[test]
 fn there_are_no_more_variants_than_need_be() {
-    let entries: BTreeSet<_> = all().map(|k| k.entry).collect();
-    let forms: usize = all().map(|k| texts(k).count()).sum();
+    let (variants, forms) = (all().count(), all().flat_map(codes).count());
+    assert!(variants <= MOST_VARIANTS, "{variants} variants");
+    assert!(forms <= MOST_FORMS, "{forms} compiled forms");
     let axes: BTreeSet<_> = all().flat_map(|k| k.slots).map(|(axis, _)| axis).collect();
-    println!(
-        "{} kernels, {} variants, {forms} compiled forms",
-        entries.len(),
-        all().count()
-    );
-    assert!(all().count() <= MOST_VARIANTS);
-    assert!(forms <= MOST_FORMS);
     // The third axis is how a quotient's rest is found: `Kernel::fused`.
     assert_eq!(
         axes.into_iter().collect::<Vec<_>>(),
@@ -48,8 +35,8 @@ fn there_are_no_more_variants_than_need_be() {
 fn no_two_variants_are_the_same() {
     let mut known = BTreeMap::new();
     for kernel in all() {
-        for text in texts(kernel) {
-            let other = known.insert(text, kernel.name);
+        for code in codes(kernel) {
+            let other = known.insert(code.wgsl, kernel.name);
             assert_eq!(other, None, "{}", kernel.name);
         }
     }
@@ -94,12 +81,12 @@ fn loose_operations(module: &[u32]) -> usize {
 
 #[test]
 fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
-    let codes = |k: &'static Kernel| [Some(k.code), k.fused].into_iter().flatten();
     for (kernel, code) in KERNELS.iter().flat_map(|k| codes(k).map(move |c| (k, c))) {
         let used = LOOSE.iter().filter(|(f, _)| code.wgsl.contains(f));
         let expected: usize = used.map(|(_, operations)| operations).sum();
-        assert_eq!(loose_operations(code.spirv), expected, "{}", kernel.name);
-        let mut all = instructions(code.spirv);
+        let module: Vec<u32> = bytemuck::pod_collect_to_vec(code.spirv);
+        assert_eq!(loose_operations(&module), expected, "{}", kernel.name);
+        let mut all = instructions(&module);
         let is_named = all.any(|(op, _)| matches!(op, Op::Name | Op::MemberName));
         assert!(!is_named, "{}", kernel.name);
     }
@@ -108,7 +95,8 @@ fn only_what_decides_no_hit_may_be_fused_and_no_name_is_left() {
 #[test]
 fn products_of_two_words_take_one_instruction() {
     for kernel in KERNELS {
-        let products = instructions(kernel.code.spirv);
+        let module: Vec<u32> = bytemuck::pod_collect_to_vec(kernel.code.spirv);
+        let products = instructions(&module);
         let products = products.filter(|(op, _)| *op == Op::UMulExtended);
         let has = kernel.code.wgsl.contains("fn multiply_32(");
         assert_eq!(products.count(), usize::from(has), "{}", kernel.name);
@@ -119,20 +107,15 @@ fn products_of_two_words_take_one_instruction() {
 fn params_lie_as_the_kernels_read_them() {
     for kernel in KERNELS {
         let module = naga::front::wgsl::parse_str(kernel.code.wgsl).unwrap();
-        let (_, ty) = module
-            .types
-            .iter()
-            .find(|(_, t)| t.name.as_deref() == Some("Params"))
-            .unwrap();
-        let naga::TypeInner::Struct { members, span } = &ty.inner else {
+        let mut types = module.types.iter();
+        let found = types.find(|(_, t)| t.name.as_deref() == Some("Params"));
+        let naga::TypeInner::Struct { members, span } = &found.unwrap().1.inner else {
             panic!("a struct")
         };
         let offset = |name: &str| {
-            members
-                .iter()
-                .find(|m| m.name.as_deref() == Some(name))
-                .unwrap()
-                .offset as usize
+            let mut all = members.iter();
+            let member = all.find(|m| m.name.as_deref() == Some(name));
+            member.unwrap().offset as usize
         };
         macro_rules! same { ($($field:ident)*) => { $(
             assert_eq!(offset(stringify!($field)), offset_of!(Params, $field), "{}", stringify!($field));

@@ -1,8 +1,9 @@
 //! Traces, and where their hits lie.
 
 use super::ComputeBackend;
-use crate::{GpuDevice, Stage, Stale, are_given};
-use backend::{Intersector, Layout, Method, Query, QueryKind, Rays, Result, Ticket};
+use crate::traces::as_given;
+use crate::{GpuDevice, Stage, Stale};
+use backend::{Intersector, Layout, Method, Query, QueryKind, Result, Ticket};
 use geom::Ray;
 use shaders::work;
 use shaders::{BufferName, Params};
@@ -33,10 +34,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let trace = engine
             .traces
             .make(&mut engine.gpu, query, how, is_extreme)?;
-        let rays = match query.rays {
-            Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-            _ => work::Rays::Given(trace.count as u32, trace.extremes),
-        };
+        let rays = as_given(query, trace.extremes);
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let mut tracing = work::trace(self.method, params, rays, query.kind, traits);

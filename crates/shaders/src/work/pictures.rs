@@ -1,11 +1,12 @@
 //! Pictures for which the order matters in which rays and triangles are brought together: by packets, by rasterization.
+//! Their kernels ask what triangles cover of the picture, so they are told how it lies before the eye.
 
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
-use crate::projection::projected;
 use crate::{Params, Traits, common, kernel};
 use backend::Method;
 use geom::{Camera, Point};
+use glam::DVec3;
 
 /// Rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
 const LISTED: u32 = 4096;
@@ -81,21 +82,58 @@ pub(super) fn by_rasterization(
 /// A camera's hits and shadows to pixels, under a lamp.
 #[must_use]
 pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
-    let kernel = common("shade");
-    let [width, height, _] = kernel.workgroup;
+    let [width, height, _] = common("shade").workgroup;
     let params = Params {
         // In the scene's units.
         light: lamp,
         ..params.through(camera)
     };
-    let groups = Groups::Pixels([camera.width, camera.height], [width, height]);
-    Work::new(kernel, params, groups)
+    over_blocks("shade", Method::default(), params, [width, height])
 }
 
 /// Over a picture, so many pixels a workgroup.
 fn over_blocks(entry: &str, method: Method, params: Params, block: [u32; 2]) -> Work {
     let groups = Groups::Pixels([params.width, params.height], block);
     Work::new(kernel(entry, method), params, groups)
+}
+
+/// Columns and rows are written in 16 bits.
+const LONGEST: u32 = 1 << 16;
+/// A little more than 0, for rounding in the picture.
+const LEAST_MARGIN: f64 = 1.0 / 128.0;
+
+/// The parameters with the inverse of a camera's matrix, `2^depth_exponent` times; `None` if pixels cannot be told apart well
+/// enough. The exponent is that of the largest component of any ray's direction.
+fn projected(params: Params, camera: &Camera) -> Option<Params> {
+    let [across, down, corner] = [camera.across, camera.down, camera.corner].map(wide);
+    let [width, height] = [camera.width, camera.height].map(f64::from);
+    let reach = corner.abs() + width * across.abs() + height * down.abs();
+    let largest = reach.max_element();
+    let exponent = largest.log2().floor();
+    let rows = [down.cross(corner), corner.cross(across), across.cross(down)];
+    let volume = across.dot(rows[0]);
+    let [column, row, depth] = rows.map(|row| row / volume);
+    let size = |axis: DVec3| axis.abs().element_sum();
+    // A direction is rounded three times, and so is what is made of it.
+    let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
+    let margin = doubt(column, width).max(doubt(row, height));
+    let scaled = [column, row, depth].map(|row| (row * exponent.exp2()).as_vec3().to_array());
+    let is_usual = exponent.abs() < 64.0 && margin < 0.25;
+    let is_seen = scaled.as_flattened().iter().all(|x| x.abs() < 1.0e9);
+    let is_small = camera.width.max(camera.height) <= LONGEST;
+    let [column, row, depth] = scaled;
+    (is_usual && is_seen && is_small).then_some(Params {
+        column,
+        row,
+        depth,
+        depth_exponent: exponent as i32,
+        pixel_margin: (LEAST_MARGIN + margin) as f32,
+        ..params
+    })
+}
+
+fn wide(p: Point) -> DVec3 {
+    DVec3::from(p.map(f64::from))
 }
 
 #[cfg(test)]
@@ -106,5 +144,45 @@ mod tests {
     fn kernels_keep_stamps_where_the_host_makes_room() {
         let wgsl = include_str!("../../wgsl/visibility/cover.wgsl");
         assert!(wgsl.contains(&format!("const LISTED: u32 = {LISTED}u;")));
+    }
+
+    fn camera(eye: Point, target: Point, fov: f32) -> Camera {
+        Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, [64, 48]).unwrap()
+    }
+
+    #[test]
+    fn a_point_on_a_pixels_ray_is_seen_in_its_middle() {
+        let scenes = [
+            camera([3.0, 1.0, -2.0], [0.0; 3], 45.0),
+            camera([1e4, 1e4, 1e4], [1e4, 1e4, 1e4 - 7.0], 100.0),
+            camera([0.0, 2.0, 0.0], [0.1, 0.0, 0.0], 3.0),
+        ];
+        for camera in scenes {
+            let p = projected(Params::default(), &camera).expect("a usual camera");
+            for (x, y) in [(0, 0), (63, 0), (17, 40), (63, 47)] {
+                let d = wide(camera.ray(x, y).direction);
+                let [c, r, w] = [p.column, p.row, p.depth].map(|row| wide(row).dot(d));
+                let off = |seen: f64, pixel: u32| (seen / w - f64::from(pixel) - 0.5).abs();
+                assert!(off(c, x).max(off(r, y)) < f64::from(p.pixel_margin));
+                // Depth is t, but for a power of two.
+                assert!((w / f64::from(p.depth_exponent).exp2() - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_that_tells_no_pixels_apart_has_none() {
+        let flat = Camera {
+            across: [0.0; 3],
+            ..camera([0.0; 3], [0.0, 0.0, 1.0], 45.0)
+        };
+        assert_eq!(projected(Params::default(), &flat), None);
+        let narrow = camera([0.0; 3], [0.0, 0.0, 1.0], 45.0);
+        let narrow = Camera {
+            across: narrow.across.map(|x| x * 1e-6),
+            down: narrow.down.map(|x| x * 1e-6),
+            ..narrow
+        };
+        assert_eq!(projected(Params::default(), &narrow), None);
     }
 }

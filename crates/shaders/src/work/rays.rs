@@ -23,7 +23,7 @@ pub fn count_answers(
     kind: QueryKind,
     count_of_rays: u32,
 ) -> Vec<(Work, BufferName)> {
-    let count = |member, [rounds, shift, goal]: [u32; 3]| {
+    let count = |member, answers, [rounds, shift, goal]: [u32; 3]| {
         let params = Params {
             first: word_of(member),
             rounds,
@@ -31,16 +31,13 @@ pub fn count_answers(
             goal,
             ..params
         };
-        Work::linear(common("count_answers"), params, count_of_rays)
+        let work = Work::linear(common("count_answers"), params, count_of_rays);
+        (work, answers)
     };
     // The last of a hit's four words is the triangle.
-    let hits = || {
-        (
-            count(offset_of!(Counts, hits), [4, 3, u32::MAX]),
-            BufferName::Hits,
-        )
-    };
-    let occluded = |member| (count(member, [1, 0, 0]), BufferName::Occluded);
+    let words = [4, 3, u32::MAX];
+    let hits = || count(offset_of!(Counts, hits), BufferName::Hits, words);
+    let occluded = |member| count(member, BufferName::Occluded, [1, 0, 0]);
     match kind {
         QueryKind::Any => vec![occluded(offset_of!(Counts, hits))],
         QueryKind::Closest => vec![hits()],

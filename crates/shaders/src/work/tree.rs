@@ -8,9 +8,8 @@ use std::ops::Range;
 
 /// Which parts of the tree in use stand on the device since it was adopted.
 ///
-/// What comes first goes over all of the tree; what comes later, over what
-/// moves, if the tree came with lists of it. The host says when work was
-/// recorded, and starts anew with each tree, or when recorded work came to nothing.
+/// What comes first goes over all of the tree; what comes later, over what moves, if the tree came with lists of it. The host
+/// says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     has_lists: bool,
@@ -21,11 +20,10 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be;
-    /// with layout `fast`, after the leaves' vertices, also to boxes of all nodes in treelets of triangles.
-    /// Also for [`crate::Extents::uncounted`] how many triangles of zero area it passes over.
-    /// Of a small tree with layout `fast` it reads key frames, the later weighing [`Params::alpha`], and no positions,
-    /// so that it may run beside `interpolate`.
+    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be; with layout `fast`, after the
+    /// leaves' vertices, also to boxes of all nodes in treelets of triangles. Also for [`crate::Extents::uncounted`] how
+    /// many triangles of zero area it passes over. Of a small tree with layout `fast` it reads key frames, the later
+    /// weighing [`Params::alpha`], and no positions, so that it may run beside `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
             let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
@@ -36,25 +34,20 @@ impl Progress {
         }
         let mut work = Vec::with_capacity(3);
         if !self.has_lists {
-            work.push(expand(params));
+            // The tree's lists of nodes.
+            let nodes = Groups::Linear(params.node_count);
+            work.push(Work::new(common("expand"), params, nodes));
             let moving = tree.moving.as_ref();
             work.extend(moving.map(|m| over(common("mark_moving"), params, &m.inner)));
         }
         let moving = tree.moving.as_ref().filter(|_| self.has_records);
-        let (leaves, uncounted) = match moving {
-            Some(moving) => {
-                let params = Params {
-                    listed: 1,
-                    ..params
-                };
-                let preprocess = kernel("preprocess", method);
-                let work = over(preprocess, params, &moving.leaves);
-                (work, moving.degenerate_elsewhere)
-            }
-            None => (leaves(method, params, tree), 0),
-        };
+        let mut leaves = leaves(method, params, tree);
+        if let Some(moving) = moving {
+            leaves = over(leaves.kernel, params, &moving.leaves);
+            leaves.params.listed = 1;
+        }
         work.push(leaves);
-        (work, uncounted)
+        (work, moving.map_or(0, |moving| moving.degenerate_elsewhere))
     }
 
     /// That work was recorded, over such a tree.
@@ -95,12 +88,6 @@ pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
     Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
-/// A tree just adopted to its lists of nodes.
-fn expand(params: Params) -> Work {
-    let groups = Groups::Linear(params.node_count);
-    Work::new(common("expand"), params, groups)
-}
-
 /// Over elements of a list, or over nodes by their numbers.
 fn over(kernel: &'static Kernel, mut params: Params, elements: &Range<u32>) -> Work {
     params.first = elements.start;
@@ -115,8 +102,7 @@ fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
     work.push(sum(params, groups_of(&work), AREAS));
     if let Some(moving) = &tree.moving {
         let areas = over(common("areas_moving"), params, &moving.inner);
-        let groups = areas.params.count.div_ceil(areas.kernel.workgroup[0]);
-        work.extend([areas, sum(params, groups, MOVING_AREAS)]);
+        work.extend([areas, sum(params, groups_of_one(&areas), MOVING_AREAS)]);
     }
     work
 }
@@ -133,18 +119,20 @@ fn refit_levels(mut params: Params, levels: &[Range<u32>]) -> Vec<Work> {
     params.first_group = 0;
     let level = |level| {
         let work = over(common("refit"), params, level);
-        params.first_group += work.params.count.div_ceil(work.kernel.workgroup[0]);
+        params.first_group += groups_of_one(&work);
         work
     };
     levels.iter().rev().map(level).collect()
 }
 
+fn groups_of_one(work: &Work) -> u32 {
+    work.params.count.div_ceil(work.kernel.workgroup[0])
+}
+
 /// Workgroups of all levels.
 fn groups_of(levels: &[Work]) -> u32 {
     let last = levels.last();
-    last.map_or(0, |w| {
-        w.params.first_group + w.params.count.div_ceil(w.kernel.workgroup[0])
-    })
+    last.map_or(0, |work| work.params.first_group + groups_of_one(work))
 }
 
 pub(super) const AREAS: usize = offset_of!(crate::Counts, areas);
@@ -165,8 +153,24 @@ pub(crate) fn sum(mut params: Params, groups: u32, member: usize) -> Work {
 mod tests {
     use super::*;
 
-    fn with_lists() -> Shape {
-        Shape {
+    /// Kernel, first element, count, workgroups that it is told of, whether listed.
+    type Told = (&'static str, u32, u32, u32, u32);
+
+    fn told(work: &[Work]) -> Vec<Told> {
+        let told = |w: &Work| {
+            let p = &w.params;
+            (w.kernel.entry, p.first, p.count, p.first_group, p.listed)
+        };
+        work.iter().map(told).collect()
+    }
+
+    fn beside(work: &[Work]) -> Vec<bool> {
+        work.iter().map(|w| w.alongside).collect()
+    }
+
+    #[test]
+    fn a_tree_is_done_whole_first_and_then_what_moves() {
+        let tree = Shape {
             leaf_count: 501,
             node_count: 1001,
             levels: vec![0..1, 1..3, 3..200, 200..500],
@@ -177,21 +181,8 @@ mod tests {
                 degenerate_elsewhere: 3,
             }),
             ..Shape::default()
-        }
-    }
-
-    /// Kernel, first element, count, first group, whether listed.
-    fn told(work: &[Work]) -> Vec<(&str, u32, u32, u32, u32)> {
-        let told = |w: &Work| {
-            let p = &w.params;
-            (w.kernel.entry, p.first, p.count, p.first_group, p.listed)
         };
-        work.iter().map(told).collect()
-    }
-
-    #[test]
-    fn a_tree_is_done_whole_first_and_then_what_moves() {
-        let (mut progress, params, tree) = (Progress::default(), Params::default(), with_lists());
+        let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
         assert_eq!(uncounted, 0);
         let expected = [
@@ -222,5 +213,55 @@ mod tests {
             ("sum_costs", 6, 5, 0, 1),
         ];
         assert_eq!(told(&work), expected);
+    }
+
+    #[test]
+    fn treelets_are_done_whole_first_and_then_where_anything_moves() {
+        let method = Method {
+            layout: Layout::Fast,
+            ..Method::default()
+        };
+        let tree = Shape {
+            layout: Layout::Fast,
+            leaf_count: 20_000,
+            treelets: vec![0..90, 90..93, 93..94],
+            moving: Some(MovingShape {
+                levels: vec![500..507, 507..508, 508..509],
+                degenerate_elsewhere: 4,
+                ..MovingShape::default()
+            }),
+            ..Shape::default()
+        };
+        let (mut progress, params) = (Progress::default(), Params::default());
+        let (work, uncounted) = progress.preprocess(method, params, &tree);
+        let whole = vec![
+            ("gather_corners", 0, 60_000, 94, 0),
+            ("preprocess_treelets_of_keys", 0, 90, 94, 0),
+        ];
+        assert_eq!((told(&work), uncounted), (whole, 0));
+        assert_eq!(beside(&work), [true, false]);
+        assert_eq!(work[1].params.destination, 4);
+        progress.preprocessed(&tree);
+        let (work, extent) = progress.refit(method, params, &tree);
+        assert!(work.is_empty() && extent == Extent::Whole);
+        progress.submitted();
+        let (work, uncounted) = progress.preprocess(method, params, &tree);
+        let listed = vec![("preprocess_treelets_of_keys", 500, 7, 94, 1)];
+        assert_eq!((told(&work), uncounted), (listed, 4));
+        assert_eq!(beside(&work), [true]);
+        assert_eq!(work[0].params.destination, 4);
+        let (work, _) = progress.refit(method, params, &tree);
+        let whole = [
+            ("refit_treelets", 90, 3, 0, 0),
+            ("refit_treelets", 93, 1, 94, 0),
+        ];
+        assert_eq!(told(&work), whole);
+        progress.refitted();
+        let (work, _) = progress.refit(method, params, &tree);
+        let listed = [
+            ("refit_treelets", 507, 1, 0, 1),
+            ("refit_treelets", 508, 1, 94, 1),
+        ];
+        assert_eq!(told(&work), listed);
     }
 }

@@ -29,9 +29,8 @@ pub(super) fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 
-/// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand, only
-/// where anything moves.
-/// Also how many triangles of zero area that passes over.
+/// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand,
+/// only where anything moves. Also how many triangles of zero area that passes over.
 pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
     let entry = match reads_keys(tree) {
         true => "preprocess_treelets_of_keys",
@@ -85,81 +84,4 @@ fn levels(mut params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32
 fn over(kernel: &'static Kernel, mut params: Params, level: Range<u32>) -> Work {
     (params.first, params.count) = (level.start, level.len() as u32);
     Work::new(kernel, params, Groups::Each(params.count))
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::work::{Progress, Work};
-    use crate::{Extent, MovingShape, Params, Shape};
-    use backend::{Layout, Method};
-
-    /// Kernel, first element, count, whether listed.
-    fn told(work: &[Work]) -> Vec<(&str, u32, u32, u32)> {
-        let told = |w: &Work| {
-            let p = &w.params;
-            (w.kernel.entry, p.first, p.count, p.listed)
-        };
-        work.iter().map(told).collect()
-    }
-
-    fn fast() -> (Method, Shape) {
-        let layout = Layout::Fast;
-        let method = Method {
-            layout,
-            ..Method::default()
-        };
-        let shape = Shape {
-            layout,
-            ..Shape::default()
-        };
-        (method, shape)
-    }
-
-    fn beside(work: &[Work]) -> Vec<bool> {
-        work.iter().map(|w| w.alongside).collect()
-    }
-
-    #[test]
-    fn treelets_are_done_whole_first_and_then_where_anything_moves() {
-        let (method, shape) = fast();
-        let tree = Shape {
-            leaf_count: 20_000,
-            treelets: vec![0..90, 90..93, 93..94],
-            moving: Some(MovingShape {
-                levels: vec![500..507, 507..508, 508..509],
-                degenerate_elsewhere: 4,
-                ..MovingShape::default()
-            }),
-            ..shape
-        };
-        let (mut progress, params) = (Progress::default(), Params::default());
-        let (work, uncounted) = progress.preprocess(method, params, &tree);
-        let whole = vec![
-            ("gather_corners", 0, 60_000, 0),
-            ("preprocess_treelets_of_keys", 0, 90, 0),
-        ];
-        assert_eq!((told(&work), uncounted), (whole, 0));
-        assert_eq!(beside(&work), [true, false]);
-        let climbs = |w: &Work| (w.params.first_group, w.params.destination);
-        assert_eq!(climbs(&work[1]), (94, 4));
-        progress.preprocessed(&tree);
-        let (work, extent) = progress.refit(method, params, &tree);
-        assert!(work.is_empty() && extent == Extent::Whole);
-        progress.submitted();
-        let (work, uncounted) = progress.preprocess(method, params, &tree);
-        let listed = vec![("preprocess_treelets_of_keys", 500, 7, 1)];
-        assert_eq!((told(&work), uncounted), (listed, 4));
-        assert_eq!(beside(&work), [true]);
-        assert_eq!(climbs(&work[0]), (94, 4));
-        let (work, _) = progress.refit(method, params, &tree);
-        let whole = [("refit_treelets", 90, 3, 0), ("refit_treelets", 93, 1, 0)];
-        assert_eq!(told(&work), whole);
-        let sums = work.iter().map(|w| w.params.first_group);
-        assert_eq!(sums.collect::<Vec<_>>(), [0, 94]);
-        progress.refitted();
-        let (work, _) = progress.refit(method, params, &tree);
-        let expected = [("refit_treelets", 507, 1, 1), ("refit_treelets", 508, 1, 1)];
-        assert_eq!(told(&work), expected);
-        assert_eq!(work[1].params.first_group, 94);
-    }
 }

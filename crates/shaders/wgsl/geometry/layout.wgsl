@@ -14,25 +14,25 @@ const LEAF: u32 = 0x80000000u;
 const TWO: u32 = 0x40000000u;
 
 // The row of an inner node's left child; the right one's is two on.
-@if(LAYOUT_FAST)
+@if(FAST)
 fn children_of(at: u32) -> u32 { return 4u * at; }
-@elif(LAYOUT_BVH2)
+@elif(BVH2)
 fn children_of(at: u32) -> u32 { return 2u * at; }
 @else
 fn children_of(at: u32) -> u32 { return (2u + 2u * params.fast_layout) * at; }
 
 // A leaf's first triangle, in leaf order.
-@if(LAYOUT_FAST)
+@if(FAST)
 fn first_of(at: u32) -> u32 { return at & 0x3fffffffu; }
-@elif(LAYOUT_BVH2)
+@elif(BVH2)
 fn first_of(at: u32) -> u32 { return at & 0x7fffffffu; }
 @else
 fn first_of(at: u32) -> u32 { return at & select(0x7fffffffu, 0x3fffffffu, params.fast_layout == 1u); }
 
 // The leaf of a leaf's other triangles.
-@if(LAYOUT_FAST)
+@if(FAST)
 fn others_of(at: u32) -> u32 { return select(NONE, LEAF | (first_of(at) + 1u), (at & TWO) != 0u); }
-@elif(LAYOUT_BVH2)
+@elif(BVH2)
 fn others_of(at: u32) -> u32 { return NONE; }
 @else
 fn others_of(at: u32) -> u32 {

@@ -14,9 +14,7 @@
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
 
 // For each ray t and two weights as bits, and the triangle that it hits.
-@if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays)
-@group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
-@elif(shade)
+@if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;

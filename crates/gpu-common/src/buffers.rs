@@ -1,0 +1,114 @@
+//! Buffers found by their names, and parts of what lies in them.
+
+use crate::GpuDevice;
+use backend::{BackendError, Result};
+use shaders::BufferName;
+use std::ops::Range;
+
+/// In which parts so many elements come to the host.
+pub fn parts<T>(count: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
+    const BYTES: usize = 8 << 20;
+    let most = BYTES / size_of::<T>();
+    (0..count.div_ceil(most)).map(move |i| i * most..count.min((i + 1) * most))
+}
+
+/// Runs in order but for what others, in order too, have of them.
+#[must_use]
+pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
+    let rest = runs.iter().flat_map(|run| {
+        let within = others
+            .iter()
+            .filter(|o| o.start < run.end && run.start < o.end);
+        let starts = std::iter::once(run.start).chain(within.clone().map(|o| o.end));
+        let ends = within.map(|o| o.start).chain([run.end]);
+        starts.zip(ends).map(|(start, end)| start..end)
+    });
+    rest.filter(|run| !run.is_empty()).collect()
+}
+
+/// Refuses a need above a limit.
+pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
+    if need <= limit {
+        return Ok(());
+    }
+    let what = what();
+    Err(BackendError::Limit { what, need, limit })
+}
+
+/// A few buffers, each found by its name.
+pub(crate) struct BufferTable<D: GpuDevice>(Vec<(BufferName, D::Buffer)>);
+
+impl<D: GpuDevice> BufferTable<D> {
+    /// Buffers of these sizes.
+    pub(crate) fn new(gpu: &D, sizes: impl IntoIterator<Item = (BufferName, u64)>) -> Result<Self> {
+        let make = |(name, bytes)| Ok((name, gpu.buffer(name, bytes)?));
+        let made = sizes.into_iter().map(make);
+        made.collect::<Result<_>>().map(Self)
+    }
+
+    /// Buffers of these contents.
+    pub(crate) fn filled(gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<Self> {
+        let sizes = contents.iter().map(|&(name, c)| (name, c.len() as u64));
+        let made = Self::new(gpu, sizes)?;
+        made.fill(gpu, contents)?;
+        Ok(made)
+    }
+
+    /// Fills some of them from their beginning.
+    pub(crate) fn fill(&self, gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<()> {
+        let buffer = |name| self.get(name).expect("what is filled is there");
+        let all = contents.iter().map(|&(name, c)| (c, buffer(name)));
+        gpu.upload(&all.collect::<Vec<_>>())
+    }
+
+    /// The buffer of that name, where there is one.
+    pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
+        let found = self.0.iter().find(|(n, _)| *n == name);
+        found.map(|(_, buffer)| buffer)
+    }
+
+    /// A buffer of that name of at least so many bytes, which takes the place of a smaller one. Nothing under way uses that.
+    pub(crate) fn fit(&mut self, gpu: &D, name: BufferName, bytes: u64) -> Result<&mut D::Buffer> {
+        let mut all = self.0.iter();
+        let fits = all.position(|(n, buffer)| *n == name && D::size(buffer) >= bytes);
+        if fits.is_none() {
+            self.0.retain(|(n, _)| *n != name);
+            self.0.push((name, gpu.buffer(name, bytes)?));
+        }
+        let at = fits.unwrap_or(self.0.len() - 1);
+        Ok(&mut self.0[at].1)
+    }
+
+    /// Puts a larger buffer, with some to spare, in the place of one that is too small. Trees of one scene differ little in
+    /// size.
+    pub(crate) fn grow(&mut self, gpu: &mut D, name: BufferName, bytes: u64) -> Result<()> {
+        let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
+        let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
+            return Ok(());
+        };
+        let most = gpu.max_buffer_bytes().max(bytes);
+        let larger = most.min(bytes + bytes / 32);
+        let larger = gpu.buffer(name, larger)?;
+        gpu.discard(std::mem::replace(buffer, larger));
+        Ok(())
+    }
+
+    /// Bytes of device memory.
+    pub(crate) fn held(&self) -> u64 {
+        self.0.iter().map(|(_, b)| D::held(b)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_others_have_is_left_out() {
+        let cut = |others: &[Range<usize>]| without(&[0..10, 20..30], others);
+        assert_eq!(cut(&[]), [0..10, 20..30]);
+        assert_eq!(cut(&[0..10, 12..14]), [20..30; 1]);
+        assert_eq!(cut(&[2..4, 8..25]), [0..2, 4..8, 25..30]);
+        assert_eq!(cut(&[0..3, 3..30]), [0..0; 0]);
+    }
+}
