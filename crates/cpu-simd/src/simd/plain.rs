@@ -1,6 +1,6 @@
-//! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
+//! Lanes as a plain array, which the compiler may turn into whatever vectors there are; and sixteen numbers as two vectors.
 
-use super::{Eight, Halves, Lanes};
+use super::{Eight, Halves, Lanes, Vector};
 use geom::Point;
 use std::array::from_fn;
 
@@ -24,10 +24,8 @@ macro_rules! lanewise {
     )* };
 }
 
-impl<const N: usize> Lanes for Plain<N> {
+impl<const N: usize> Vector for Plain<N> {
     type Array = [f32; N];
-    type Mask = [bool; N];
-    const ALL: u32 = (1 << N) - 1;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -37,17 +35,25 @@ impl<const N: usize> Lanes for Plain<N> {
     fn load(from: &[f32; N]) -> Self {
         Self(*from)
     }
+    lanewise! {
+        sub: |a, b| a - b;
+        mul: |a, b| a * b;
+        min: |a, b| if a < b { a } else { b };
+        max: |a, b| if a > b { a } else { b };
+    }
+}
+
+impl<const N: usize> Lanes for Plain<N> {
+    type Mask = [bool; N];
+    const ALL: u32 = (1 << N) - 1;
+
     #[inline(always)]
     fn store(self) -> [f32; N] {
         self.0
     }
     lanewise! {
         add: |a, b| a + b;
-        sub: |a, b| a - b;
-        mul: |a, b| a * b;
         div: |a, b| a / b;
-        min: |a, b| if a < b { a } else { b };
-        max: |a, b| if a > b { a } else { b };
     }
     #[inline(always)]
     fn about(self, by: Self, plus: Self) -> Self {
@@ -120,24 +126,53 @@ impl Eight for Plain<8> {
     }
 }
 
-impl Halves for Plain<16> {
-    type Half = Plain<8>;
+/// Sixteen numbers in two vectors.
+#[derive(Clone, Copy)]
+pub(crate) struct Pair<E>(E, E);
+
+/// Does the same in both vectors.
+macro_rules! twice {
+    ($( $name:ident; )*) => { $(
+        #[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            Self(self.0.$name(other.0), self.1.$name(other.1))
+        }
+    )* };
+}
+
+impl<E: Eight> Vector for Pair<E> {
+    type Array = [f32; 16];
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(E::splat(x), E::splat(x))
+    }
+    #[inline(always)]
+    fn load(from: &[f32; 16]) -> Self {
+        let (parts, _) = from.as_chunks::<8>();
+        Self(E::load(&parts[0]), E::load(&parts[1]))
+    }
+    twice! { sub; mul; min; max; }
+}
+
+impl<E: Eight> Halves for Pair<E> {
+    type Half = E;
 
     #[inline(always)]
     fn turned(self, turn: bool) -> Self {
-        let by = if turn { 8 } else { 0 };
-        Self(from_fn(|i| self.0[i ^ by]))
+        let mask = E::mask(if turn { 255 } else { 0 });
+        Self(self.0.replace(mask, self.1), self.1.replace(mask, self.0))
     }
     #[inline(always)]
-    fn low(self) -> Plain<8> {
-        Plain(from_fn(|i| self.0[i]))
+    fn low(self) -> E {
+        self.0
     }
     #[inline(always)]
-    fn high(self) -> Plain<8> {
-        Plain(from_fn(|i| self.0[i + 8]))
+    fn high(self) -> E {
+        self.1
     }
     #[inline(always)]
-    fn join(low: Plain<8>, high: Plain<8>) -> Self {
-        Self(from_fn(|i| if i < 8 { low.0[i] } else { high.0[i - 8] }))
+    fn join(low: E, high: E) -> Self {
+        Self(low, high)
     }
 }
