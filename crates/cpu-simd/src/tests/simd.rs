@@ -110,7 +110,7 @@ fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
             L::both(less, at_most),
             L::either(less, at_most),
         ];
-        let mut words = std::array::from_fn(|i| i as u32);
+        let mut words = std::array::from_fn(|i| (first + i) as u32);
         L::put(&mut words, less, 99);
         L::put(&mut words, L::mask(0x0481 >> first), 88);
         let bits = |mask| {
