@@ -13,7 +13,6 @@ pub(crate) use plain::Plain;
 
 use bvh_layout::Link;
 use geom::Point;
-use plain::Pair;
 
 /// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
 /// instructions; expressions are part of the function that they stand in.
@@ -184,7 +183,7 @@ struct Portable;
 
 impl Isa for Portable {
     type Eight = Plain<8>;
-    type Planes = Pair<Plain<8>>;
+    type Planes = Plain<16>;
     type Packet = Plain<8>;
 
     #[inline(never)]

@@ -1,4 +1,4 @@
-//! Lanes as a plain array, which the compiler may turn into whatever vectors there are; and sixteen numbers as two vectors.
+//! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
 
 use super::{Eight, Halves, Lanes, Vector};
 use geom::Point;
@@ -126,53 +126,24 @@ impl Eight for Plain<8> {
     }
 }
 
-/// Sixteen numbers in two vectors.
-#[derive(Clone, Copy)]
-pub(crate) struct Pair<E>(E, E);
-
-/// Does the same in both vectors.
-macro_rules! twice {
-    ($( $name:ident; )*) => { $(
-        #[inline(always)]
-        fn $name(self, other: Self) -> Self {
-            Self(self.0.$name(other.0), self.1.$name(other.1))
-        }
-    )* };
-}
-
-impl<E: Eight> Vector for Pair<E> {
-    type Array = [f32; 16];
-
-    #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(E::splat(x), E::splat(x))
-    }
-    #[inline(always)]
-    fn load(from: &[f32; 16]) -> Self {
-        let (parts, _) = from.as_chunks::<8>();
-        Self(E::load(&parts[0]), E::load(&parts[1]))
-    }
-    twice! { sub; mul; min; max; }
-}
-
-impl<E: Eight> Halves for Pair<E> {
-    type Half = E;
+impl Halves for Plain<16> {
+    type Half = Plain<8>;
 
     #[inline(always)]
     fn turned(self, turn: bool) -> Self {
-        let mask = E::mask(if turn { 255 } else { 0 });
-        Self(self.0.replace(mask, self.1), self.1.replace(mask, self.0))
+        let by = if turn { 8 } else { 0 };
+        Self(from_fn(|i| self.0[i ^ by]))
     }
     #[inline(always)]
-    fn low(self) -> E {
-        self.0
+    fn low(self) -> Plain<8> {
+        Plain(from_fn(|i| self.0[i]))
     }
     #[inline(always)]
-    fn high(self) -> E {
-        self.1
+    fn high(self) -> Plain<8> {
+        Plain(from_fn(|i| self.0[i + 8]))
     }
     #[inline(always)]
-    fn join(low: E, high: E) -> Self {
-        Self(low, high)
+    fn join(low: Plain<8>, high: Plain<8>) -> Self {
+        Self(from_fn(|i| if i < 8 { low.0[i] } else { high.0[i - 8] }))
     }
 }

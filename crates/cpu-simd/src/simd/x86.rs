@@ -8,7 +8,6 @@
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::plain::Pair;
 use super::{Eight, Halves, Isa, Lanes, Part, Vector};
 use bvh_layout::Link;
 use geom::Point;
@@ -22,7 +21,7 @@ pub(super) struct Avx512;
 
 impl Isa for Avx2 {
     type Eight = Ymm;
-    type Planes = Pair<Ymm>;
+    type Planes = YmmPair;
     type Packet = Ymm;
 
     #[inline(always)]
@@ -265,5 +264,56 @@ impl Halves for Zmm {
         high(self) -> MaskedYmm = MaskedYmm(_mm512_extractf32x8_ps::<1>(self.0));
         join(low: MaskedYmm, high: MaskedYmm) -> Self =
             Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0));
+    }
+}
+
+/// Sixteen numbers in two registers.
+#[derive(Clone, Copy)]
+pub(crate) struct YmmPair(Ymm, Ymm);
+
+/// Does the same in both registers.
+macro_rules! twice {
+    ($( $name:ident; )*) => { $(
+        #[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            Self(self.0.$name(other.0), self.1.$name(other.1))
+        }
+    )* };
+}
+
+impl Vector for YmmPair {
+    type Array = [f32; 16];
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(Ymm::splat(x), Ymm::splat(x))
+    }
+    #[inline(always)]
+    fn load(from: &[f32; 16]) -> Self {
+        let (parts, _) = from.as_chunks::<8>();
+        Self(Ymm::load(&parts[0]), Ymm::load(&parts[1]))
+    }
+    twice! { sub; mul; min; max; }
+}
+
+impl Halves for YmmPair {
+    type Half = Ymm;
+
+    #[inline(always)]
+    fn turned(self, turn: bool) -> Self {
+        let mask = Ymm::mask(if turn { 255 } else { 0 });
+        Self(self.0.replace(mask, self.1), self.1.replace(mask, self.0))
+    }
+    #[inline(always)]
+    fn low(self) -> Ymm {
+        self.0
+    }
+    #[inline(always)]
+    fn high(self) -> Ymm {
+        self.1
+    }
+    #[inline(always)]
+    fn join(low: Ymm, high: Ymm) -> Self {
+        Self(low, high)
     }
 }
