@@ -166,15 +166,12 @@ pub(crate) trait Part<I: Isa> {
     fn run(self) -> Self::Out;
 }
 
-/// The whole of some work.
-struct Whole<W>(W);
-
-impl<I: Isa, W: Work> Part<I> for Whole<W> {
+impl<I: Isa, W: Work> Part<I> for W {
     type Out = W::Out;
 
     #[inline(always)]
     fn run(self) -> W::Out {
-        self.0.run::<I>()
+        Work::run::<I>(self)
     }
 }
 
@@ -215,7 +212,7 @@ impl Level {
             x86::has_avx512().then_some(Set::Avx512),
         ];
         #[cfg(not(target_arch = "x86_64"))]
-        let vectors = [];
+        let vectors: [Option<Set>; 0] = [];
         let all = std::iter::once(Set::Portable).chain(vectors.into_iter().flatten());
         all.map(Self).collect()
     }
@@ -229,11 +226,11 @@ impl Level {
     #[inline]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self.0 {
-            Set::Portable => Portable::apart(Whole(work)),
+            Set::Portable => Portable::apart(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => x86::Avx2::apart(Whole(work)),
+            Set::Avx2 => x86::Avx2::apart(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => x86::Avx512::apart(Whole(work)),
+            Set::Avx512 => x86::Avx512::apart(work),
         }
     }
 }

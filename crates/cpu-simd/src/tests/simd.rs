@@ -7,19 +7,18 @@ use geom::Point;
 /// Every operation over a list of awkward numbers, as bits.
 struct Everything;
 
-const INFINITY: f32 = f32::INFINITY;
 const NUMBERS: [f32; 16] = [
     0.0,
     -0.0,
     1.0,
     -1.0,
     f32::NAN,
-    INFINITY,
-    -INFINITY,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
     1e-45,
     -3e-39,
     f32::MAX,
-    1.000_001,
+    1.000_000_1,
     0.1,
     -7.25,
     1e-20,
@@ -132,7 +131,7 @@ fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
 /// The least and the greatest of sixteen numbers.
 #[inline(always)]
 fn ends<L: Lanes>(numbers: &[f32; 16]) -> [f32; 2] {
-    let mut ends = [INFINITY, -INFINITY];
+    let mut ends = [f32::INFINITY, f32::NEG_INFINITY];
     for first in (0..16).step_by(L::ALL.count_ones() as usize) {
         let some = load::<L>(numbers, first);
         ends = [ends[0].min(some.least()), ends[1].max(some.most())];
