@@ -332,21 +332,15 @@ const REFIT_RUN: usize = 2048;
 /// Returns the sum of the half areas of the pairs' nodes.
 fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_>) -> f64 {
     let (level, below) = pairs.split_at_mut(end);
-    pass(
-        which,
-        Window::new(0, level),
-        REFIT_RUN,
-        &|which, mut pairs| {
-            let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
-            match which {
-                Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
-                Which::Listed(list) => {
-                    let listed = list.iter();
-                    listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
-                }
-            }
-        },
-    )
+    let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
+    let pairs = Window::new(0, level);
+    pass(which, pairs, REFIT_RUN, &|which, mut pairs| match which {
+        Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
+        Which::Listed(list) => {
+            let listed = list.iter();
+            listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
+        }
+    })
 }
 
 /// Adds the half areas of the pair's nodes to `sum`. `below` begins with pair `first`.
