@@ -1,15 +1,14 @@
 //! The binary tree of layout `bvh2`: pairs of siblings, breadth first.
 
-use crate::geometry::{Geometry, Unhittable};
 use crate::intersect::{MollerTrumbore, Record, TriangleTest, Watertight, Woop};
-use crate::pass::{Which, Window, pass};
-use crate::preprocess::{Leaves, preprocess};
+use crate::pass::{SplitAt, Which, Window, pass};
+use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::{TraceTask, Tracer};
-use crate::{Accelerator, reserve};
+use crate::{Accelerator, Geometry, Unhittable, reserve};
 use backend::{Intersector, Result};
 use bvh_layout::{Link, Moving, Topology};
-use geom::{Aabb, Animation};
+use geom::{Aabb, Animation, Triangle, is_active, is_degenerate};
 use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -172,7 +171,9 @@ impl Bvh2 {
             pairs: Window::new(0, &mut self.pairs),
             records: Window::new(0, &mut self.records),
         };
-        let mut found = preprocess::<T>(geometry, which, leaves);
+        let mut found = pass(which, leaves, LEAVES, &|which, leaves| {
+            prepare_run::<T>(geometry, &which, leaves)
+        });
         // A static triangle with a leaf is active.
         found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere));
         self.leaves_done = true;
@@ -245,7 +246,84 @@ impl Accelerator for Bvh2 {
     }
 }
 
-/// Pairs that one task handles.
+/// Leaves that one task prepares.
+const LEAVES: usize = 1024;
+/// Leaves whose corners are fetched together: they lie scattered, and so their fetches overlap.
+const BATCH: usize = 16;
+
+/// Leaves by rank, with the pairs that hold their boxes and with their records.
+struct Leaves<'a> {
+    leaves: &'a [Leaf],
+    pairs: Window<'a, Pair>,
+    records: Window<'a, Record>,
+}
+
+impl SplitAt for Leaves<'_> {
+    fn split(self, rank: usize) -> [Self; 2] {
+        let pairs = self.pairs.split(self.leaves[rank].pair());
+        let ([left_pairs, right_pairs], [left, right]) = (pairs, self.records.split(rank));
+        let half = |pairs, records| Leaves {
+            leaves: self.leaves,
+            pairs,
+            records,
+        };
+        [half(left_pairs, left), half(right_pairs, right)]
+    }
+
+    /// Both leaves of a pair are written by one task.
+    fn joins(&self, left: usize, right: usize) -> bool {
+        self.leaves[left].pair() == self.leaves[right].pair()
+    }
+}
+
+/// Writes a record and a box for each of these leaves: the others keep theirs.
+fn prepare_run<T: TriangleTest>(
+    geometry: &Geometry<'_>,
+    which: &Which<'_>,
+    mut part: Leaves<'_>,
+) -> Unhittable {
+    let mut corners = [[[0.0; 3]; 3]; BATCH];
+    let mut unhittable = Unhittable::default();
+    for first in (0..which.count()).step_by(BATCH) {
+        let batch = first..which.count().min(first + BATCH);
+        for (corners, place) in corners.iter_mut().zip(batch.clone()) {
+            let leaf = &part.leaves[which.at(place)];
+            *corners = leaf.vertices.map(|v| geometry.positions[v as usize]);
+        }
+        for (corners, place) in corners.iter().zip(batch) {
+            let rank = which.at(place);
+            let record = &mut part.records[rank];
+            let [min, max] = prepare::<T>(geometry.scale, corners, record, &mut unhittable);
+            let leaf = &part.leaves[rank];
+            part.pairs[leaf.pair()].set_bounds(leaf.lane(), min, max);
+        }
+    }
+    unhittable
+}
+
+/// Writes a triangle's record and returns the corners of its box.
+#[inline]
+fn prepare<T: TriangleTest>(
+    scale: Scale,
+    corners: &Triangle,
+    record: &mut Record,
+    unhittable: &mut Unhittable,
+) -> [Vec3A; 2] {
+    if !is_active(corners) {
+        unhittable.inactive += 1;
+    } else if is_degenerate(corners) {
+        unhittable.degenerate += 1;
+    } else {
+        let corners = corners.map(|p| scale.apply(p));
+        *record = T::record(&corners);
+        let [a, b, c] = corners.map(Vec3A::from_array);
+        return [a.min(b).min(c), a.max(b).max(c)];
+    }
+    *record = Record::default();
+    [Vec3A::INFINITY, Vec3A::NEG_INFINITY]
+}
+
+/// Pairs that one task refits.
 const REFIT_RUN: usize = 2048;
 
 /// Gives every inner node of these pairs, which lie on one level, the least box round its children. Only minima and
@@ -254,21 +332,15 @@ const REFIT_RUN: usize = 2048;
 /// Returns the sum of the half areas of the pairs' nodes.
 fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_>) -> f64 {
     let (level, below) = pairs.split_at_mut(end);
-    pass(
-        which,
-        Window::new(0, level),
-        REFIT_RUN,
-        &|which, mut pairs| {
-            let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
-            match which {
-                Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
-                Which::Listed(list) => {
-                    let listed = list.iter();
-                    listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
-                }
-            }
-        },
-    )
+    let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
+    let pairs = Window::new(0, level);
+    pass(which, pairs, REFIT_RUN, &|which, mut pairs| match which {
+        Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
+        Which::Listed(list) => {
+            let listed = list.iter();
+            listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
+        }
+    })
 }
 
 /// Adds the half areas of the pair's nodes to `sum`. `below` begins with pair `first`.

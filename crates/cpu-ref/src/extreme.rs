@@ -2,7 +2,7 @@
 //!
 //! Boxes are tested in double precision, whose range holds every product that is needed here.
 
-use crate::geometry::Geometry;
+use crate::Geometry;
 use crate::intersect::Asked;
 use crate::traverse::{Below, Tree};
 use exact::{Crossing, Line};

@@ -1,19 +1,16 @@
 //! The reference backend: every stage on the host's cores, by rayon.
 //!
-//! Plain, and exact to the letter of what a hit is (`docs/design/hits.md`): other
-//! backends are held against it bit for bit. A file a stage, by the stage's
-//! name: `interpolate`, `preprocess`, `refit`, `trace`; and a file a triangle
-//! test in `intersect`. Every layout is traced as the binary tree of `bvh2`,
-//! unless the caller brings an [`Accelerator`] of its own, as `cpu-simd` does for `fast`.
+//! Plain, and exact to the letter of what a hit is (`docs/design/hits.md`): other backends are held against it bit for
+//! bit. Stages are in `interpolate`, `bvh2` (preprocess and refit) and `trace`; each triangle test has a file in
+//! `intersect`. Every layout is traced as the binary tree of `bvh2`, unless the caller brings an [`Accelerator`] of its
+//! own, as `cpu-simd` does for `fast`.
 
 mod backend;
 pub mod bvh2;
 pub mod extreme;
-pub mod geometry;
 mod interpolate;
 pub mod intersect;
 pub mod pass;
-mod preprocess;
 pub mod ray;
 pub mod scale;
 mod scene;
@@ -30,10 +27,64 @@ pub use crate::backend::CpuBackend;
 
 use ::backend::{BackendError, Intersector, Result};
 use bvh_layout::Topology;
-use geom::{Aabb, Animation};
-use geometry::{Geometry, Unhittable};
+use geom::{Aabb, Animation, Point, Range, Ray, Triangle};
+use scale::Scale;
+use std::ops::Add;
 use tiles::{Counts, Output};
 use trace::TraceTask;
+
+/// Leaves that are never hit, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Unhittable {
+    /// A corner is not finite.
+    pub inactive: u64,
+    /// Active, but of zero area.
+    pub degenerate: u64,
+}
+
+impl Add for Unhittable {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            inactive: self.inactive + other.inactive,
+            degenerate: self.degenerate + other.degenerate,
+        }
+    }
+}
+
+/// Where triangles are.
+#[derive(Clone, Copy, Debug)]
+pub struct Geometry<'a> {
+    /// One a vertex, in the scene's units.
+    pub positions: &'a [Point],
+    /// Three vertices a triangle.
+    pub triangles: &'a [[u32; 3]],
+    /// To scaled units.
+    pub scale: Scale,
+    /// How far coordinates reach at this moment.
+    pub range: Range,
+}
+
+impl Geometry<'_> {
+    /// A triangle's corners in the scene's units.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> Triangle {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// Whether the ray is beyond what rounded tests can tell.
+    #[inline]
+    pub fn is_extreme(&self, ray: &Ray) -> bool {
+        self.range.is_extreme(self.scale.apply(ray.origin))
+    }
+
+    /// A triangle's corners in scaled units.
+    #[inline]
+    pub fn scaled_corners(&self, triangle: u32) -> Triangle {
+        self.corners(triangle).map(|p| self.scale.apply(p))
+    }
+}
 
 /// A tree in some layout, with the boxes and triangles of one moment. Boxes are in scaled units.
 pub trait Accelerator: Send + Sync {

@@ -1,11 +1,10 @@
 //! What is current: an animation, a tree, and everything computed from them.
 
-use crate::geometry::{Geometry, Unhittable};
 use crate::interpolate::{copy, interpolate};
 use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::TraceTask;
-use crate::{Accelerator, reserve};
+use crate::{Accelerator, Geometry, Unhittable, reserve};
 use backend::{BackendError, Intersector, Query, Result, check_tree, sah_cost};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;

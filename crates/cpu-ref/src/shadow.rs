@@ -1,6 +1,6 @@
 //! The ray from a hit to a light.
 
-use crate::geometry::Geometry;
+use crate::Geometry;
 use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 

@@ -9,39 +9,12 @@ use glam::{Vec3A, Vec4};
 pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
 /// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
-/// Bounds `D`, so that no product below is infinite, `2^80`.
-const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
+/// Bounds `D`, the largest distance on one axis from the ray's start to a corner of the root box, so that no product is
+/// infinite: `2^80`.
+pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
 /// Distances up to here leave every product of the watertight test finite, `2^60`.
 pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
-
-/// What a ray and the root box alone decide of the box test.
-#[derive(Clone, Copy, Debug)]
-pub struct Reach {
-    /// `|r|` on each axis.
-    pub inverse: [f32; 3],
-    /// `q` on each axis.
-    pub pad: [f32; 3],
-    /// `D`: the largest distance on one axis from the ray's start to a corner of the root box.
-    pub farthest: f32,
-}
-
-impl Reach {
-    /// For the tree whose whole box is `root`.
-    #[inline]
-    pub fn new(ray: &PreparedRay, root: &Aabb) -> Self {
-        let [o, direction] = [ray.origin, ray.direction].map(Vec3A::from_array);
-        let ends = [root.min, root.max].map(|p| (Vec3A::from_array(p) - o).abs());
-        let farthest = ends[0].max(ends[1]).max_element().min(FARTHEST);
-        let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
-        let pad = inverse * (PAD * farthest);
-        Self {
-            inverse: inverse.to_array(),
-            pad: pad.to_array(),
-            farthest,
-        }
-    }
-}
 
 /// What the box test needs of a ray.
 ///
@@ -89,11 +62,15 @@ impl Slab {
     #[inline]
     pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
         let halves = |x: f32| Vec4::new(x, x, -x, -x);
-        let reach = Reach::new(ray, root);
+        let [origin, direction] = [ray.origin, ray.direction].map(Vec3A::from_array);
+        let ends = [root.min, root.max].map(|p| (Vec3A::from_array(p) - origin).abs());
+        let farthest = ends[0].max(ends[1]).max_element().min(FARTHEST);
+        let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
+        let pad = inverse * (PAD * farthest);
         Self {
             origin: ray.origin.map(Vec4::splat),
-            inverse: reach.inverse.map(halves),
-            pad: reach.pad.map(Vec4::splat),
+            inverse: inverse.to_array().map(halves),
+            pad: pad.to_array().map(Vec4::splat),
             turned: ray.direction.map(f32::is_sign_negative),
             floor: Vec4::new(ray.t_min, ray.t_min, f32::NEG_INFINITY, f32::NEG_INFINITY),
         }

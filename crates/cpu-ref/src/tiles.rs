@@ -62,7 +62,7 @@ impl<'a> Output<'a> {
 
     /// How many answers it holds.
     #[inline]
-    pub fn count(&self) -> usize {
+    fn count(&self) -> usize {
         self.closest.len().max(self.blocked.len())
     }
 
@@ -78,7 +78,7 @@ impl<'a> Output<'a> {
 
     /// Writes the answer of one ray.
     #[inline(always)]
-    pub fn set(&mut self, index: usize, (hit, blocked): Answer) {
+    fn set(&mut self, index: usize, (hit, blocked): Answer) {
         if let Some(to) = self.closest.get_mut(index) {
             *to = hit;
         }
@@ -88,21 +88,16 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Fills `out` with the answers of these rays in parallel, and sums what the tasks return: `list` gets neighbouring
-/// entries of a list and the index of the first, `picture` some tiles of a camera's picture.
-pub fn fill(
-    rays: Rays<'_>,
-    out: Output<'_>,
-    list: impl Fn(usize, Output<'_>) -> Counts + Sync,
-    picture: impl Fn(Tiles<'_>) -> Counts + Sync,
-) -> Counts {
+/// Fills `out` with the answers of these rays in parallel, and sums what the tasks return: each gets some tiles of a
+/// camera's picture, or neighbouring entries of a list as a single row.
+pub fn fill(rays: Rays<'_>, out: Output<'_>, task: impl Fn(Tiles<'_>) -> Counts + Sync) -> Counts {
     match rays {
         Rays::Camera(camera) if out.count() > 0 => {
             let width = camera.width as usize;
-            let band = |part| divide(Tiles::of(part, width), &Tiles::halve, &picture);
+            let band = |part| divide(Tiles::of(part, width), &Tiles::halve, &task);
             divide((0, out), &halve(TILE * width), &band)
         }
-        _ => divide((0, out), &halve(RUN), &|(first, out)| list(first, out)),
+        _ => divide((0, out), &halve(RUN), &|part| task(Tiles::of(part, RUN))),
     }
 }
 
@@ -131,7 +126,7 @@ fn divide<T: Send>(
     a + b
 }
 
-/// A band of rows or a part of it.
+/// A band of rows or a part of it; or one row, of a list.
 #[derive(Debug)]
 pub struct Tiles<'a> {
     rows: [Output<'a>; TILE],

@@ -1,7 +1,7 @@
 //! Rays to hits: many rays at once, each on its own.
 
+use crate::Geometry;
 use crate::extreme::{self, Rule};
-use crate::geometry::Geometry;
 use crate::intersect::{Asked, Exact, MollerTrumbore, Search, Watertight, Woop};
 use crate::scale::Scale;
 use crate::shadow::Light;
@@ -79,21 +79,13 @@ impl<'a, N: Tree> Tracer<'a, N> {
     }
 
     fn trace_by<S: Search<N>>(&self, out: Output<'_>) -> Counts {
-        let one = |index: usize, stack: &mut Stack<N>, sum: &mut Counts| {
-            let answer = self.answer::<S>(index, stack);
-            *sum = *sum + Counts::of(&answer);
-            answer
-        };
-        let list = |first: usize, mut out: Output<'_>| {
+        fill(self.task.query.rays, out, |tiles| {
             let (mut stack, mut sum) = (Stack::default(), Counts::default());
-            for at in 0..out.count() {
-                out.set(at, one(first + at, &mut stack, &mut sum));
-            }
-            sum
-        };
-        fill(self.task.query.rays, out, list, |tiles| {
-            let (mut stack, mut sum) = (Stack::default(), Counts::default());
-            tiles.fill(|index| one(index, &mut stack, &mut sum));
+            tiles.fill(|index| {
+                let answer = self.answer::<S>(index, &mut stack);
+                sum = sum + Counts::of(&answer);
+                answer
+            });
             sum
         })
     }

@@ -7,7 +7,7 @@ use crate::scale::flushed;
 use crate::slab::Slab;
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Link;
-use geom::{Aabb, Hit};
+use geom::Aabb;
 
 /// A tree with the boxes and triangles of one moment, whatever its layout.
 pub trait Tree: Copy + Sync {
@@ -253,7 +253,7 @@ impl<'a, N: Tree, T: TriangleTest> Walk<'a, N, T> {
 
     /// Where the ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
     #[inline(always)]
-    fn meet_leaf(&self, leaf: &Leaf) -> Option<Meeting> {
+    pub(crate) fn meet_leaf(&self, leaf: &Leaf) -> Option<Meeting> {
         let mut meeting = T::meet(&self.test, &self.tree.record::<T>(leaf.place))?;
         if meeting.t < leaf.entry {
             meeting.t = leaf.entry;
@@ -263,45 +263,4 @@ impl<'a, N: Tree, T: TriangleTest> Walk<'a, N, T> {
         meeting.t = flushed(meeting.t);
         (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
     }
-}
-
-/// The closest hit, its `t` in scaled units.
-pub fn closest<N: Tree, T: TriangleTest>(
-    tree: N,
-    ray: &PreparedRay,
-    stack: &mut Stack<N>,
-) -> Option<Hit> {
-    let walk = Walk::<N, T>::new(tree, ray);
-    let mut best = Hit {
-        t: ray.t_max,
-        ..Hit::MISS
-    };
-    tree.visit(ray, &mut stack.waiting, |leaf, _| {
-        if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
-            && t <= best.t
-        {
-            let triangle = tree.triangle(leaf.place).unwrap_or(best.triangle);
-            let hit = Hit { t, u, v, triangle };
-            if hit.is_before(&best) {
-                best = hit;
-            }
-        }
-        Some(best.t)
-    });
-    best.is_hit().then_some(best)
-}
-
-/// Whether the ray hits any triangle but `skipped`.
-pub fn any<N: Tree, T: TriangleTest>(
-    tree: N,
-    ray: &PreparedRay,
-    skipped: Option<u32>,
-    stack: &mut Stack<N>,
-) -> bool {
-    let walk = Walk::<N, T>::new(tree, ray);
-    tree.visit(ray, &mut stack.waiting, |leaf, bound| {
-        let hit = walk.meet_leaf(leaf).is_some()
-            && (skipped.is_none() || tree.triangle(leaf.place) != skipped);
-        (!hit).then_some(bound)
-    })
 }

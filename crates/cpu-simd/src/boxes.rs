@@ -106,12 +106,8 @@ impl Sums {
 #[inline(always)]
 pub(crate) fn bounds(planes: &Planes, lane: usize) -> Aabb {
     Aabb {
-        min: [planes[0][lane], planes[1][lane], planes[2][lane]],
-        max: [
-            planes[0][lane + LANES],
-            planes[1][lane + LANES],
-            planes[2][lane + LANES],
-        ],
+        min: each!(axis => planes[axis][lane]),
+        max: each!(axis => planes[axis][lane + LANES]),
     }
 }
 

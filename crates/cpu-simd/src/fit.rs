@@ -2,14 +2,13 @@
 
 use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
-use crate::simd::{Eight, Isa, Lanes, Work, each, prefetch};
+use crate::simd::{Eight, Isa, Lanes, Vector, Work, each, prefetch};
 use crate::subtrees::{LevelPart, Subtrees};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
 use bvh_layout::{Block as Source, BlockTree};
-use cpu_ref::geometry::{Geometry, Unhittable};
 use cpu_ref::pass::{Which, Window};
-use geom::{Aabb, Point, Triangle, is_degenerate};
-use std::iter::Sum;
+use cpu_ref::{Geometry, Unhittable};
+use geom::{Aabb, Triangle, is_degenerate};
 use std::ops::Add;
 
 /// Blocks from one to that whose vertices are fetched meanwhile: they lie scattered.
@@ -31,12 +30,6 @@ impl Add for Fitted {
             unhittable: self.unhittable + other.unhittable,
             areas: self.areas + other.areas,
         }
-    }
-}
-
-impl Sum for Fitted {
-    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
-        all.fold(Self::default(), Add::add)
     }
 }
 
@@ -135,22 +128,17 @@ impl Inputs<'_> {
         unhittable: &mut Unhittable,
     ) -> (Aabb, I::Eight) {
         let source = &self.shape.blocks[number];
-        let later = self.shape.blocks.get(number + AHEAD);
-        fetch(self.geometry.positions, later.unwrap_or(source));
+        let later = self.shape.blocks.get(number + AHEAD).unwrap_or(source);
+        // The other vertices of a triangle mostly lie beside its first.
+        for vertex in later.vertices[0] {
+            prefetch(self.geometry.positions, vertex as usize);
+        }
         if self.stale {
             block.triangles = source.triangles;
         }
         let boxes = fill::<I>(self.geometry, source, block, unhittable);
         let (whole, areas) = boxes.fold(&source.ranges);
         (whole, areas.add(boxes.half_areas()))
-    }
-}
-
-/// Asks for the first vertices of a block's triangles; the others mostly lie beside them.
-#[inline(always)]
-fn fetch(positions: &[Point], of: &Source) {
-    for vertex in of.vertices[0] {
-        prefetch(positions, vertex as usize);
     }
 }
 
@@ -234,27 +222,5 @@ fn stands_clear<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
 
 #[inline(always)]
 pub(crate) fn triangle(corners: &[[[f32; LANES]; 3]; 3], lane: usize) -> Triangle {
-    let corner = |c: usize| {
-        [
-            corners[0][c][lane],
-            corners[1][c][lane],
-            corners[2][c][lane],
-        ]
-    };
-    [corner(0), corner(1), corner(2)]
-}
-
-/// The box of a node, and the sum of half areas of the binary nodes that it stands for.
-pub(crate) struct Fold<'a>(pub(crate) &'a Node);
-
-impl Work for Fold<'_> {
-    type Out = (Aabb, f64);
-
-    #[inline(always)]
-    fn run<I: Isa>(self) -> (Aabb, f64) {
-        let (whole, areas) = EightBoxes::<I::Eight>::load(&self.0.planes).fold(&self.0.ranges);
-        let mut sums = Sums::default();
-        sums.add(areas);
-        (whole, sums.total())
-    }
+    each!(c => each!(axis => corners[axis][c][lane]))
 }

@@ -119,14 +119,14 @@ impl<L: Lanes> TriangleRay<L> {
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
     pub(crate) fn single(ray: &OneRay<'_, impl Lanes>) -> Self {
-        let axes = AXES[ray.main()];
+        let (axes, group) = (AXES[ray.main()], ray.group);
         Self {
             axes,
-            origin: each!(i => L::splat(ray.origin(axes[i]))),
-            shear: each!(i => L::splat(ray.shear(i))),
-            inverse: each!(i => L::splat(ray.inverse(axes[i]))),
-            pad: each!(i => L::splat(ray.pad(axes[i]))),
-            t_min: L::splat(ray.t_min()),
+            origin: each!(i => L::splat(ray.at(&group.origin[axes[i]]))),
+            shear: each!(i => L::splat(ray.at(&group.shear[i]))),
+            inverse: each!(i => L::splat(ray.at(&group.inverse[axes[i]]))),
+            pad: each!(i => L::splat(ray.at(&group.pad[axes[i]]))),
+            t_min: L::splat(ray.at(&group.limits[0])),
             t_max: L::splat(ray.t_max()),
         }
     }

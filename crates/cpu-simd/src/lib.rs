@@ -7,14 +7,12 @@
 //! does one bit of it.
 
 mod boxes;
-mod cell;
 mod fit;
 mod leaf;
 mod light;
 mod moving;
 mod packet;
 mod rays;
-mod search;
 mod simd;
 mod subtrees;
 #[cfg(test)]
@@ -22,7 +20,6 @@ mod tests {
     mod boxes;
     mod simd;
 }
-mod together;
 mod trace;
 mod tree;
 mod visit;

@@ -1,11 +1,10 @@
 //! What is found of a few rays, and the rays from there to a light, one a lane: [`Light::ray`] in vectors.
 
 use crate::leaf::flushed;
-use crate::rays::Given;
-use crate::simd::{Isa, Lanes, each};
-use crate::together::MOST_RAYS;
+use crate::rays::{Given, MOST_RAYS};
+use crate::simd::{Isa, Lanes, Vector, each};
 use crate::tree::{NOWHERE, Wide};
-use cpu_ref::geometry::Geometry;
+use cpu_ref::Geometry;
 use cpu_ref::scale::Scale;
 use cpu_ref::shadow::{Light, ROUNDING};
 use cpu_ref::tiles::{Answer, Counts};

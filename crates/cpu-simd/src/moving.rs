@@ -3,7 +3,7 @@
 use crate::fit::Fitted;
 use crate::tree::{Link, Wide};
 use bvh_layout::{Block as Source, BlockTree};
-use cpu_ref::geometry::Geometry;
+use cpu_ref::Geometry;
 use cpu_ref::pass::Which;
 use rayon::prelude::*;
 use std::ops::Range;

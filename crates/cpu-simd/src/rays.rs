@@ -1,14 +1,15 @@
 //! Rays that go through the wide tree each on its own, prepared alone or as many at once as fit in a vector.
 
 use crate::leaf::{flushed, scaled};
-use crate::packet::{farthest, main_axes};
-use crate::simd::{Lanes, Plain, each};
-use crate::together::MOST_RAYS;
-use cpu_ref::intersect::main_axis;
+use crate::simd::{Lanes, Plain, Vector, each};
 use cpu_ref::ray::PreparedRay;
 use cpu_ref::scale::{LEAST_COMPONENT, Scale};
-use cpu_ref::slab::{CALM, PAD, Reach, SMALLEST};
-use geom::{Aabb, Ray};
+use cpu_ref::slab::{CALM, FARTHEST, PAD, SMALLEST};
+use cpu_ref::tiles::Tiles;
+use geom::{Aabb, Camera, Ray};
+
+/// Rays of the widest packet.
+pub(crate) const MOST_RAYS: usize = 16;
 
 /// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
 /// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
@@ -17,7 +18,7 @@ const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 /// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
 const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
 
-/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and [`Reach`] do. Axes in their own order.
+/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and the reference's box test do. Axes in their own order.
 pub(crate) struct Group<L: Lanes> {
     /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
     pub(crate) ready: u32,
@@ -27,7 +28,7 @@ pub(crate) struct Group<L: Lanes> {
     /// `q`.
     pub(crate) pad: [L::Array; 3],
     /// What is added to the products of `r` with a box's near and far plane of an inner node.
-    starts: [[L::Array; 2]; 3],
+    pub(crate) starts: [[L::Array; 2]; 3],
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
     pub(crate) shear: [L::Array; 3],
     /// `kz`.
@@ -99,78 +100,74 @@ impl<L: Lanes> Given<L> {
     }
 }
 
-/// Powers of two by the exponent `e` of each lane's longest component.
-struct Powers<L> {
-    /// `2^e`.
-    up: L,
-    /// `2^-e`.
-    down: L,
-    /// Lanes whose exponent is usual.
-    usual: u32,
-}
-
-impl<L: Lanes> Powers<L> {
-    #[inline(always)]
-    fn of([x, y, z]: &[L; 3]) -> Self {
-        let mut up = x.abs().max(y.abs()).max(z.abs()).store();
-        let (mut down, mut usual) = (up, 0);
-        let both = up.as_mut().iter_mut().zip(down.as_mut());
-        for (lane, (up, down)) in both.enumerate() {
-            let biased = up.to_bits() >> 23;
-            usual |= u32::from(USUAL.contains(&biased)) << lane;
-            *up = f32::from_bits(biased << 23);
-            *down = f32::from_bits(254_u32.wrapping_sub(biased) << 23);
-        }
-        Self {
-            up: L::load(&up),
-            down: L::load(&down),
-            usual,
-        }
+/// `2^e` and `2^-e` by the exponent `e` of each lane's longest component, and lanes whose exponent is usual.
+#[inline(always)]
+fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> ([L; 2], u32) {
+    let mut up = x.abs().max(y.abs()).max(z.abs()).store();
+    let (mut down, mut usual) = (up, 0);
+    let both = up.as_mut().iter_mut().zip(down.as_mut());
+    for (lane, (up, down)) in both.enumerate() {
+        let biased = up.to_bits() >> 23;
+        usual |= u32::from(USUAL.contains(&biased)) << lane;
+        *up = f32::from_bits(biased << 23);
+        *down = f32::from_bits(254_u32.wrapping_sub(biased) << 23);
     }
+    ([L::load(&up), L::load(&down)], usual)
 }
 
 impl<L: Lanes> Group<L> {
     /// Rays over the first lanes of `L`; those beyond are left alone. The tree's whole box is `root`.
     #[inline(always)]
     pub(crate) fn new(given: &Given<L>, scale: Scale, root: &Aabb) -> Self {
-        let powers = Powers::of(&given.direction);
+        let ([up, down], usual) = powers(&given.direction);
         let origin = given.scaled_origin(scale);
-        let d = each!(i => {
-            let d = given.direction[i].mul(powers.down);
+        let direction = each!(i => {
+            let d = given.direction[i].mul(down);
             d.replace(d.abs().less(L::splat(LEAST_COMPONENT)), L::splat(0.0))
         });
         let farthest = farthest(&origin, root);
         let calm = L::bits(farthest.less(L::splat(CALM)));
+        let up = up.mul(L::splat(scale.factor()));
+        let [t_min, t_max] = given.limits;
+        let unscaled = scale.usual_inverse();
+        let scaled = Given {
+            origin,
+            direction,
+            limits: [flushed(t_min.mul(up)), flushed(t_max.mul(up))],
+        };
+        let mut group = Self::prepared(&scaled, farthest);
+        let ready = given.sound() & usual & calm;
+        group.ready = if unscaled.is_some() { ready } else { 0 };
+        group.back = down.mul(L::splat(unscaled.unwrap_or(1.0))).store();
+        group
+    }
+
+    /// What boxes and triangles need of rays in scaled units. Distances stay in the units of these.
+    #[inline(always)]
+    fn prepared(rays: &Given<L>, farthest: L) -> Self {
+        let (origin, d) = (&rays.origin, &rays.direction);
         let padding = L::splat(PAD).mul(farthest);
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
-        let pad = each!(i => inverse[i].mul(padding));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
+        // Infinite only where the box test's products are: a start so far away is its own distance to any plane.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));
             let wide = inverse[i].mul(wide);
             [from.sub(wide).store(), from.add(wide).store()]
         });
-        let up = powers.up.mul(L::splat(scale.factor()));
-        let limits = given.limits;
-        let (main, shear) = turned(&d);
-        let unscaled = scale.usual_inverse();
-        let back = powers.down.mul(L::splat(unscaled.unwrap_or(1.0)));
-        let ready = given.sound() & powers.usual & calm;
+        let (main, shear) = turned(d);
         Self {
-            ready: if unscaled.is_some() { ready } else { 0 },
+            ready: L::ALL,
             origin: each!(i => origin[i].store()),
             inverse: each!(i => signed[i].store()),
-            pad: each!(i => pad[i].store()),
+            pad: each!(i => inverse[i].mul(padding).store()),
             starts,
             shear: each!(i => shear[i].store()),
             main,
-            limits: [
-                flushed(limits[0].mul(up)).store(),
-                flushed(limits[1].mul(up)).store(),
-            ],
-            back: back.store(),
+            limits: [rays.limits[0].store(), rays.limits[1].store()],
+            back: L::splat(1.0).store(),
         }
     }
 
@@ -188,29 +185,13 @@ impl Group<Plain<1>> {
     /// One ray, whatever it is like. Distances stay in its own units.
     #[inline]
     pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
-        let reach = Reach::new(ray, root);
-        let (origin, d) = (ray.origin, ray.direction);
-        let kz = main_axis(d);
-        let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
-        let inverse = each!(i => reach.inverse[i].copysign(d[i]));
-        // Infinite only where the box test's products are: a start so far away is its own distance to any plane.
-        let starts = each!(i => {
-            let from = -(origin[i] * inverse[i]);
-            let wide = INNER[0] * reach.farthest + INNER[1] * origin[i].abs();
-            let wide = reach.inverse[i] * wide;
-            [[from - wide], [from + wide]]
-        });
-        Self {
-            ready: 1,
-            origin: origin.map(|x| [x]),
-            inverse: inverse.map(|x| [x]),
-            pad: reach.pad.map(|x| [x]),
-            starts,
-            shear: [[d[kx] / d[kz]], [d[ky] / d[kz]], [1.0 / d[kz]]],
-            main: [kz as u8; MOST_RAYS],
-            limits: [[ray.t_min], [ray.t_max]],
-            back: [1.0],
-        }
+        let rays = Given {
+            origin: ray.origin.map(Plain::splat),
+            direction: ray.direction.map(Plain::splat),
+            limits: [ray.t_min, ray.t_max].map(Plain::splat),
+        };
+        let farthest = farthest(&rays.origin, root);
+        Self::prepared(&rays, farthest.min(Plain::splat(FARTHEST)))
     }
 }
 
@@ -222,45 +203,47 @@ pub(crate) struct OneRay<'a, L: Lanes> {
 
 impl<L: Lanes> OneRay<'_, L> {
     #[inline(always)]
-    pub(crate) fn origin(&self, axis: usize) -> f32 {
-        self.group.origin[axis].as_ref()[self.lane]
+    pub(crate) fn at(&self, lanes: &L::Array) -> f32 {
+        lanes.as_ref()[self.lane]
     }
-    #[inline(always)]
-    pub(crate) fn inverse(&self, axis: usize) -> f32 {
-        self.group.inverse[axis].as_ref()[self.lane]
-    }
-    #[inline(always)]
-    pub(crate) fn pad(&self, axis: usize) -> f32 {
-        self.group.pad[axis].as_ref()[self.lane]
-    }
-    #[inline(always)]
-    pub(crate) fn starts(&self, axis: usize) -> [f32; 2] {
-        let [near, far] = &self.group.starts[axis];
-        [near.as_ref()[self.lane], far.as_ref()[self.lane]]
-    }
+
+    /// `kz`.
     #[inline(always)]
     pub(crate) fn main(&self) -> usize {
         usize::from(self.group.main[self.lane])
     }
-    #[inline(always)]
-    pub(crate) fn shear(&self, i: usize) -> f32 {
-        self.group.shear[i].as_ref()[self.lane]
-    }
-    #[inline(always)]
-    pub(crate) fn t_min(&self) -> f32 {
-        self.group.limits[0].as_ref()[self.lane]
-    }
+
     #[inline(always)]
     pub(crate) fn t_max(&self) -> f32 {
-        self.group.limits[1].as_ref()[self.lane]
+        self.at(&self.group.limits[1])
     }
 
     /// A distance in units of the given ray's direction. A zero is a positive one.
     #[inline(always)]
     pub(crate) fn unscaled(&self, t: f32) -> f32 {
-        let t = t * self.group.back.as_ref()[self.lane];
+        let t = t * self.at(&self.group.back);
         if t == 0.0 { 0.0 } else { t }
     }
+}
+
+/// `D` of each lane.
+#[inline(always)]
+fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
+    let mut farthest = L::splat(0.0);
+    for (axis, &o) in origin.iter().enumerate() {
+        for plane in [root.min[axis], root.max[axis]] {
+            farthest = farthest.max(L::splat(plane).sub(o).abs());
+        }
+    }
+    farthest
+}
+
+/// Lanes whose `kz` is x, and is y: the axis of the largest component, the first of equals.
+#[inline(always)]
+fn main_axes<L: Lanes>([x, y, z]: &[L; 3]) -> [u32; 2] {
+    let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+    let is_x = L::bits(L::both(y.at_most(x), z.at_most(x)));
+    [is_x, L::bits(z.at_most(y)) & !is_x]
 }
 
 /// `kz` and the shear of each lane.
@@ -276,4 +259,76 @@ fn turned<L: Lanes>(d: &[L; 3]) -> ([u8; MOST_RAYS], [L; 3]) {
     }
     let shear = [of[0].div(of[2]), of[1].div(of[2]), L::splat(1.0).div(of[2])];
     (main, shear)
+}
+
+/// Columns of a cell of pixels; its rows follow from the lanes.
+pub(crate) const COLUMNS: usize = 4;
+
+/// A few columns and rows of a picture. Lanes go row by row; those beyond the edge repeat the last ones.
+pub(crate) struct Cell {
+    /// Lanes within the picture.
+    pub(crate) asked: u32,
+    lanes: usize,
+    /// Upper left pixel.
+    corner: [usize; 2],
+    /// The last pixel of the cell within the picture.
+    last: [usize; 2],
+}
+
+impl Cell {
+    /// The cell whose upper left entry among those of `tiles` is `at`.
+    #[inline(always)]
+    pub(crate) fn new(tiles: &Tiles<'_>, at: [usize; 2], rows: usize) -> Self {
+        let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
+        let corner = [index % width, index / width];
+        let lanes = COLUMNS * rows;
+        let columns = COLUMNS.min(tiles.columns() - at[0]);
+        let rows = rows.min(tiles.height() - at[1]);
+        let row = (1 << columns) - 1;
+        let mut asked = 0;
+        for y in 0..rows {
+            asked |= row << (y * COLUMNS);
+        }
+        Self {
+            asked,
+            lanes,
+            corner,
+            last: [corner[0] + columns - 1, corner[1] + rows - 1],
+        }
+    }
+
+    #[inline(always)]
+    fn pixel(&self, lane: usize) -> [usize; 2] {
+        let (x, y) = (lane % COLUMNS, lane / COLUMNS);
+        [
+            (self.corner[0] + x).min(self.last[0]),
+            (self.corner[1] + y).min(self.last[1]),
+        ]
+    }
+
+    /// The camera's rays, as [`Camera::ray`] has them.
+    #[inline(always)]
+    pub(crate) fn rays<L: Lanes>(&self, camera: &Camera) -> Given<L> {
+        Given {
+            origin: each!(i => L::splat(camera.eye[i])),
+            direction: self.directions(camera),
+            limits: [L::splat(0.0), L::splat(f32::INFINITY)],
+        }
+    }
+
+    #[inline(always)]
+    fn directions<L: Lanes>(&self, camera: &Camera) -> [L; 3] {
+        let (mut x, mut y) = (L::splat(0.0).store(), L::splat(0.0).store());
+        for lane in 0..self.lanes {
+            let pixel = self.pixel(lane);
+            x.as_mut()[lane] = pixel[0] as f32 + 0.5;
+            y.as_mut()[lane] = pixel[1] as f32 + 0.5;
+        }
+        let (x, y) = (L::load(&x), L::load(&y));
+        each!(i => {
+            L::splat(camera.corner[i])
+                .add(x.mul(L::splat(camera.across[i])))
+                .add(y.mul(L::splat(camera.down[i])))
+        })
+    }
 }

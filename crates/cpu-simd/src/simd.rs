@@ -11,6 +11,7 @@ mod x86;
 
 pub(crate) use plain::Plain;
 
+use bvh_layout::Link;
 use geom::Point;
 
 /// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
@@ -35,28 +36,33 @@ macro_rules! each {
 }
 pub(crate) use each;
 
-/// A vector of single-precision numbers.
+/// A vector of single-precision numbers, as far as planes of boxes need it.
 ///
 /// Where a number is not one, `min` and `max` return their second operand.
-pub(crate) trait Lanes: Copy {
+pub(crate) trait Vector: Copy {
     /// The same numbers in memory.
     type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
+
+    fn splat(x: f32) -> Self;
+    fn load(from: &Self::Array) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn min(self, other: Self) -> Self;
+    fn max(self, other: Self) -> Self;
+}
+
+/// A vector with all that can be done to it.
+pub(crate) trait Lanes: Vector {
     /// One truth value a lane.
     type Mask: Copy;
     /// Bits of a mask that is set in every lane.
     const ALL: u32;
 
-    fn splat(x: f32) -> Self;
-    fn load(from: &Self::Array) -> Self;
     fn store(self) -> Self::Array;
     fn add(self, other: Self) -> Self;
-    fn sub(self, other: Self) -> Self;
-    fn mul(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
     /// `self * by + plus`, rounded once or twice, as the machine likes: only where either will do.
     fn about(self, by: Self, plus: Self) -> Self;
-    fn min(self, other: Self) -> Self;
-    fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
     fn neg(self) -> Self;
     /// `self < other`.
@@ -88,8 +94,7 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
 }
 
 /// Sixteen numbers as two halves of eight.
-pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
-    /// Eight of them.
+pub(crate) trait Halves: Vector<Array = [f32; 16]> {
     type Half: Eight;
 
     /// Both halves, exchanged if `turn`.
@@ -100,7 +105,7 @@ pub(crate) trait Halves: Lanes<Array = [f32; 16]> {
 }
 
 /// The vectors that an instruction set is best at.
-pub(crate) trait Isa: 'static {
+pub(crate) trait Isa: Sized + 'static {
     /// As many lanes as a node has children and a block triangles.
     type Eight: Eight;
     /// Lower and upper planes of eight boxes.
@@ -108,37 +113,37 @@ pub(crate) trait Isa: 'static {
     /// One number of each ray of a packet.
     type Packet: Lanes;
 
+    /// Does `part` in a function of its own.
+    fn apart<P: Part<Self>>(part: P) -> P::Out;
+
     /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
     ///
     /// Without a branch for each: which lanes they are is hard to foresee.
     #[inline(always)]
-    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+    fn packed(of: &[Link; 8], lanes: u32) -> [Link; 8] {
         let (mut to, mut count) = (*of, 0);
-        for (lane, &word) in of.iter().enumerate() {
-            to[count % 8] = word;
+        for (lane, &link) in of.iter().enumerate() {
+            to[count % 8] = link;
             count += (lanes >> lane & 1) as usize;
         }
         to
     }
 }
 
-/// Four bytes that may be moved about as a number.
-///
-/// # Safety
-/// The type has the size of a `u32`, and no byte of it is ever uninitialised.
-#[expect(unsafe_code, reason = "vector instructions copy such words")]
-pub(crate) unsafe trait Word: Copy {}
-
-// SAFETY: it is one.
-#[expect(unsafe_code, reason = "see above")]
-unsafe impl Word for u32 {}
-
 /// Asks for the cache lines of what will soon be read, those that its first bytes lie in if it is not aligned to them.
 /// Does nothing where that cannot be asked.
 #[inline(always)]
 pub(crate) fn prefetch<T>(of: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]
-    x86::prefetch(of, index);
+    for line in 0..size_of::<T>().div_ceil(64) {
+        let first = of.as_ptr().wrapping_add(index).cast::<i8>();
+        #[expect(unsafe_code, reason = "an instruction that the machine has")]
+        // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
+        unsafe {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line * 64));
+        }
+    }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (of, index);
 }
@@ -152,6 +157,24 @@ pub(crate) trait Work {
     fn run<I: Isa>(self) -> Self::Out;
 }
 
+/// A part of some work that is done at several places, and compiled once for each set.
+pub(crate) trait Part<I: Isa> {
+    /// What comes of it.
+    type Out;
+
+    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    fn run(self) -> Self::Out;
+}
+
+impl<I: Isa, W: Work> Part<I> for W {
+    type Out = W::Out;
+
+    #[inline(always)]
+    fn run(self) -> W::Out {
+        Work::run::<I>(self)
+    }
+}
+
 /// No instructions but those that every machine of this kind has.
 struct Portable;
 
@@ -159,6 +182,11 @@ impl Isa for Portable {
     type Eight = Plain<8>;
     type Planes = Plain<16>;
     type Packet = Plain<8>;
+
+    #[inline(never)]
+    fn apart<P: Part<Self>>(part: P) -> P::Out {
+        part.run()
+    }
 }
 
 /// An instruction set that this machine was found to have.
@@ -178,17 +206,15 @@ impl Level {
     /// All that this machine has, the best last.
     #[must_use]
     pub fn all() -> Vec<Self> {
-        #[cfg_attr(
-            not(target_arch = "x86_64"),
-            expect(unused_mut, reason = "nothing to add")
-        )]
-        let mut all = vec![Self(Set::Portable)];
         #[cfg(target_arch = "x86_64")]
-        {
-            all.extend(x86::has_avx2().then_some(Self(Set::Avx2)));
-            all.extend(x86::has_avx512().then_some(Self(Set::Avx512)));
-        }
-        all
+        let vectors = [
+            x86::has_avx2().then_some(Set::Avx2),
+            x86::has_avx512().then_some(Set::Avx512),
+        ];
+        #[cfg(not(target_arch = "x86_64"))]
+        let vectors: [Option<Set>; 0] = [];
+        let all = std::iter::once(Set::Portable).chain(vectors.into_iter().flatten());
+        all.map(Self).collect()
     }
 
     /// The best that this machine has.
@@ -200,11 +226,11 @@ impl Level {
     #[inline]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self.0 {
-            Set::Portable => work.run::<Portable>(),
+            Set::Portable => Portable::apart(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => x86::run_avx2(work),
+            Set::Avx2 => x86::Avx2::apart(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => x86::run_avx512(work),
+            Set::Avx512 => x86::Avx512::apart(work),
         }
     }
 }

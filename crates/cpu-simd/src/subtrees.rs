@@ -3,7 +3,6 @@
 use crate::tree::{Block, Node};
 use bvh_layout::BlockTree;
 use cpu_ref::pass::{SplitAt, Which, Window};
-use std::iter::Sum;
 use std::ops::Add;
 
 /// Nodes that one task handles.
@@ -66,14 +65,15 @@ impl<'a> Subtrees<'a> {
 
     /// Gives each level of some subtrees to `task` after the one below, with that; many subtrees in parallel. Adds up what it
     /// returns, in the same order for every number of threads.
-    pub(crate) fn fold<S: Add<Output = S> + Sum + Send>(
+    pub(crate) fn fold<S: Add<Output = S> + Default + Send>(
         mut self,
         shape: &BlockTree,
         task: &(impl Fn(&mut LevelPart<'_>, Option<&LevelPart<'_>>) -> S + Sync),
     ) -> S {
         let counts = self.0.iter().map(|level| level.which.count());
         if counts.sum::<usize>() <= RUN {
-            return (0..self.0.len()).rev().map(|i| self.give(i, task)).sum();
+            let levels = (0..self.0.len()).rev();
+            return levels.fold(S::default(), |sum, level| sum + self.give(level, task));
         }
         if self.0[0].which.count() == 1 {
             let below = self.0[1..].iter_mut().map(LevelPart::reborrow);

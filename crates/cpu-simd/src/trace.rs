@@ -1,21 +1,18 @@
 //! Rays to hits by the wide tree: neighbouring rays together where that pays, others each on its own.
 
-use crate::cell::{COLUMNS, Cell};
 use crate::light::{Found, shadow_rays};
-use crate::packet::Packet;
-use crate::rays::{Given, Group, OneRay};
-use crate::search;
-use crate::simd::{Isa, Lanes, Work};
-use crate::together::{self, MOST_RAYS, NONE};
+use crate::packet::{self, NONE, Packet};
+use crate::rays::{COLUMNS, Cell, Given, Group, MOST_RAYS, OneRay};
+use crate::simd::{Isa, Lanes, Part, Vector, Work};
 use crate::tree::{NOWHERE, Wide};
-use crate::walk::walk_any;
+use crate::walk;
 use backend::{QueryKind, Rays};
 use cpu_ref::intersect::{Search, Watertight};
 use cpu_ref::scale::Scale;
 use cpu_ref::tiles::{Counts, Output, Tiles, fill};
 use cpu_ref::trace::Tracer;
 use cpu_ref::traverse;
-use geom::{Hit, Ray};
+use geom::{Camera, Hit, Ray};
 use std::ops::Range;
 
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
@@ -27,45 +24,15 @@ pub(crate) struct WideTracer<'a>(pub(crate) Tracer<'a, &'a Wide>);
 impl<'a> WideTracer<'a> {
     /// Answers all rays, in their order.
     pub(crate) fn trace(&self, out: Output<'_>) -> Counts {
-        let (level, tracer) = (self.0.tree.level, self);
-        let list = |first, out: Output<'_>| level.run(ListTask { first, out, tracer });
-        fill(self.0.task.query.rays, out, list, |tiles| {
-            level.run(PictureTask { tiles, tracer })
+        fill(self.0.task.query.rays, out, |tiles| {
+            let tracer = self;
+            self.0.tree.level.run(TilesTask { tiles, tracer })
         })
-    }
-
-    /// The answers for rays in these lanes.
-    #[inline(always)]
-    fn answers<I: Isa>(&self, rays: &Given<I::Packet>, asked: u32, state: &mut State<'a>) -> Found {
-        let Tracer { task, tree, light } = &self.0;
-        let scale = task.geometry.scale;
-        let mut found = Found::NOTHING;
-        if task.query.kind == QueryKind::Any {
-            found.blocked = self.any::<I>((rays, scale), (asked, &NONE), state);
-            return found;
-        }
-        found = self.closest::<I>(rays, asked, state);
-        let (Some(light), hit) = (light, asked & found.lanes()) else {
-            return found;
-        };
-        if hit == 0 {
-            return found;
-        }
-        // At once, while all that the rays came to is in the nearest caches.
-        let corners = found.corners::<I>(&task.geometry, tree);
-        let eyes = rays.scaled_origin(scale);
-        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
-        let mut skipped = NONE;
-        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
-            *skipped = hit.triangle;
-        }
-        found.blocked = self.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
-        found
     }
 
     /// Hits of a packet, whose distances `back` brings to units of the given directions.
     #[inline(always)]
-    fn unpack<I: Isa>(&self, packet: &together::Found<I::Packet>, back: I::Packet) -> Found {
+    fn unpack<I: Isa>(&self, packet: &packet::Found<I::Packet>, back: I::Packet) -> Found {
         let t = packet.t.mul(back).store();
         let (u, v) = (packet.u.store(), packet.v.store());
         let mut found = Found::NOTHING;
@@ -93,7 +60,7 @@ impl<'a> WideTracer<'a> {
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
         let packet = closest.packet::<I>(&group);
         if let Some(packet) = packet {
-            let found = together::closest::<I>(tree, &packet, &mut stack.waiting);
+            let found = packet::closest::<I>(tree, &packet, &mut stack.waiting);
             closest.saw(found.is_some());
             if let Some(found) = found {
                 return self.unpack::<I>(&found, I::Packet::load(&group.back));
@@ -104,7 +71,7 @@ impl<'a> WideTracer<'a> {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let best = search::closest::<I>(tree, &ray, &mut stack.waiting);
+                let best = walk::closest::<I>(tree, &ray, &mut stack.waiting);
                 if best.hit.is_hit() {
                     let t = ray.unscaled(best.hit.t);
                     found.hits[lane] = Hit { t, ..best.hit };
@@ -130,7 +97,7 @@ impl<'a> WideTracer<'a> {
         let all = asked == I::Packet::ALL;
         let packet = if all { any.packet::<I>(&group) } else { None };
         if let Some(packet) = packet {
-            let found = together::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
+            let found = packet::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
             any.saw(found.is_some());
             if let Some(hit) = found {
                 return hit;
@@ -141,7 +108,7 @@ impl<'a> WideTracer<'a> {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let found = walk_any::<I>(tree, &ray, skipped, &mut stack.waiting);
+                let found = walk::any::<I>(tree, &ray, skipped, &mut stack.waiting);
                 hit |= u32::from(found) << lane;
             } else if asked >> lane & 1 == 1 {
                 let found = self.any_unusual(&rays.ray(lane), scale, skipped, stack);
@@ -189,71 +156,74 @@ struct State<'a> {
     any: Trust,
 }
 
-struct ListTask<'a, 'o> {
-    first: usize,
-    out: Output<'o>,
+struct TilesTask<'a, 'o> {
+    tiles: Tiles<'o>,
     tracer: &'a WideTracer<'a>,
 }
 
-impl Work for ListTask<'_, '_> {
+impl Work for TilesTask<'_, '_> {
     type Out = Counts;
 
     #[inline(always)]
-    fn run<I: Isa>(mut self) -> Counts {
+    fn run<I: Isa>(self) -> Counts {
+        match self.tracer.0.task.query.rays {
+            Rays::Camera(camera) => self.picture::<I>(camera),
+            Rays::List(list) => self.list::<I>(list),
+            Rays::OnDevice(_) => Counts::default(),
+        }
+    }
+}
+
+impl TilesTask<'_, '_> {
+    #[inline(always)]
+    fn list<I: Isa>(mut self, list: &[Ray]) -> Counts {
         let (mut state, mut sum) = (State::default(), Counts::default());
         let (tracer, lanes) = (self.tracer, I::Packet::ALL.count_ones() as usize);
-        let task = &tracer.0.task;
-        let Rays::List(list) = task.query.rays else {
-            return sum;
-        };
-        let list = &list[self.first..self.first + self.out.count()];
+        let first = self.tiles.index(0, 0);
+        let list = &list[first..first + self.tiles.columns()];
         for (i, rays) in list.chunks(lanes).enumerate() {
             let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
-            let found = if rays.iter().any(|ray| task.geometry.is_extreme(ray)) {
-                let first = self.first + begin;
-                tracer.singly(first..first + rays.len(), &mut state.stack)
+            let is_extreme = |ray| tracer.0.task.geometry.is_extreme(ray);
+            let found = if rays.iter().any(is_extreme) {
+                let indices = first + begin..first + begin + rays.len();
+                tracer.singly(indices, &mut state.stack)
             } else {
-                tracer.answers::<I>(&Given::listed(rays), asked, &mut state)
+                I::apart(Answers {
+                    tracer,
+                    rays: &Given::listed(rays),
+                    asked,
+                    state: &mut state,
+                })
             };
             for lane in 0..rays.len() {
-                self.out.set(begin + lane, found.answer(lane));
+                self.tiles.set(begin + lane, 0, found.answer(lane));
             }
             sum = sum + found.counts(asked);
         }
         sum
     }
-}
-
-struct PictureTask<'a, 'o> {
-    tiles: Tiles<'o>,
-    tracer: &'a WideTracer<'a>,
-}
-
-impl Work for PictureTask<'_, '_> {
-    type Out = Counts;
 
     #[inline(always)]
-    fn run<I: Isa>(mut self) -> Counts {
+    fn picture<I: Isa>(mut self, camera: &Camera) -> Counts {
         let (mut state, mut sum) = (State::default(), Counts::default());
-        let Rays::Camera(camera) = self.tracer.0.task.query.rays else {
-            return sum;
-        };
         let size = [self.tiles.columns(), self.tiles.height()];
         let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
-                let rays = cell.rays(camera);
-                let found = self.tracer.answers::<I>(&rays, cell.asked, &mut state);
+                let found = I::apart(Answers {
+                    tracer: self.tracer,
+                    rays: &cell.rays(camera),
+                    asked: cell.asked,
+                    state: &mut state,
+                });
                 self.write(&cell, [x, y], &found);
                 sum = sum + found.counts(cell.asked);
             }
         }
         sum
     }
-}
 
-impl PictureTask<'_, '_> {
     /// Writes the answers of the cell at `at`.
     #[inline(always)]
     fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) {
@@ -263,6 +233,52 @@ impl PictureTask<'_, '_> {
                 self.tiles.set(x, y, found.answer(lane));
             }
         }
+    }
+}
+
+/// The answers for rays in the lanes of `asked`. Lists and pictures share it, since it takes long to compile.
+struct Answers<'a, 't, L> {
+    tracer: &'t WideTracer<'a>,
+    rays: &'t Given<L>,
+    asked: u32,
+    state: &'t mut State<'a>,
+}
+
+impl<I: Isa> Part<I> for Answers<'_, '_, I::Packet> {
+    type Out = Found;
+
+    #[inline(always)]
+    fn run(self) -> Found {
+        let Self {
+            tracer,
+            rays,
+            asked,
+            state,
+        } = self;
+        let Tracer { task, tree, light } = &tracer.0;
+        let scale = task.geometry.scale;
+        let mut found = Found::NOTHING;
+        if task.query.kind == QueryKind::Any {
+            found.blocked = tracer.any::<I>((rays, scale), (asked, &NONE), state);
+            return found;
+        }
+        found = tracer.closest::<I>(rays, asked, state);
+        let (Some(light), hit) = (light, asked & found.lanes()) else {
+            return found;
+        };
+        if hit == 0 {
+            return found;
+        }
+        // At once, while all that the rays came to is in the nearest caches.
+        let corners = found.corners::<I>(&task.geometry, tree);
+        let eyes = rays.scaled_origin(scale);
+        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
+        let mut skipped = NONE;
+        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
+            *skipped = hit.triangle;
+        }
+        found.blocked = tracer.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
+        found
     }
 }
 

@@ -1,17 +1,17 @@
 //! How the tree of layout `fast` lies in memory.
 
-use crate::fit::{Fold, triangle};
+use crate::boxes::{EightBoxes, Sums};
+use crate::fit::triangle;
 use crate::moving::Moving;
-use crate::simd::Level;
+use crate::simd::{Level, Plain};
 use crate::trace::WideTracer;
 use backend::{BackendError, Intersector, Result};
 use bvh_layout::{BlockTree, First, Ranges, Topology};
 use cpu_ref::bvh2::Bvh2;
-use cpu_ref::geometry::{Geometry, Unhittable};
 use cpu_ref::intersect::{MollerTrumbore, Record, TriangleTest, Woop};
 use cpu_ref::tiles::{Counts, Output};
 use cpu_ref::trace::{TraceTask, Tracer};
-use cpu_ref::{Accelerator, reserve};
+use cpu_ref::{Accelerator, Geometry, Unhittable, reserve};
 use geom::{Aabb, Animation, Triangle, is_active};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -205,9 +205,11 @@ impl Accelerator for Wide {
     }
 
     fn refit(&mut self) -> (f64, Aabb) {
-        let (root, areas) = self.level.run(Fold(&self.nodes[0]));
+        let (node, mut sums) = (&self.nodes[0], Sums::default());
+        let (root, areas) = EightBoxes::<Plain<_>>::load(&node.planes).fold(&node.ranges);
+        sums.add(areas);
         self.root = root;
-        (self.areas + areas, root)
+        (self.areas + sums.total(), root)
     }
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {

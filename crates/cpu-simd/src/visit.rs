@@ -51,25 +51,29 @@ impl Tree for &Wide {
         &self,
         ray: &PreparedRay,
         stack: &mut Stack,
-        see: impl FnMut(&Leaf, f32) -> Option<f32>,
+        mut see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool {
         self.level.run(Visit {
             tree: self,
             ray,
             stack,
-            see,
+            see: &mut see,
         })
     }
 }
 
-struct Visit<'a, F> {
+/// What sees a leaf, and says before which bound the next one may lie.
+type See<'a> = dyn FnMut(&Leaf, f32) -> Option<f32> + 'a;
+
+struct Visit<'a> {
     tree: &'a Wide,
     ray: &'a PreparedRay,
     stack: &'a mut Stack,
-    see: F,
+    /// Called through a pointer, so that the walk is compiled once for all tests.
+    see: &'a mut See<'a>,
 }
 
-impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
+impl Work for Visit<'_> {
     type Out = bool;
 
     #[inline(always)]
@@ -88,17 +92,13 @@ impl<F: FnMut(&Leaf, f32) -> Option<f32>> Work for Visit<'_, F> {
 }
 
 /// Shows each triangle of a block whose own box the ray meets.
-struct EachTriangle<'a, L, F> {
+struct EachTriangle<'a, L> {
     tree: &'a Wide,
     ray: TriangleRay<L>,
-    see: F,
+    see: &'a mut See<'a>,
 }
 
-impl<I, L, F> Visitor<I> for EachTriangle<'_, L, F>
-where
-    L: Lanes<Array = [f32; LANES]>,
-    F: FnMut(&Leaf, f32) -> Option<f32>,
-{
+impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for EachTriangle<'_, L> {
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
         let spans = self.ray.spans(&self.tree.blocks[block], bound);

@@ -1,10 +1,11 @@
-//! One ray through the nodes, nearest child first, eight boxes at a time.
+//! One ray through the nodes, nearest child first, eight boxes at a time; and the watertight test by it.
 
-use crate::leaf::TriangleRay;
+use crate::leaf::{Meetings, TriangleRay};
 use crate::rays::OneRay;
-use crate::simd::{Isa, Lanes, Word, each, prefetch};
-use crate::tree::{Block, LANES, Link, Node, Planes, Wide};
+use crate::simd::{Isa, Lanes, each, prefetch};
+use crate::tree::{Block, LANES, Link, NOWHERE, Node, Planes, Wide, place};
 use bvh_build::MAX_DEPTH;
+use geom::Hit;
 
 /// A node or block still to visit.
 #[derive(Clone, Copy, Debug)]
@@ -22,10 +23,6 @@ pub(crate) struct Stack {
     /// Where their order does not matter; room for all lanes of one node more.
     links: [Link; DEEPEST + LANES],
 }
-
-// SAFETY: a link is a `u32` and nothing else.
-#[expect(unsafe_code, reason = "links are moved about by vector instructions")]
-unsafe impl Word for Link {}
 
 impl Default for Stack {
     fn default() -> Self {
@@ -68,14 +65,15 @@ pub(crate) struct NodeRay<L> {
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
     pub(crate) fn new(ray: &OneRay<'_, impl Lanes>) -> Self {
+        let group = ray.group;
         Self {
-            inverse: each!(i => L::splat(ray.inverse(i))),
+            inverse: each!(i => L::splat(ray.at(&group.inverse[i]))),
             starts: each!(i => {
-                let [near, far] = ray.starts(i);
-                [L::splat(near), L::splat(far)]
+                let [near, far] = &group.starts[i];
+                [L::splat(ray.at(near)), L::splat(ray.at(far))]
             }),
-            near: each!(i => usize::from(ray.inverse(i).is_sign_negative())),
-            t_min: L::splat(ray.t_min()),
+            near: each!(i => usize::from(ray.at(&group.inverse[i]).is_sign_negative())),
+            t_min: L::splat(ray.at(&group.limits[0])),
         }
     }
 }
@@ -175,9 +173,81 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     next.link
 }
 
+/// A hit, and where its triangle lies in the tree: the block's number times [`LANES`], and the lane.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed {
+    pub(crate) hit: Hit,
+    pub(crate) place: u32,
+}
+
+/// The closest hit so far.
+struct Closest<'a, R: Lanes> {
+    blocks: &'a [Block],
+    ray: &'a OneRay<'a, R>,
+    best: Placed,
+}
+
+impl<I: Isa, R: Lanes> Visitor<I> for Closest<'_, R> {
+    #[inline(always)]
+    fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
+        let block = &self.blocks[index];
+        if let Some(met) = TriangleRay::<I::Eight>::single(self.ray).meet(block, bound) {
+            take_best(&mut self.best, (block, index), &met);
+        }
+        Some(self.best.hit.t)
+    }
+}
+
+#[inline(always)]
+fn take_best<L: Lanes<Array = [f32; LANES]>>(
+    best: &mut Placed,
+    (block, index): (&Block, usize),
+    met: &Meetings<L>,
+) {
+    let (t, u, v) = (met.t.store(), met.u.store(), met.v.store());
+    let mut lanes = met.lanes;
+    while lanes != 0 {
+        let lane = lanes.trailing_zeros() as usize % LANES;
+        lanes &= lanes - 1;
+        let hit = Hit {
+            t: t[lane],
+            u: u[lane],
+            v: v[lane],
+            triangle: block.triangles[lane],
+        };
+        if hit.is_before(&best.hit) {
+            let place = place(index, lane);
+            *best = Placed { hit, place };
+        }
+    }
+}
+
+/// The closest hit, its `t` in scaled units; a miss has no place.
+#[inline(always)]
+pub(crate) fn closest<I: Isa>(
+    tree: &Wide,
+    ray: &OneRay<'_, impl Lanes>,
+    stack: &mut Stack,
+) -> Placed {
+    let mut closest = Closest {
+        blocks: &tree.blocks,
+        ray,
+        best: Placed {
+            hit: Hit {
+                t: ray.t_max(),
+                ..Hit::MISS
+            },
+            place: NOWHERE,
+        },
+    };
+    let node_ray = NodeRay::<I::Eight>::new(ray);
+    walk::<I>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
+    closest.best
+}
+
 /// Whether a ray hits any triangle but `skipped`: goes down to a node's last child first.
 #[inline(always)]
-pub(crate) fn walk_any<I: Isa>(
+pub(crate) fn any<I: Isa>(
     tree: &Wide,
     ray: &OneRay<'_, impl Lanes>,
     skipped: u32,

@@ -8,14 +8,14 @@ mod woop;
 pub(crate) use exact::Candidate;
 pub use exact::Exact;
 pub use moller_trumbore::MollerTrumbore;
-pub use watertight::{Watertight, has_equal_signs, main_axis};
+pub use watertight::{Watertight, has_equal_signs};
 pub use woop::Woop;
 
+use crate::Geometry;
 use crate::extreme::Rule;
-use crate::geometry::Geometry;
 use crate::ray::PreparedRay;
 use crate::scale::Scale;
-use crate::traverse::{Stack, Tree, any, closest};
+use crate::traverse::{Stack, Tree, Walk};
 use ::exact::Line;
 use geom::{Hit, Ray, Triangle};
 use std::sync::atomic::AtomicU64;
@@ -94,17 +94,38 @@ pub trait Search<N: Tree> {
 impl<N: Tree, T: TriangleTest> Search<N> for T {
     const EXTREMES: Option<Rule> = T::EXTREMES;
 
-    #[inline]
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit> {
-        let ray = PreparedRay::new(&asked.ray, asked.scale)?;
-        let hit = closest::<N, T>(asked.tree, &ray, stack)?;
-        let t = ray.unscaled(hit.t);
-        Some(Hit { t, ..hit })
+        let (tree, ray) = (asked.tree, PreparedRay::new(&asked.ray, asked.scale)?);
+        let walk = Walk::<N, T>::new(tree, &ray);
+        let mut best = Hit {
+            t: ray.t_max,
+            ..Hit::MISS
+        };
+        tree.visit(&ray, &mut stack.waiting, |leaf, _| {
+            if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
+                && t <= best.t
+            {
+                let triangle = tree.triangle(leaf.place).unwrap_or(best.triangle);
+                let hit = Hit { t, u, v, triangle };
+                if hit.is_before(&best) {
+                    best = hit;
+                }
+            }
+            Some(best.t)
+        });
+        let t = ray.unscaled(best.t);
+        best.is_hit().then_some(Hit { t, ..best })
     }
 
-    #[inline]
     fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack<N>) -> bool {
-        PreparedRay::new(&asked.ray, asked.scale)
-            .is_some_and(|ray| any::<N, T>(asked.tree, &ray, skipped, stack))
+        let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
+            return false;
+        };
+        let (tree, walk) = (asked.tree, Walk::<N, T>::new(asked.tree, &ray));
+        tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
+            let hit = walk.meet_leaf(leaf).is_some()
+                && (skipped.is_none() || tree.triangle(leaf.place) != skipped);
+            (!hit).then_some(bound)
+        })
     }
 }

@@ -67,7 +67,7 @@ impl TriangleTest for Watertight {
 
 /// `kz`: the axis of the largest component, the first of equals.
 #[inline]
-pub fn main_axis(direction: Point) -> usize {
+fn main_axis(direction: Point) -> usize {
     let [x, y, z] = direction.map(f32::abs);
     if x >= y && x >= z {
         0

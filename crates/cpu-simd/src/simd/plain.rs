@@ -1,6 +1,6 @@
 //! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
 
-use super::{Eight, Halves, Lanes};
+use super::{Eight, Halves, Lanes, Vector};
 use geom::Point;
 use std::array::from_fn;
 
@@ -24,10 +24,8 @@ macro_rules! lanewise {
     )* };
 }
 
-impl<const N: usize> Lanes for Plain<N> {
+impl<const N: usize> Vector for Plain<N> {
     type Array = [f32; N];
-    type Mask = [bool; N];
-    const ALL: u32 = (1 << N) - 1;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -37,17 +35,25 @@ impl<const N: usize> Lanes for Plain<N> {
     fn load(from: &[f32; N]) -> Self {
         Self(*from)
     }
+    lanewise! {
+        sub: |a, b| a - b;
+        mul: |a, b| a * b;
+        min: |a, b| if a < b { a } else { b };
+        max: |a, b| if a > b { a } else { b };
+    }
+}
+
+impl<const N: usize> Lanes for Plain<N> {
+    type Mask = [bool; N];
+    const ALL: u32 = (1 << N) - 1;
+
     #[inline(always)]
     fn store(self) -> [f32; N] {
         self.0
     }
     lanewise! {
         add: |a, b| a + b;
-        sub: |a, b| a - b;
-        mul: |a, b| a * b;
         div: |a, b| a / b;
-        min: |a, b| if a < b { a } else { b };
-        max: |a, b| if a > b { a } else { b };
     }
     #[inline(always)]
     fn about(self, by: Self, plus: Self) -> Self {

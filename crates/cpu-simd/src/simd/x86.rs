@@ -1,14 +1,15 @@
 //! Lanes as AVX2 and AVX-512 registers.
 //!
-//! `Avx2` and `Avx512` are named by [`run_avx2`] and [`run_avx512`] alone, which only a
-//! [`super::Level`] found on this machine leads to: whoever holds one of their vectors may use them.
+//! `Avx2` and `Avx512` are named by [`super::Level::run`] alone, and it takes a level found on this machine: whoever
+//! holds one of their vectors may use them.
 
 #![expect(
     unsafe_code,
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::{Eight, Halves, Isa, Lanes, Word, Work};
+use super::{Eight, Halves, Isa, Lanes, Part, Vector};
+use bvh_layout::Link;
 use geom::Point;
 use std::arch::is_x86_feature_detected as has;
 use std::arch::x86_64::*;
@@ -22,6 +23,17 @@ impl Isa for Avx2 {
     type Eight = Ymm;
     type Planes = YmmPair;
     type Packet = Ymm;
+
+    #[inline(always)]
+    fn apart<P: Part<Self>>(part: P) -> P::Out {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn inside<P: Part<Avx2>>(part: P) -> P::Out {
+            part.run()
+        }
+        // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx2` held.
+        unsafe { inside(part) }
+    }
 }
 
 impl Isa for Avx512 {
@@ -30,10 +42,23 @@ impl Isa for Avx512 {
     type Packet = Zmm;
 
     #[inline(always)]
-    fn packed<T: Word>(of: &[T; 8], lanes: u32) -> [T; 8] {
+    fn apart<P: Part<Self>>(part: P) -> P::Out {
+        #[inline(never)]
+        #[target_feature(
+            enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+        )]
+        fn inside<P: Part<Avx512>>(part: P) -> P::Out {
+            part.run()
+        }
+        // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx512` held.
+        unsafe { inside(part) }
+    }
+
+    #[inline(always)]
+    fn packed(of: &[Link; 8], lanes: u32) -> [Link; 8] {
         let mut to = *of;
-        // SAFETY: both are eight words of four bytes each, which may be read and written as numbers; the
-        // instructions are there where this set is used.
+        // SAFETY: a link is a `u32` and nothing else, so both are eight numbers; the instructions are there where
+        // this set is used.
         unsafe {
             let words = _mm256_loadu_si256(of.as_ptr().cast());
             let packed = _mm256_maskz_compress_epi32(lanes as u8, words);
@@ -51,46 +76,13 @@ pub(super) fn has_avx512() -> bool {
     has_avx2() && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw")
 }
 
-#[inline]
-pub(super) fn run_avx2<W: Work>(work: W) -> W::Out {
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn inside<W: Work>(work: W) -> W::Out {
-        work.run::<Avx2>()
-    }
-    // SAFETY: a `Level` for this set exists only where `has_avx2` held.
-    unsafe { inside(work) }
-}
-
-#[inline]
-pub(super) fn run_avx512<W: Work>(work: W) -> W::Out {
-    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn inside<W: Work>(work: W) -> W::Out {
-        work.run::<Avx512>()
-    }
-    // SAFETY: a `Level` for this set exists only where `has_avx512` held.
-    unsafe { inside(work) }
-}
-
-/// The size of a cache line.
-const LINE: usize = 64;
-
-/// See [`super::prefetch`].
-#[inline(always)]
-pub(super) fn prefetch<T>(of: &[T], index: usize) {
-    let at = of.as_ptr().wrapping_add(index).cast::<i8>();
-    for line in 0..size_of::<T>().div_ceil(LINE) {
-        // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line * LINE)) };
-    }
-}
-
 /// One lane operation, a single instruction.
 macro_rules! operation {
     ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(
         #[inline(always)]
         fn $name($($arguments)*) -> $result {
             #[allow(unused_unsafe, reason = "some need no instruction of the set")]
-            // SAFETY: the set's vectors exist only within `run_avx2` or `run_avx512`;
+            // SAFETY: the set's vectors exist only within `Isa::apart` of the set;
             // arrays are as long as the vectors, and unaligned access is asked for.
             unsafe { $body }
         }
@@ -106,20 +98,25 @@ macro_rules! vector {
         #[derive(Clone, Copy)]
         pub(crate) struct $name($register);
 
-        impl Lanes for $name {
+        impl Vector for $name {
             type Array = [f32; $count];
-            type Mask = $mask;
-            const ALL: u32 = (1 << $count) - 1;
             operation! {
                 splat(x: f32) -> Self = Self($splat(x));
                 load(from: &[f32; $count]) -> Self = Self($load(from.as_ptr()));
-                add(self, b: Self) -> Self = Self($add(self.0, b.0));
                 sub(self, b: Self) -> Self = Self($sub(self.0, b.0));
                 mul(self, b: Self) -> Self = Self($mul(self.0, b.0));
-                div(self, b: Self) -> Self = Self($div(self.0, b.0));
-                about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
                 min(self, b: Self) -> Self = Self($min(self.0, b.0));
                 max(self, b: Self) -> Self = Self($max(self.0, b.0));
+            }
+        }
+
+        impl Lanes for $name {
+            type Mask = $mask;
+            const ALL: u32 = (1 << $count) - 1;
+            operation! {
+                add(self, b: Self) -> Self = Self($add(self.0, b.0));
+                div(self, b: Self) -> Self = Self($div(self.0, b.0));
+                about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
                 abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
                 neg(self) -> Self = Self($xor(self.0, $splat(-0.0)));
                 store(self) -> [f32; $count] = {
@@ -276,22 +273,16 @@ pub(crate) struct YmmPair(Ymm, Ymm);
 
 /// Does the same in both registers.
 macro_rules! twice {
-    ($( $name:ident ( $($with:ident),* ); )*) => { $(
+    ($( $name:ident; )*) => { $(
         #[inline(always)]
-        fn $name(self $(, $with: Self)*) -> Self {
-            Self(self.0.$name($($with.0),*), self.1.$name($($with.1),*))
+        fn $name(self, other: Self) -> Self {
+            Self(self.0.$name(other.0), self.1.$name(other.1))
         }
     )* };
 }
 
-impl Lanes for YmmPair {
+impl Vector for YmmPair {
     type Array = [f32; 16];
-    type Mask = [__m256; 2];
-    const ALL: u32 = (1 << 16) - 1;
-    twice! {
-        add(other); sub(other); mul(other); div(other); min(other); max(other);
-        about(by, plus); abs(); neg();
-    }
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -299,68 +290,10 @@ impl Lanes for YmmPair {
     }
     #[inline(always)]
     fn load(from: &[f32; 16]) -> Self {
-        let [low, high] = halves(from);
-        Self(Ymm::load(low), Ymm::load(high))
+        let (parts, _) = from.as_chunks::<8>();
+        Self(Ymm::load(&parts[0]), Ymm::load(&parts[1]))
     }
-    #[inline(always)]
-    fn store(self) -> [f32; 16] {
-        let mut all = [0.0; 16];
-        all[..8].copy_from_slice(&self.0.store());
-        all[8..].copy_from_slice(&self.1.store());
-        all
-    }
-    #[inline(always)]
-    fn less(self, other: Self) -> [__m256; 2] {
-        [self.0.less(other.0), self.1.less(other.1)]
-    }
-    #[inline(always)]
-    fn at_most(self, other: Self) -> [__m256; 2] {
-        [self.0.at_most(other.0), self.1.at_most(other.1)]
-    }
-    #[inline(always)]
-    fn replace(self, mask: [__m256; 2], other: Self) -> Self {
-        Self(
-            self.0.replace(mask[0], other.0),
-            self.1.replace(mask[1], other.1),
-        )
-    }
-    #[inline(always)]
-    fn both(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-        [Ymm::both(a[0], b[0]), Ymm::both(a[1], b[1])]
-    }
-    #[inline(always)]
-    fn either(a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
-        [Ymm::either(a[0], b[0]), Ymm::either(a[1], b[1])]
-    }
-    #[inline(always)]
-    fn bits(mask: [__m256; 2]) -> u32 {
-        Ymm::bits(mask[0]) | Ymm::bits(mask[1]) << 8
-    }
-    #[inline(always)]
-    fn mask(bits: u32) -> [__m256; 2] {
-        [Ymm::mask(bits), Ymm::mask(bits >> 8)]
-    }
-    #[inline(always)]
-    fn least(self) -> f32 {
-        self.0.min(self.1).least()
-    }
-    #[inline(always)]
-    fn most(self) -> f32 {
-        self.0.max(self.1).most()
-    }
-    #[inline(always)]
-    fn put(words: &mut [u32; 16], mask: [__m256; 2], word: u32) {
-        let bits = Self::bits(mask);
-        for (lane, to) in words.iter_mut().enumerate() {
-            *to = if bits >> lane & 1 == 1 { word } else { *to };
-        }
-    }
-}
-
-#[inline(always)]
-fn halves(all: &[f32; 16]) -> [&[f32; 8]; 2] {
-    let (parts, _) = all.as_chunks::<8>();
-    [&parts[0], &parts[1]]
+    twice! { sub; mul; min; max; }
 }
 
 impl Halves for YmmPair {

@@ -1,5 +1,6 @@
 //! Boxes of inner nodes against the box test that decides hits.
 
+use crate::boxes::set_bounds;
 use crate::rays::{Given, Group, OneRay};
 use crate::simd::{Isa, Lanes, Level, Plain, Work};
 use crate::tree::{EMPTY, LANES, Planes};
@@ -50,9 +51,10 @@ fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
 
 /// Entry and exit by the box test.
 fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
-    let mut span = [ray.t_min(), f32::INFINITY];
+    let group = ray.group;
+    let mut span = [ray.at(&group.limits[0]), f32::INFINITY];
     for axis in 0..3 {
-        let (o, r, q) = (ray.origin(axis), ray.inverse(axis), ray.pad(axis));
+        let [o, r, q] = [&group.origin, &group.inverse, &group.pad].map(|of| ray.at(&of[axis]));
         let mut planes = [bounds.min[axis], bounds.max[axis]];
         if r.is_sign_negative() {
             planes.reverse();
@@ -61,15 +63,6 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
         span[1] = span[1].min((planes[1] - o) * r + q);
     }
     span
-}
-
-/// The box in one lane of a node, others being empty.
-fn in_lane(bounds: &Aabb, lane: usize) -> Planes {
-    let mut planes = EMPTY;
-    for (axis, planes) in planes.iter_mut().enumerate() {
-        (planes[lane], planes[lane + LANES]) = (bounds.min[axis], bounds.max[axis]);
-    }
-    planes
 }
 
 /// The lanes of `planes` that a ray meets, and where it enters each.
@@ -93,7 +86,8 @@ fn check(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> Result<(), TestCaseErro
     let [entry, exit] = strict(ray, bounds);
     let lane = 5;
     for level in Level::all() {
-        let planes = in_lane(bounds, lane);
+        let mut planes = EMPTY;
+        set_bounds(&mut planes, lane, bounds);
         let (lanes, entries) = level.run(Meet { ray, planes });
         prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
         if entry <= exit {

@@ -1,6 +1,7 @@
 //! Every instruction set does what the plainest does.
 
-use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, Work};
+use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, Vector, Work};
+use bvh_layout::Link;
 use geom::Point;
 
 /// Every operation over a list of awkward numbers, as bits.
@@ -32,74 +33,110 @@ impl Work for Everything {
     fn run<I: Isa>(self) -> Vec<u32> {
         let mut all = Vec::new();
         for shift in 0..16 {
-            let other: [f32; 16] = std::array::from_fn(|i| NUMBERS[(i + shift) % 16]);
+            let other = std::array::from_fn(|i| NUMBERS[(i + shift) % 16]);
+            all.extend(operations::<I::Packet>(&NUMBERS, &other));
+            all.extend(operations::<I::Eight>(&NUMBERS, &other));
             let (a, b) = (I::Planes::load(&NUMBERS), I::Planes::load(&other));
-            operations(a, b, &mut all);
-            operations(a.low(), b.high(), &mut all);
-            operations(a.turned(shift % 2 == 0).high(), b.low(), &mut all);
-            let joined = I::Planes::join(a.high(), b.low()).store();
-            all.extend(joined.map(|x| if x.is_nan() { 0 } else { x.to_bits() }));
-            let whole: [f32; 16] = std::array::from_fn(|i| (i * 7 % 16) as f32 - shift as f32);
-            let whole = I::Planes::load(&whole);
-            let ends = [
-                whole.least(),
-                whole.most(),
-                whole.low().least(),
-                whole.high().most(),
-            ];
-            all.extend(ends.map(f32::to_bits));
+            let turned = a.turned(shift % 2 == 0);
+            let joined = I::Planes::join(a.high(), b.low());
+            for planes in [a.sub(b), a.mul(b), a.min(b), a.max(b), turned, joined] {
+                all.extend(numbers(planes.low()));
+                all.extend(numbers(planes.high()));
+            }
+            let whole = std::array::from_fn(|i| (i * 7 % 16) as f32 - shift as f32);
+            all.extend(ends::<I::Packet>(&whole).map(f32::to_bits));
+            all.extend(ends::<I::Eight>(&whole).map(f32::to_bits));
         }
         let points: [Point; 8] =
             std::array::from_fn(|i| std::array::from_fn(|axis| (3 * i + axis) as f32));
-        let coordinates = I::Eight::coordinates(std::array::from_fn(|i| &points[i]));
-        for vector in coordinates {
-            all.extend(vector.store().map(f32::to_bits));
+        for vector in I::Eight::coordinates(std::array::from_fn(|i| &points[i])) {
+            all.extend(numbers(vector));
             for first in 0..16 {
                 let lanes = std::array::from_fn(|i| (first + 3 * i) as u8);
-                all.extend(vector.permuted(&lanes).store().map(f32::to_bits));
+                all.extend(numbers(vector.permuted(&lanes)));
             }
         }
+        let links = std::array::from_fn(|i| Link::node(10 + i));
         for lanes in 0..256_u32 {
-            let packed = I::packed(&[10, 11, 12, 13, 14, 15, 16, 17], lanes);
-            all.extend(&packed[..lanes.count_ones() as usize]);
+            let packed = I::packed(&links, lanes);
+            let packed = packed.iter().take(lanes.count_ones() as usize);
+            all.extend(packed.map(|link| link.index() as u32));
         }
         all
     }
 }
 
 #[inline(always)]
-fn operations<L: Lanes>(a: L, b: L, all: &mut Vec<u32>) {
-    let one = L::splat(1.0);
-    let results = [
-        a.add(b),
-        a.sub(b),
-        a.mul(b),
-        a.div(b),
-        a.min(b),
-        a.max(b),
-        a.abs(),
-        a.neg(),
-        a.replace(a.less(b), one),
-        a.replace(L::mask(0x5a3c), b),
-    ];
-    for r in results {
-        let number = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
-        all.extend(r.store().as_ref().iter().map(number));
-    }
-    let mut words = std::array::from_fn(|i| i as u32);
-    L::put(&mut words, a.less(b), 99);
-    L::put(&mut words, L::mask(0x0481), 88);
-    all.extend(words);
-    let (less, at_most) = (a.less(b), a.at_most(b));
-    all.extend(
-        [
+fn numbers<L: Lanes>(of: L) -> Vec<u32> {
+    let number = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
+    of.store().as_ref().iter().map(number).collect()
+}
+
+/// As many of sixteen numbers as there are lanes, from one on.
+#[inline(always)]
+fn load<L: Lanes>(numbers: &[f32; 16], first: usize) -> L {
+    let mut lanes = L::splat(0.0).store();
+    let count = lanes.as_ref().len();
+    lanes
+        .as_mut()
+        .copy_from_slice(&numbers[first..first + count]);
+    L::load(&lanes)
+}
+
+/// What every operation makes of two times sixteen numbers, one operation after the other.
+#[inline(always)]
+fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
+    let lanes = L::ALL.count_ones() as usize;
+    let mut all = vec![Vec::new(); 15];
+    for first in (0..16).step_by(lanes) {
+        let (a, b, one) = (load::<L>(a, first), load::<L>(b, first), L::splat(1.0));
+        let (less, at_most) = (a.less(b), a.at_most(b));
+        let results = [
+            a.add(b),
+            a.sub(b),
+            a.mul(b),
+            a.div(b),
+            a.min(b),
+            a.max(b),
+            a.abs(),
+            a.neg(),
+            a.replace(less, one),
+            a.replace(L::mask(0x5a3c >> first), b),
+        ];
+        let masks = [
             less,
             at_most,
             L::both(less, at_most),
             L::either(less, at_most),
-        ]
-        .map(L::bits),
-    );
+        ];
+        let mut words = std::array::from_fn(|i| (first + i) as u32);
+        L::put(&mut words, less, 99);
+        L::put(&mut words, L::mask(0x0481 >> first), 88);
+        let bits = |mask| {
+            (0..lanes)
+                .map(move |lane| L::bits(mask) >> lane & 1)
+                .collect()
+        };
+        let found = results
+            .into_iter()
+            .map(numbers)
+            .chain(masks.into_iter().map(bits));
+        for (all, found) in all.iter_mut().zip(found.chain([words[..lanes].to_vec()])) {
+            all.extend(found);
+        }
+    }
+    all.concat()
+}
+
+/// The least and the greatest of sixteen numbers.
+#[inline(always)]
+fn ends<L: Lanes>(numbers: &[f32; 16]) -> [f32; 2] {
+    let mut ends = [f32::INFINITY, f32::NEG_INFINITY];
+    for first in (0..16).step_by(L::ALL.count_ones() as usize) {
+        let some = load::<L>(numbers, first);
+        ends = [ends[0].min(some.least()), ends[1].max(some.most())];
+    }
+    ends
 }
 
 #[test]
