@@ -35,15 +35,12 @@ const RUN: usize = 2048;
 ///
 /// # What it costs
 ///
-/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take
-/// `4.5 n + 4 L + 36` bytes or a little more, which is 4.5 bytes a triangle in the
-/// limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle
-/// (a box and two indices each) take 64: the paper's cut of 87.5 % is 8 of 64,
-/// this record's is 93 %.
+/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take `4.5 n + 4 L + 36` bytes or a little more, which is
+/// 4.5 bytes a triangle in the limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle (a box and
+/// two indices each) take 64: the paper's cut of 87.5 % is 8 of 64, this record's is 93 %.
 ///
-/// Beside the record may stand lists of what moves, for scenes with static
-/// parts; whoever adopts the tree may use them or not. See [`Moving`]. So may
-/// the same tree as [`Treelets`] or as a [`BlockTree`].
+/// Beside the record may stand lists of what moves, for scenes with static parts; whoever adopts the tree may use them
+/// or not. See [`Moving`]. So may the same tree as [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
@@ -121,15 +118,10 @@ impl Topology {
     }
 
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
-    pub fn into_words(self) -> Vec<u32> {
-        self.words
-    }
-
-    /// Likewise, for [`crate::Converter::convert_with_treelets`].
     pub fn into_spare(self) -> Spare {
         Spare {
             words: self.words,
-            treelets: self.treelets.map_or_else(Vec::new, |t| t.into_words()),
+            treelets: self.treelets.map_or_else(Vec::new, |t| t.words),
         }
     }
 
@@ -172,15 +164,11 @@ impl Topology {
         *self = Self::of_words(words);
     }
 
-    /// Bytes handed over: the record, and lists of what moves.
-    pub fn bytes(&self) -> usize {
-        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
-        (self.words.len() + lists) * 4
-    }
-
-    /// Bytes that go to a device: the treelets', where there are some.
+    /// Bytes that go to a device: the treelets, where there are some, or the record and lists of what moves.
     pub fn upload_bytes(&self) -> usize {
-        self.treelets().map_or(self.bytes(), Treelets::bytes)
+        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
+        let record = 4 * (self.words.len() + lists);
+        self.treelets().map_or(record, Treelets::bytes)
     }
 
     /// Triangles in the scene, those left out of the tree included.
@@ -301,12 +289,13 @@ mod tests {
     fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
         for leaves in [100, 101, 1_000, 30_000] {
             let record = record(&random_tree(leaves, leaves as u64));
-            assert!(record.bytes() <= 8 * leaves, "{leaves}: {}", record.bytes());
+            let bytes = record.upload_bytes();
+            assert!(bytes <= 8 * leaves, "{leaves}: {bytes}");
         }
         let deepest = record(&chain(100));
         assert_eq!(deepest.level_count(), 65);
-        assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
-        let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
+        assert!(deepest.upload_bytes() <= 800, "{}", deepest.upload_bytes());
+        let bytes = record(&random_tree(200_000, 1)).upload_bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
     }
 }

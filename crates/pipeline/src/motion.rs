@@ -213,10 +213,13 @@ mod tests {
         assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
 
-    /// Of a row of 64 that later stands in other places.
+    /// A row that later stands in other places.
+    fn moved(places: fn(u32) -> u32) -> Animation {
+        row(64, 2, |key, i| [i, places(i)][key] as f32)
+    }
+
     fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDecay {
-        let animation = row(64, &[&|i| i as f32, &|i| places(i) as f32]);
-        RefitDecay::sample(&animation, times).unwrap()
+        RefitDecay::sample(&moved(places), times).unwrap()
     }
 
     #[test]
@@ -224,8 +227,7 @@ mod tests {
         let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
-        let animation = row(64, &[&|i| i as f32, &|i| (i * 37 % 64) as f32]);
-        let decay = decay(&animation, 3).unwrap();
+        let decay = decay(&moved(|i| i * 37 % 64), 3).unwrap();
         let ratios: Vec<f64> = decay.iter().map(|d| d.ratio.unwrap()).collect();
         assert_eq!((decay.len(), ratios[0], decay[2].time), (3, 1.0, 1.0));
         assert!(ratios[2] > 1.5, "{ratios:?}");
