@@ -107,7 +107,7 @@ fn gather_chunk<B: Boxes + ?Sized>(
 /// What to multiply coordinates by, if the largest is so far from 1 that sums
 /// would overflow or small boxes would vanish.
 fn safe_factor(all: &Bounds) -> Option<f32> {
-    let largest = all.lo.abs().max(all.hi.abs()).truncate().max_element();
+    let largest = all.lo.abs().max(all.up.abs()).truncate().max_element();
     match largest {
         x if x == 0.0 || !x.is_finite() => None,
         x if x < 2.0_f32.powi(-30) => Some(2.0_f32.powi(120)),

@@ -36,10 +36,7 @@ fn write<const N: usize>(order: &mut [u32], leaves: [&Prim; N]) {
 }
 
 fn pair(a: &Prim, b: &Prim) -> Bounds {
-    Bounds {
-        lo: a.lo.min(b.lo),
-        hi: a.hi.max(b.hi),
-    }
+    a.bounds.union(b.bounds)
 }
 
 /// The pair of least area first.
@@ -81,7 +78,7 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
         ([far.z, far.y, far.x], [b, c, d, a]),
     ];
     let [first, others @ ..] = chains.map(|([ab, ac, bc], [a, b, c, d])| {
-        let trio = ruler.half_area(&pair(a, b).union(pair(c, c)));
+        let trio = ruler.half_area(&pair(a, b).union(c.bounds));
         if ab <= ac && ab <= bc {
             (trio + ab, [a, b, c, d])
         } else if ac <= bc {
@@ -103,15 +100,11 @@ mod tests {
     use super::*;
     use geom::Aabb;
 
-    fn prims(seed: u32) -> [Prim; 4] {
-        let mut state = seed;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
+    fn prims(seed: u64) -> [Prim; 4] {
+        let mut random = fastrand::Rng::with_seed(seed);
         std::array::from_fn(|i| {
-            let min = [next(), next(), next()];
-            let max = min.map(|x| x + next());
+            let min = [0.0; 3].map(|_: f32| random.f32());
+            let max = min.map(|x| x + random.f32());
             Prim::new(&Aabb { min, max }, i as u32)
         })
     }
@@ -119,13 +112,7 @@ mod tests {
     /// Areas of all inner nodes of a subtree below its root.
     fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: [u32; 4]) -> f64 {
         let area = |of: &[u32]| {
-            let boxes = of.iter().map(|&i| {
-                let p = &prims[i as usize];
-                Aabb {
-                    min: p.lo.truncate().to_array(),
-                    max: p.hi.truncate().to_array(),
-                }
-            });
+            let boxes = of.iter().map(|&i| prims[i as usize].bounds.aabb());
             boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
         };
         match shape {
@@ -172,13 +159,8 @@ mod tests {
     #[test]
     fn three_triangles_begin_with_the_closest_pair() {
         let at = |x: f32, i| {
-            Prim::new(
-                &Aabb {
-                    min: [x; 3],
-                    max: [x + 1.0; 3],
-                },
-                i,
-            )
+            let (min, max) = ([x; 3], [x + 1.0; 3]);
+            Prim::new(&Aabb { min, max }, i)
         };
         for (order, far) in [
             ([0.0, 9.0, 1.0], 1),

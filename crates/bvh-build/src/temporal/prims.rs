@@ -96,16 +96,8 @@ impl Frame {
     /// The least area of a root, in its longest edge squared: that of a point with padded edges.
     const LEAST: f64 = 1.0 / (1_u64 << 40) as f64;
 
+    /// Means nothing where no triangle has a box.
     fn of(root: &Aabb) -> Self {
-        if root.is_empty() {
-            let middle = [0.0; 3];
-            let (scale, half_area) = (0.0, 1.0);
-            return Self {
-                middle,
-                scale,
-                half_area,
-            };
-        }
         let [lo, hi] = [root.min, root.max].map(|c| c.map(f64::from));
         let longest = (0..3).map(|i| hi[i] - lo[i]).fold(0.0, f64::max);
         let scale = if longest > 0.0 { longest.recip() } else { 0.0 };
