@@ -88,7 +88,7 @@ impl Builder {
             if cancel.is_cancelled() {
                 return Err(BuildError::Cancelled);
             }
-            let n = boxes.len();
+            let n = boxes.triangle_count();
             assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
             if self.prims.len() < n {
                 self.prims.resize(n, Prim::default());
@@ -165,7 +165,7 @@ pub(crate) mod tests {
     struct CancelledAfter<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
 
     impl Boxes for CancelledAfter<'_> {
-        fn len(&self) -> usize {
+        fn triangle_count(&self) -> usize {
             self.0.len()
         }
         fn get(&self, triangle: u32) -> Aabb {

@@ -98,6 +98,7 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BinaryTree;
     use geom::Aabb;
 
     fn prims(seed: u64) -> [Prim; 4] {
@@ -110,7 +111,7 @@ mod tests {
     }
 
     /// Areas of all inner nodes of a subtree below its root.
-    fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: [u32; 4]) -> f64 {
+    fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: &[u32]) -> f64 {
         let area = |of: &[u32]| {
             let boxes = of.iter().map(|&i| prims[i as usize].bounds.aabb());
             boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
@@ -130,30 +131,22 @@ mod tests {
 
     #[test]
     fn four_triangles_get_the_best_of_all_shapes() {
-        let mut shapes = [0; 2];
+        let (mut shapes, mut tree) = ([0; 2], BinaryTree::default());
         for seed in 0..500 {
             let prims = prims(seed);
-            let (mut shape, mut order) = ([0; 3], [0; 4]);
             for (depth, allowed) in [(61, &[[2, 1, 1], [3, 2, 1]][..]), (62, &[[2, 1, 1]])] {
-                let slot = SubtreeSlot {
-                    left_leaves: &mut shape,
-                    order: &mut order,
-                };
-                build(&prims, slot, depth);
+                build(&prims, tree.slot(4), depth);
+                let shape: [u32; 3] = tree.left_leaves[..].try_into().unwrap();
                 assert!(allowed.contains(&shape), "depth {depth}: {shape:?}");
-                let best = all_orders().flat_map(|o| allowed.iter().map(move |&s| (s, o)));
-                let best = best
-                    .map(|(s, o)| cost(&prims, s, o))
-                    .fold(f64::MAX, f64::min);
-                let found = cost(&prims, shape, order);
+                let all = allowed.iter().flat_map(|&s| all_orders().map(move |o| (s, o)));
+                let costs = all.map(|(s, o)| cost(&prims, s, &o));
+                let best = costs.fold(f64::MAX, f64::min);
+                let found = cost(&prims, shape, &tree.order);
                 assert!(found <= best * (1.0 + 1e-5), "seed {seed}: {found} {best}");
                 shapes[usize::from(shape == [3, 2, 1])] += 1;
             }
         }
-        assert!(
-            shapes.iter().all(|&n| n > 50),
-            "both shapes occur: {shapes:?}"
-        );
+        assert!(shapes.iter().all(|&n| n > 50), "both occur: {shapes:?}");
     }
 
     #[test]
@@ -168,13 +161,9 @@ mod tests {
             ([0.0, 1.0, 9.0], 2),
         ] {
             let prims: Vec<_> = order.iter().zip(0..).map(|(&x, i)| at(x, i)).collect();
-            let (mut shape, mut leaves) = ([0; 2], [0; 3]);
-            let slot = SubtreeSlot {
-                left_leaves: &mut shape,
-                order: &mut leaves,
-            };
-            build(&prims, slot, 0);
-            assert_eq!((shape, leaves[2]), ([2, 1], far));
+            let mut tree = BinaryTree::default();
+            build(&prims, tree.slot(3), 0);
+            assert_eq!((&tree.left_leaves[..], tree.order[2]), (&[2, 1][..], far));
         }
     }
 }

@@ -212,14 +212,7 @@ impl Topology {
 
     /// One bit a node: 1 for a leaf.
     pub fn leaf_bits(&self) -> &[u32] {
-        let start = Self::HEADER_WORDS + self.level_count();
-        &self.words[start..][..self.bit_words()]
-    }
-
-    /// For each word of [`Topology::leaf_bits`], the leaves before it.
-    pub fn leaf_ranks(&self) -> &[u32] {
-        let start = Self::HEADER_WORDS + self.level_count() + self.bit_words();
-        &self.words[start..][..self.bit_words()]
+        self.ranks().bits
     }
 
     /// The triangle of each leaf, in node order.
@@ -236,10 +229,10 @@ impl Topology {
 
     /// Finds the ranks of nodes.
     pub fn ranks(&self) -> NodeRanks<'_> {
-        NodeRanks {
-            bits: self.leaf_bits(),
-            ranks: self.leaf_ranks(),
-        }
+        let count = self.node_count().div_ceil(32);
+        let words = &self.words[Self::HEADER_WORDS + self.level_count()..];
+        let (bits, ranks) = words[..2 * count].split_at(count);
+        NodeRanks { bits, ranks }
     }
 
     /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
@@ -267,10 +260,6 @@ impl Topology {
             });
         }
         all
-    }
-
-    fn bit_words(&self) -> usize {
-        self.node_count().div_ceil(32)
     }
 }
 

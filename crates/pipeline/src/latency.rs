@@ -18,7 +18,7 @@ const FIRST_USE: f64 = 1.0;
 const GROUPS: f64 = 0.5;
 
 /// Watches frames go by and trees come; guesses what comes next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct LatencyPredictor {
     range: [f64; 2],
     time: f64,
@@ -43,24 +43,15 @@ impl LatencyPredictor {
         Self {
             range,
             time: f64::NAN,
-            step: 0.0,
             agreed: agreed.map(f64::from),
-            seen: [None; 2],
-            next: BuildStrategy::Scratch,
-            guess: None,
-            first_build: None,
-            frames: 0,
-            settled: None,
+            ..Self::default()
         }
     }
 
     /// The next frame is at `time`; it begins `now`.
     pub(crate) fn frame(&mut self, time: f64, now: Instant) {
-        self.step = if self.time.is_nan() {
-            0.0
-        } else {
-            time - self.time
-        };
+        let since = time - self.time;
+        self.step = if since.is_nan() { 0.0 } else { since };
         self.time = time;
         self.watch_pace(now);
     }

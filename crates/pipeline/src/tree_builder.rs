@@ -348,13 +348,13 @@ fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
     boxes
         .par_iter_mut()
         .with_min_len(1 << 12)
-        .zip(0..from.len() as u32)
+        .zip(0..from.triangle_count() as u32)
         .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
 }
 
 /// One box a triangle, in its order.
 fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
-    (0..from.len() as u32)
+    (0..from.triangle_count() as u32)
         .into_par_iter()
         .with_min_len(1 << 12)
         .map(|triangle| from.get(triangle))

@@ -29,10 +29,10 @@ impl Prims {
     /// Reads all boxes; `live` becomes the list of the triangles that have one.
     pub(super) fn gather<B: Boxes>(&mut self, moments: &[Moment<B>], live: &mut Vec<u32>) {
         let first = moments.first().expect("a tree is built for some moment");
-        let n = first.boxes.len();
+        let n = first.boxes.triangle_count();
         assert!(moments.len() <= MAX_MOMENTS, "{} moments", moments.len());
         assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
-        let alike = moments.iter().all(|m| m.boxes.len() == n);
+        let alike = moments.iter().all(|m| m.boxes.triangle_count() == n);
         assert!(alike, "every moment has the same triangles");
         let last = moments.len() - 1;
         self.tried.clear();

@@ -14,7 +14,7 @@ use proptest::prelude::*;
 struct Frozen<'a>(&'a [Aabb]);
 
 impl Boxes for Frozen<'_> {
-    fn len(&self) -> usize {
+    fn triangle_count(&self) -> usize {
         self.0.len()
     }
     fn get(&self, triangle: u32) -> Aabb {

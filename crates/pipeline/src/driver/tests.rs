@@ -225,18 +225,11 @@ fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_eve
 fn made_by_itself(update: Update) -> Vec<u64> {
     let times = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0];
     let by = (update, false);
-    let Run {
-        records,
-        log,
-        built,
-    } = render(
-        Fake::with_own_trees(),
-        (&drifting(5), by),
-        times.into_iter(),
-        |_| 0,
-    );
+    let scene = (&drifting(5), by);
+    let run = render(Fake::with_own_trees(), scene, times.into_iter(), |_| 0);
+    let (records, log) = (run.records, run.log);
     let taken = |r: &FrameRecord| r.adopted.is_some() || r.fetched.is_some();
-    assert!(!built && !records.iter().any(taken));
+    assert!(!run.built && !records.iter().any(taken));
     assert_eq!((log.requested, log.adopted.len()), (0, 0));
     assert_eq!((log.interpolated, log.refitted), (5, 5));
     assert_eq!(log.traced.len(), records.len());
