@@ -138,7 +138,9 @@ mod tests {
                 build(&prims, tree.slot(4), depth);
                 let shape: [u32; 3] = tree.left_leaves[..].try_into().unwrap();
                 assert!(allowed.contains(&shape), "depth {depth}: {shape:?}");
-                let all = allowed.iter().flat_map(|&s| all_orders().map(move |o| (s, o)));
+                let all = allowed
+                    .iter()
+                    .flat_map(|&s| all_orders().map(move |o| (s, o)));
                 let costs = all.map(|(s, o)| cost(&prims, s, &o));
                 let best = costs.fold(f64::MAX, f64::min);
                 let found = cost(&prims, shape, &tree.order);

@@ -68,6 +68,7 @@ impl BuilderThread {
     }
 
     /// Whether a thread was ever started.
+    #[cfg(test)]
     pub(crate) fn is_open(&self) -> bool {
         self.open.is_some()
     }

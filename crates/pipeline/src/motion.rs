@@ -45,7 +45,7 @@ pub struct Decay {
 pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     let bits = |p: &Point| p.map(f32::to_bits);
     let mut moves = vec![false; animation.vertex_count()];
-    let mut steps: Vec<(f64, f64, usize)> = Vec::new();
+    let (mut sum, mut max, mut count) = (0.0, 0.0, 0_usize);
     let mut last = animation.key(0)?;
     for key in 1..animation.key_count() {
         animation.look_ahead((key..animation.key_count()).map(|key| key as f64));
@@ -54,16 +54,16 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
         let each = moves.par_iter_mut().zip(pairs);
         each.for_each(|(moves, (a, b))| *moves |= bits(a) != bits(b));
         let ways = last.iter().zip(&next[..]).map(|(a, b)| distance(a, b));
-        let finite = ways.filter(|w| w.is_finite());
-        steps.push(finite.fold((0.0, 0.0, 0), |(sum, max, n), w| {
-            (sum + w, f64::max(max, w), n + 1)
-        }));
+        let mut steps = 0.0;
+        for way in ways.filter(|way| way.is_finite()) {
+            steps += way;
+            max = f64::max(max, way);
+            count += 1;
+        }
+        sum += steps;
         last = next;
     }
     let moving = moves.iter().filter(|&&moves| moves).count();
-    let sum: f64 = steps.iter().map(|s| s.0).sum();
-    let count: usize = steps.iter().map(|s| s.2).sum();
-    let max = steps.iter().fold(0.0, |m, s| f64::max(m, s.1));
     let diagonal = animation.bounds().diagonal();
     Ok(Motion {
         moving: share(moving as f64, animation.vertex_count() as f64),

@@ -1,7 +1,8 @@
 //! The wide tree read back, lane by lane.
 
 use super::{random_tree, record, scene, shapes};
-use crate::{Block, BlockTree, First, LANES, Link, Topology};
+use crate::{Block, BlockTree, First, LANES, Link};
+use bvh_build::BinaryTree;
 
 /// Every triangle's own corners, so that vertices tell whose they are.
 fn triangles(n: usize) -> Vec<[u32; 3]> {
@@ -50,28 +51,17 @@ fn triangles_of(block: &Block, out: &mut Vec<u32>) {
     out.extend(own);
 }
 
-/// The record's triangles, depth first.
-fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
-    let node = tree.ranks().of(node);
-    match node.leaf() {
-        Some(rank) => out.push(tree.leaf_triangles()[rank as usize]),
-        None => Topology::children_of_inner(node.rank())
-            .into_iter()
-            .for_each(|child| depth_first(tree, child, out)),
-    }
-}
-
-fn check(topology: &Topology) {
+fn check(binary: &BinaryTree) {
+    let topology = &record(binary);
     let triangles = triangles(topology.triangle_count());
     let tree = BlockTree::of(topology, &triangles, (&[], First::Left));
-    let (mut found, mut expected) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
     if topology.leaf_count() > 0 {
         below(&tree, 0, 0, &mut seen, &mut found);
-        depth_first(topology, 0, &mut expected);
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
-    assert_eq!(found, expected);
+    assert_eq!(found, binary.order());
     let nodes = tree.nodes.iter().map(|n| n.ranges.count());
     let blocks = tree.blocks.iter().map(|b| b.ranges.count());
     let inner: usize = nodes.chain(blocks).sum();
@@ -88,7 +78,7 @@ fn check(topology: &Topology) {
 #[test]
 fn each_triangle_and_each_inner_node_has_one_place() {
     for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
-        check(&record(tree));
+        check(tree);
     }
 }
 
@@ -145,8 +135,7 @@ fn asked_first(wide: &BlockTree) -> &Block {
 fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
-    let mut order = Vec::new();
-    depth_first(&record, 0, &mut order);
+    let order = tree.order();
     for large in [order[0], order[9_000], order[19_999]] {
         let boxes = boxes(scene(&tree), large);
         let corners = triangles(scene(&tree));

@@ -16,13 +16,7 @@ use std::time::Duration;
 
 /// Two triangles that drift apart over `keys` key frames.
 pub(super) fn drifting(keys: usize) -> Arc<Animation> {
-    let frame = |k: usize| {
-        let far = k as f32;
-        let near = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        [near, near.map(|[x, y, z]| [x + far, y, z + far])].concat()
-    };
-    let triangles = vec![[0, 1, 2], [3, 4, 5]];
-    Arc::new(Animation::new((0..keys).map(frame).collect(), triangles).unwrap())
+    Arc::new(row(2, keys, |k, i| (k as u32 * i) as f32))
 }
 
 /// So many triangles in a row, a power of two, whose order is another in every key frame.

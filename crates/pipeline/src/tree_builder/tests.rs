@@ -52,6 +52,10 @@ fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     built.map(|_| tree).unwrap()
 }
 
+fn forms([treelets, blocks]: [bool; 2]) -> Forms {
+    Forms { treelets, blocks }
+}
+
 /// A builder, and what it builds trees over.
 struct Course {
     animation: Animation,
@@ -141,14 +145,10 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
 
 #[test]
 fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
-    let forms = Forms {
-        treelets: true,
-        blocks: false,
-    };
     let next = |warms_up: bool| {
         let mut course = Course {
             animation: clumps(),
-            builder: TreeBuilder::with_forms(forms),
+            builder: TreeBuilder::with_forms(forms([true, false])),
         };
         let warm_up = |course: &mut Course, time| {
             let (a, builder) = (&course.animation, &mut course.builder);
@@ -161,21 +161,14 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         course.rebuild(1.0, None, Some(1.0)).unwrap()
     };
     let [plain, warmed] = [false, true].map(next);
-    assert_eq!(plain.topology.words(), warmed.topology.words());
     assert_eq!(plain.strategy, BuildStrategy::Subtrees);
-    assert_eq!(
-        (plain.cost, plain.strategy, plain.next),
-        (warmed.cost, warmed.strategy, warmed.next)
-    );
+    let made = |built: Built| (built.topology, built.cost, built.strategy, built.next);
+    assert_eq!(made(plain), made(warmed));
 }
 
 #[test]
 fn what_records_carry_changes_no_tree() {
-    let forms = Forms {
-        treelets: true,
-        blocks: true,
-    };
-    let all = [Forms::default(), forms];
+    let all = [[false; 2], [true; 2]].map(forms);
     let [mut plain, mut carrying] = all.map(|forms| Course::over(clumps(), forms));
     for time in [1.0, 2.0, 2.0, 3.0] {
         assert_eq!(plain.next(time), carrying.next(time));
@@ -190,10 +183,8 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
     let halves = [0.25, 0.75];
     let built = course.build(0, Some(halves));
     let in_use = &course.builder.in_use;
-    assert_eq!(
-        *in_use,
-        BinaryTree::over(&swept(&course.animation, halves)[..])
-    );
+    let boxes = swept(&course.animation, halves);
+    assert_eq!(*in_use, BinaryTree::over(&boxes[..]));
     assert_eq!(built.cost, sah_cost(in_use, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
         let halves = Some([time - 0.375, time]);
@@ -291,11 +282,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
 #[test]
 fn an_old_records_memory_is_used_again() {
     for treelets in [false, true] {
-        let forms = Forms {
-            treelets,
-            blocks: false,
-        };
-        let mut course = Course::over(shuffled(), forms);
+        let mut course = Course::over(shuffled(), forms([treelets, false]));
         let memory = |tree: &Topology| {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
@@ -335,12 +322,8 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     };
     let vertices = (0..256).flat_map(corner).collect();
     let a = Animation::new(vec![vertices], apart(256)).unwrap();
-    let forms = Forms {
-        treelets: false,
-        blocks: true,
-    };
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
-        let mut builder = TreeBuilder::with_forms(forms);
+        let mut builder = TreeBuilder::with_forms(forms([false, true]));
         builder.order_toward(toward);
         let from = (Vertices::KeyFrames(a.pose(0.0)), None);
         let built = builder.build(&a, from, &Cancel::new());
