@@ -121,7 +121,7 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let mut ours = built(mesh, &pool);
     group.bench_function(BenchmarkId::new("convert", threads), |b| {
-        pool.install(|| b.iter(|| ours.convert(mesh).upload_bytes()));
+        pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
     });
     group.bench_function(BenchmarkId::new("treelets", threads), |b| {
         pool.install(|| b.iter_with_large_drop(|| ours.treelets()));

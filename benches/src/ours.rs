@@ -149,6 +149,6 @@ fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());
-    pool.install(|| ours.make(mesh, &positions).upload_bytes());
+    pool.install(|| ours.make(mesh, &positions).bytes());
     ours
 }
