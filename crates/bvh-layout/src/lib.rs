@@ -23,6 +23,6 @@ pub use blocks::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
 pub use convert::{Converter, Spare};
 pub use moving::Moving;
 pub use ranks::{NodeRank, NodeRanks};
-pub use record::{Level, Topology};
+pub use record::Topology;
 pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};
 pub use validate::RecordError;

@@ -51,17 +51,6 @@ pub struct Topology {
     pub(crate) blocks: Option<Arc<BlockTree>>,
 }
 
-/// The nodes of one depth, as ranges of nodes and of both kinds' ranks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Level {
-    /// Nodes of this level.
-    pub nodes: Range<u32>,
-    /// Ranks of this level's leaves.
-    pub leaves: Range<u32>,
-    /// Ranks of this level's inner nodes.
-    pub inner: Range<u32>,
-}
-
 impl Topology {
     /// "ABVH" in little-endian order.
     pub const MAGIC: u32 = 0x4856_4241;
@@ -195,22 +184,12 @@ impl Topology {
         self.words[4] as usize
     }
 
-    /// The ranges of every level, root first.
-    pub fn levels(&self) -> impl Iterator<Item = Level> + '_ {
+    /// The inner nodes of every level by rank, root first; the last level has none.
+    pub fn levels(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let table = &self.words[Self::HEADER_WORDS..][..self.level_count()];
-        let (mut count, mut nodes, mut leaves, mut inner) = (1, 0, 0, 0);
-        let next = |end: &mut u32, count: u32| {
-            *end += count;
-            *end - count..*end
-        };
-        table.iter().map(move |&parents| {
-            let level = Level {
-                nodes: next(&mut nodes, count),
-                leaves: next(&mut leaves, count - parents),
-                inner: next(&mut inner, parents),
-            };
-            count = 2 * parents;
-            level
+        table.iter().scan(0, |end, &inner| {
+            *end += inner;
+            Some(*end - inner..*end)
         })
     }
 
@@ -251,7 +230,7 @@ impl Topology {
         let ranks = self.ranks();
         let levels: Vec<_> = self.levels().collect();
         for level in levels.iter().rev() {
-            let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
+            let [start, end] = [level.start, level.end].map(|i| i as usize);
             let (upper, deeper) = all.split_at_mut(end);
             let value = |node: NodeRank| match node.leaf() {
                 Some(rank) => leaf(rank),
