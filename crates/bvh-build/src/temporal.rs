@@ -3,7 +3,7 @@
 //! The cost is T-SAH (Bittner, Meister: *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015): the mean over a few
 //! moments of the tree's cost relative to its root then, weighed by the time that each stands for. They move subtrees of a
 //! finished tree, thousands of steps one after the other. Here the tree is built top-down: each node is cut by the best of
-//! the planes between centres along three axes at several of the moments. That needs one pass a level, runs in parallel, and
+//! the planes between centres along three axes at several moments. That needs one pass a level, runs in parallel, and
 //! gives the same tree for every number of threads.
 
 mod bins;

@@ -1,9 +1,11 @@
 //! Where a device's work lies on the host's clock.
 //!
 //! The two clocks have different zeros. But nothing of a submission ran before the host handed it in, nor after the host saw
-//! its end. So each submission bounds the offset between the clocks from both sides, and all of them together to the least
-//! latency of handing in plus the least of seeing. The middle is taken, so the error is at most half of that. Clocks also
-//! drift (some microseconds a second): where bounds contradict each other, the run is cut in two, each with its offset.
+//! its end. So each submission bounds the offset between the clocks from both sides. All of them together bound it to the
+//! least latency of handing in plus the least of seeing. The middle is taken, so the error is at most half of that.
+//!
+//! Clocks also drift (some microseconds a second): where bounds contradict each other, the run is cut in two, each with an
+//! offset of its own.
 //!
 //! Work without a begin on the device's clock is taken to end when it was seen to: the latest it can be. Submissions run one
 //! after the other, so whatever would reach into the next is moved before it.
