@@ -32,9 +32,9 @@ impl Ours {
 
     /// Converts the tree last built, in the caller's pool.
     pub fn convert(&mut self, mesh: &Mesh) -> &Topology {
-        let words = std::mem::take(&mut self.record).into_words();
+        let spare = std::mem::take(&mut self.record).into_spare();
         let triangles = mesh.triangle_count();
-        self.record = self.converter.convert(&self.tree, triangles, words);
+        self.record = self.converter.convert(&self.tree, triangles, spare);
         &self.record
     }
 

@@ -91,7 +91,8 @@ impl Loaded {
             });
             let rays = pixel.as_ref().map_or(Rays::List(&ray), Rays::Camera);
             self.submit(time, &[Query { rays, kind }])?;
-            self.driver.finish(None).map_err(Error::of_driver)?;
+            let finished = (self.driver).finish(Wanted::default(), &mut Answers::default());
+            finished.map_err(Error::of_driver)?;
         }
         Ok(())
     }
@@ -153,7 +154,7 @@ impl Loaded {
         backend.keep(submissions.count() + 1);
         let time = self.joined.tell(&self.animation, backend, time)?;
         let index = self.frames;
-        let begun = self.driver.begin_together(Frame { index, time }, queries);
+        let begun = self.driver.begin(Frame { index, time }, queries);
         self.frames += 1;
         begun.map_err(Error::of_driver)
     }
@@ -215,7 +216,7 @@ impl Loaded {
         last: &mut Option<Statistics>,
     ) -> Result<FrameRecord> {
         self.under_way.pop_front();
-        let finished = self.driver.finish_frame(wanted, answers);
+        let finished = self.driver.finish(wanted, answers);
         let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
         let done = self.statistics(&record);
         // Those of a former scene may be waited for late.

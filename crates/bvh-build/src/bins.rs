@@ -1,6 +1,6 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
-use crate::prim::{Bounds, Hull, Prim, Ruler};
+use crate::prim::{Bounds, Prim, Ruler};
 use glam::{BVec4A, Vec4};
 use rayon::join;
 
@@ -97,14 +97,14 @@ impl Plane {
 /// What fell into each bin.
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
-    hulls: [[Hull; BINS]; 3],
+    boxes: [[Bounds; BINS]; 3],
     pub(crate) counts: Counts,
 }
 
 impl Bins {
     pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
     pub(crate) const EMPTY: Self = Self {
-        hulls: [[Hull::EMPTY; BINS]; 3],
+        boxes: [[Bounds::EMPTY; BINS]; 3],
         counts: Self::NO_COUNTS,
     };
 
@@ -120,9 +120,8 @@ impl Bins {
 
     fn add_each(&mut self, prims: &[Prim], grid: &Grid) {
         for prim in prims {
-            let hull = Hull::of(prim);
             for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
-                self.hulls[axis][bin].grow(&hull);
+                self.boxes[axis][bin].grow(&prim.bounds);
                 self.counts[axis][bin] += 1;
             }
         }
@@ -151,7 +150,7 @@ impl Bins {
     fn merge(&mut self, other: &Self) {
         for axis in 0..3 {
             for bin in 0..BINS {
-                self.hulls[axis][bin].grow(&other.hulls[axis][bin]);
+                self.boxes[axis][bin].grow(&other.boxes[axis][bin]);
                 self.counts[axis][bin] += other.counts[axis][bin];
             }
         }
@@ -159,12 +158,11 @@ impl Bins {
 
     fn column(&self, bin: usize) -> ([Bounds; 3], Vec4) {
         let count = |axis: usize| self.counts[axis][bin] as f32;
-        let boxes = [0, 1, 2].map(|axis| self.hulls[axis][bin].bounds());
+        let boxes = [0, 1, 2].map(|axis| self.boxes[axis][bin]);
         (boxes, Vec4::new(count(0), count(1), count(2), 0.0))
     }
 
-    /// The plane of least cost by the surface area heuristic; `None` if every
-    /// axis has all triangles in one bin.
+    /// The plane of least cost by the surface area heuristic; `None` if every axis has all triangles in one bin.
     ///
     /// All three axes are swept at once, one a lane. An empty side costs
     /// infinity times zero, which is not a number and never least.
@@ -194,21 +192,15 @@ impl Bins {
 
     /// The boxes on both sides of a plane.
     pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
-        let (left, right) = self.hulls[plane.axis].split_at(plane.bin);
-        [left, right].map(|side| {
-            let all = side.iter().fold(Hull::EMPTY, |mut all, hull| {
-                all.grow(hull);
-                all
-            });
-            all.bounds()
-        })
+        let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
+        [left, right].map(|side| side.iter().copied().fold(Bounds::EMPTY, Bounds::union))
     }
 }
 
 #[inline]
 fn add_column(boxes: &mut [Bounds; 3], count: &mut Vec4, column: ([Bounds; 3], Vec4)) {
     for (b, c) in boxes.iter_mut().zip(column.0) {
-        b.grow(c.lo, c.hi);
+        b.grow(&c);
     }
     *count += column.1;
 }
@@ -233,14 +225,9 @@ mod tests {
     }
 
     /// Area times number of one side of a plane.
-    fn side_cost<'a>(side: impl Iterator<Item = &'a Prim>) -> f64 {
-        let corners = |p: &Prim| [p.lo, p.hi].map(|v| v.truncate().to_array());
-        let boxes: Vec<_> = side
-            .map(corners)
-            .map(|[min, max]| Aabb { min, max })
-            .collect();
-        let all = boxes.iter().fold(Aabb::EMPTY, |a, &b| a.union(b));
-        all.half_area() * boxes.len() as f64
+    fn side_cost(side: &[&Prim]) -> f64 {
+        let boxes = side.iter().map(|p| p.bounds.aabb());
+        boxes.fold(Aabb::EMPTY, Aabb::union).half_area() * side.len() as f64
     }
 
     proptest! {
@@ -257,7 +244,7 @@ mod tests {
             let cost = |plane: &Plane| {
                 let (left, right): (Vec<_>, Vec<_>) = prims.iter().partition(|p| plane.is_left(p));
                 let all = !left.is_empty() && !right.is_empty();
-                all.then(|| side_cost(left.into_iter()) + side_cost(right.into_iter()))
+                all.then(|| side_cost(&left) + side_cost(&right))
             };
             let planes = (0..3).flat_map(|axis| (1..grid.bins).map(move |bin| (axis, bin)));
             let best = planes

@@ -88,7 +88,7 @@ impl Builder {
             if cancel.is_cancelled() {
                 return Err(BuildError::Cancelled);
             }
-            let n = boxes.len();
+            let n = boxes.triangle_count();
             assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
             if self.prims.len() < n {
                 self.prims.resize(n, Prim::default());
@@ -127,15 +127,16 @@ impl BinaryTree {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use geom::Aabb;
     use std::sync::atomic::AtomicU32;
 
-    fn row(n: u32) -> Vec<Aabb> {
+    /// So many cubes in a row.
+    pub(crate) fn row(n: u32, edge: f32) -> Vec<Aabb> {
         let bounds = |i: u32| {
-            let min = [i as f32, (i % 7) as f32, (i % 31) as f32];
-            let max = min.map(|x| x + 1.0);
+            let min = [i, i % 7, i % 31].map(|x| x as f32 * edge);
+            let max = min.map(|x| x + edge);
             Aabb { min, max }
         };
         (0..n).map(bounds).collect()
@@ -143,12 +144,9 @@ mod tests {
 
     #[test]
     fn a_second_build_of_the_same_or_a_smaller_size_keeps_its_memory() {
-        let mut builder = Builder::new();
-        let mut tree = BinaryTree::default();
-        let large = row(50_000);
-        builder
-            .build(&large[..], &Cancel::new(), &mut tree)
-            .unwrap();
+        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (large, cancel) = (row(50_000, 1.0), Cancel::new());
+        builder.build(&large[..], &cancel, &mut tree).unwrap();
         let memory = |builder: &Builder, tree: &BinaryTree| {
             let work = [&builder.prims, &builder.room].map(|v| (v.as_ptr(), v.capacity()));
             let out = [&tree.order, &tree.left_leaves].map(|v| (v.as_ptr(), v.capacity()));
@@ -157,7 +155,7 @@ mod tests {
         let before = memory(&builder, &tree);
         assert_eq!(before.0[0].1 * size_of::<Prim>(), 50_000 * 32);
         for boxes in [&large[..], &large[..40_000], &large[..3], &large[..]] {
-            builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
+            builder.build(boxes, &cancel, &mut tree).unwrap();
             assert_eq!(memory(&builder, &tree), before);
             assert_eq!(tree.leaf_count(), boxes.len());
         }
@@ -167,7 +165,7 @@ mod tests {
     struct CancelledAfter<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
 
     impl Boxes for CancelledAfter<'_> {
-        fn len(&self) -> usize {
+        fn triangle_count(&self) -> usize {
             self.0.len()
         }
         fn get(&self, triangle: u32) -> Aabb {
@@ -181,20 +179,17 @@ mod tests {
 
     #[test]
     fn a_cancelled_build_leaves_an_empty_tree_and_a_working_builder() {
-        let mut builder = Builder::new();
-        let mut tree = BinaryTree::default();
-        let (before, during) = (Cancel::new(), Cancel::new());
-        builder.build(&row(9)[..], &before, &mut tree).unwrap();
+        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (before, during, few) = (Cancel::new(), Cancel::new(), row(9, 1.0));
+        builder.build(&few[..], &before, &mut tree).unwrap();
         before.cancel();
-        let early = builder.build(&row(9)[..], &before, &mut tree);
+        let early = builder.build(&few[..], &before, &mut tree);
         assert_eq!((early, tree.leaf_count()), (Err(BuildError::Cancelled), 0));
-        let boxes = CancelledAfter(row(20_000), &during, AtomicU32::new(0));
+        let boxes = CancelledAfter(row(20_000, 1.0), &during, AtomicU32::new(0));
         let late = builder.build(&boxes, &during, &mut tree);
         assert_eq!((late, tree.root()), (Err(BuildError::Cancelled), None));
         assert!(tree.left_leaves().is_empty());
-        builder
-            .build(&row(9)[..], &Cancel::new(), &mut tree)
-            .unwrap();
-        assert_eq!(tree.leaf_count(), 9);
+        let again = builder.build(&few[..], &Cancel::new(), &mut tree);
+        assert_eq!((again, tree.leaf_count()), (Ok(()), 9));
     }
 }

@@ -9,10 +9,9 @@ const PARALLEL: u32 = 2048;
 
 /// Expected steps of a random ray that meets the root: traversal 1, intersection 1.
 ///
-/// Sum of all nodes' areas over the root's (MacDonald, Booth 1990). 0 for a
-/// tree whose root has no area or no triangle. Boxes that are empty or not
-/// finite count for nothing. The sum is taken along the tree, so it has the
-/// same bits for every number of threads.
+/// Sum of all nodes' areas over the root's (MacDonald, Booth 1990). 0 for a tree whose root has no area or no triangle.
+/// Boxes that are empty or not finite count for nothing. The sum is taken along the tree, so it has the same bits for
+/// every number of threads.
 #[must_use]
 pub fn sah_cost<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B) -> f64 {
     let Some(root) = tree.root() else { return 0.0 };
@@ -39,7 +38,7 @@ fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// A wavy square of `n * n` boxes, in rows.
@@ -47,22 +46,20 @@ mod tests {
         let bounds = |i| {
             let (x, y) = ((i % n) as f32, (i / n) as f32);
             let z = (x * 0.3).sin() + (y * 0.2).cos();
-            let max = [x + 1.0, y + 1.5, z + 0.5];
-            Aabb {
-                min: [x, y, z],
-                max,
-            }
+            let (min, max) = ([x, y, z], [x + 1.0, y + 1.5, z + 0.5]);
+            Aabb { min, max }
         };
         (0..n * n).map(bounds).collect()
     }
 
-    /// Area of every node, each from its own leaves.
+    /// A node's box, from its leaves.
+    pub(crate) fn bounds(tree: &BinaryTree, node: Subtree, boxes: &[Aabb]) -> Aabb {
+        let leaves = tree.triangles(node).iter().map(|&t| boxes[t as usize]);
+        leaves.fold(Aabb::EMPTY, Aabb::union)
+    }
+
     fn naive_cost(tree: &BinaryTree, boxes: &[Aabb]) -> f64 {
-        let area = |node: Subtree| {
-            let leaves = &tree.order()[node.first_leaf as usize..][..node.leaves as usize];
-            let bounds = leaves.iter().map(|&i| boxes[i as usize]);
-            bounds.fold(Aabb::EMPTY, Aabb::union).half_area()
-        };
+        let area = |node: Subtree| bounds(tree, node, boxes).half_area();
         let root = tree.root().unwrap();
         let (mut stack, mut sum) = (vec![root], 0.0);
         while let Some(node) = stack.pop() {

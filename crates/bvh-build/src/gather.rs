@@ -8,19 +8,14 @@ use rayon::prelude::*;
 /// One box a triangle. An empty box (or one with a NaN) leaves its triangle out of the tree.
 pub trait Boxes: Sync {
     /// Triangles, those left out included.
-    fn len(&self) -> usize;
+    fn triangle_count(&self) -> usize;
 
     /// The box of one triangle.
     fn get(&self, triangle: u32) -> Aabb;
-
-    /// Whether there is no triangle at all.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
 }
 
 impl Boxes for [Aabb] {
-    fn len(&self) -> usize {
+    fn triangle_count(&self) -> usize {
         self.len()
     }
 
@@ -32,7 +27,7 @@ impl Boxes for [Aabb] {
 
 /// An animation at a moment given by its vertices.
 impl Boxes for (&Animation, &[Point]) {
-    fn len(&self) -> usize {
+    fn triangle_count(&self) -> usize {
         self.0.triangle_count()
     }
 
@@ -44,7 +39,7 @@ impl Boxes for (&Animation, &[Point]) {
 
 /// An animation at a moment, blended anew for each triangle asked for.
 impl Boxes for Moment<'_> {
-    fn len(&self) -> usize {
+    fn triangle_count(&self) -> usize {
         self.animation().triangle_count()
     }
 
@@ -107,7 +102,7 @@ fn gather_chunk<B: Boxes + ?Sized>(
 /// What to multiply coordinates by, if the largest is so far from 1 that sums
 /// would overflow or small boxes would vanish.
 fn safe_factor(all: &Bounds) -> Option<f32> {
-    let largest = all.lo.abs().max(all.hi.abs()).truncate().max_element();
+    let largest = all.lo.abs().max(all.up.abs()).truncate().max_element();
     match largest {
         x if x == 0.0 || !x.is_finite() => None,
         x if x < 2.0_f32.powi(-30) => Some(2.0_f32.powi(120)),

@@ -1,11 +1,10 @@
 //! Boxes in, binary tree out.
 //!
-//! Binned surface-area-heuristic builds (Wald, *On fast Construction of
-//! SAH-based Bounding Volume Hierarchies*, 2007) down to exactly one triangle a
-//! leaf. The tree depends on the boxes and the point that children are ordered toward, not on the number of
-//! threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in
-//! the rayon pool that the caller installed. [`Builder`] builds for one moment,
-//! [`TemporalBuilder`] for several at once, [`SubtreeRebuilder`] from an earlier tree.
+//! Binned surface-area-heuristic builds (Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007)
+//! down to exactly one triangle a leaf. The tree depends on the boxes and the point that children are ordered toward,
+//! not on the number of threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in the
+//! rayon pool that the caller installed. [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once,
+//! [`SubtreeRebuilder`] from an earlier tree.
 
 mod bins;
 mod builder;
@@ -42,6 +41,5 @@ fn join_if<A: Send, B: Send>(
     }
 }
 
-/// No leaf lies deeper than this (the root has depth 0), so a traversal stack
-/// of this many entries never overflows.
+/// No leaf lies deeper than this (the root has depth 0), so a traversal stack of this many entries never overflows.
 pub const MAX_DEPTH: u32 = 64;

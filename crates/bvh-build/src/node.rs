@@ -47,10 +47,7 @@ impl BuildTask<'_> {
     /// Whether what lies right of a plane comes first.
     fn right_first(self, sides: [Bounds; 2]) -> bool {
         self.toward.is_some_and(|point| {
-            let [left, right] = sides.map(|b| {
-                let [lo, hi] = [b.lo, b.hi].map(|v| v.truncate().to_array());
-                reach(lo, hi, point)
-            });
+            let [left, right] = sides.map(|b| reach(&b.aabb(), point));
             right < left
         })
     }

@@ -14,8 +14,8 @@ use geom::{Aabb, Point};
 const PARALLEL: usize = 2048;
 
 /// The square of the distance to the farthest point of a box. At no scale is it too large for an `f64`.
-pub(crate) fn reach(min: [f32; 3], max: [f32; 3], from: [f32; 3]) -> f64 {
-    let along = |i: usize| (max[i] - from[i]).abs().max((from[i] - min[i]).abs());
+pub(crate) fn reach(b: &Aabb, from: Point) -> f64 {
+    let along = |i: usize| (b.max[i] - from[i]).abs().max((from[i] - b.min[i]).abs());
     (0..3).map(|i| f64::from(along(i)).powi(2)).sum()
 }
 
@@ -49,7 +49,7 @@ fn turn<B: Boxes + ?Sized>(
         || turn(order_a, below_a, boxes, point),
         || turn(order_b, below_b, boxes, point),
     );
-    if reach(b.min, b.max, point) < reach(a.min, a.max, point) {
+    if reach(&b, point) < reach(&a, point) {
         *left_count = (order.len() - left) as u32;
         order.rotate_left(left);
         below.rotate_left(left - 1);
@@ -60,8 +60,10 @@ fn turn<B: Boxes + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::tests::row;
+    use crate::cost::tests::bounds;
     use crate::small::MOST;
-    use crate::{Builder, Cancel, Subtree, tiny};
+    use crate::{Builder, Cancel, tiny};
     use proptest::prelude::*;
 
     fn boxes() -> impl Strategy<Value = Vec<Aabb>> {
@@ -81,12 +83,6 @@ mod tests {
         tree
     }
 
-    fn bounds(tree: &BinaryTree, node: Subtree, boxes: &[Aabb]) -> Aabb {
-        let leaves = &tree.order()[node.first_leaf as usize..][..node.leaves as usize];
-        let all = leaves.iter().map(|&t| boxes[t as usize]);
-        all.fold(Aabb::EMPTY, Aabb::union)
-    }
-
     /// The triangles of each node and how far its children reach, whatever their order; and whether the first child always
     /// reaches less far where a node has more than `least` leaves.
     fn nodes(
@@ -97,15 +93,12 @@ mod tests {
         let (mut sets, mut in_order) = (Vec::new(), true);
         let mut waiting: Vec<_> = tree.root().into_iter().collect();
         while let Some(node) = waiting.pop() {
-            let mut set = tree.order()[node.first_leaf as usize..][..node.leaves as usize].to_vec();
+            let mut set = tree.triangles(node).to_vec();
             set.sort_unstable();
             sets.push(set);
             if node.leaves > 1 {
                 let children = tree.children(node);
-                let reaches = children.map(|c| {
-                    let b = bounds(tree, c, boxes);
-                    reach(b.min, b.max, point)
-                });
+                let reaches = children.map(|c| reach(&bounds(tree, c, boxes), point));
                 in_order &= node.leaves <= least || reaches[0] <= reaches[1];
                 waiting.extend(children);
             }
@@ -114,25 +107,17 @@ mod tests {
         (sets, in_order)
     }
 
-    /// So many that nodes are cut by several threads.
-    fn row(factor: f32) -> Vec<Aabb> {
-        let bounds = |i: u32| {
-            let min = [i as f32, (i % 7) as f32, (i % 31) as f32].map(|x| x * factor);
-            let max = min.map(|x| x + factor);
-            Aabb { min, max }
-        };
-        (0..50_000).map(bounds).collect()
-    }
-
     #[test]
     fn large_nodes_and_nodes_of_any_scale_face_a_point_too() {
         let point = [60_000.0, -3.0, 200.0];
-        let plain = nodes(&built(&row(1.0), None), &row(1.0), (point, 0)).0;
-        let ordered = built(&row(1.0), Some(point));
-        let (sets, in_order) = nodes(&ordered, &row(1.0), (point, MOST as u32));
-        assert!(in_order && sets == plain);
         let tiny = 2.0_f32.powi(-60);
-        assert!(built(&row(tiny), Some(point.map(|x| x * tiny))) == ordered);
+        // So many that nodes are cut by several threads.
+        let [boxes, specks] = [1.0, tiny].map(|edge| row(50_000, edge));
+        let plain = nodes(&built(&boxes, None), &boxes, (point, 0)).0;
+        let ordered = built(&boxes, Some(point));
+        let (sets, in_order) = nodes(&ordered, &boxes, (point, MOST as u32));
+        assert!(in_order && sets == plain);
+        assert!(built(&specks, Some(point.map(|x| x * tiny))) == ordered);
     }
 
     #[test]

@@ -22,8 +22,7 @@ pub(crate) fn partition(
     }
     for (centers, side) in centers.iter_mut().zip([left, right]) {
         for prim in side {
-            let center = prim.center();
-            centers.grow(center, center);
+            centers.grow(&Bounds::of_point(prim.center()));
         }
     }
     centers
@@ -63,17 +62,11 @@ mod tests {
     fn chunks_in_parallel_move_like_one_loop_and_keep_the_order() {
         let n = 3 * CHUNK + 17;
         let at = |i: usize| std::array::from_fn(|k| (i * (7919 + 31 * k) % 1009) as f32);
-        let prims: Vec<_> = (0..n)
-            .map(|i| {
-                Prim::new(
-                    &Aabb {
-                        min: at(i),
-                        max: at(i),
-                    },
-                    i as u32,
-                )
-            })
-            .collect();
+        let prim = |i: usize| {
+            let (min, max) = (at(i), at(i));
+            Prim::new(&Aabb { min, max }, i as u32)
+        };
+        let prims: Vec<_> = (0..n).map(prim).collect();
         let extents = Extents::of(&prims);
         let grid = Grid::new(&extents.centers, n);
         let mut counts = vec![Bins::NO_COUNTS; n.div_ceil(CHUNK)];
@@ -89,9 +82,7 @@ mod tests {
         let ids = |prims: &[Prim]| prims.iter().map(Prim::triangle).collect::<Vec<_>>();
         assert_eq!([ids(l), ids(r)], [ids(&expected_l), ids(&expected_r)]);
         for (found, side) in centers.iter().zip([l, r]) {
-            let expected = Extents::of(side).centers;
-            assert_eq!(found.lo.truncate(), expected.lo.truncate());
-            assert_eq!(found.hi.truncate(), expected.hi.truncate());
+            assert_eq!(found.aabb(), Extents::of(side).centers.aabb());
         }
     }
 }

@@ -3,98 +3,26 @@
 use geom::Aabb;
 use glam::{Mat4, Vec4};
 
-/// One triangle's box: 32 bytes, streamed front to back.
-///
-/// `lo.w` carries the triangle's number as bits. `hi.w` is 1, so that sums and
-/// differences of the fourth lanes stay ordinary numbers.
+/// A box whose upper corner is negated: one kind of minimum grows all six sides, eight lanes at a time where the machine
+/// has them. The fourth lanes mean nothing, but in a [`Prim`].
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Prim {
-    pub(crate) lo: Vec4,
-    pub(crate) hi: Vec4,
-}
-
-impl Prim {
-    #[inline]
-    pub(crate) fn new(bounds: &Aabb, triangle: u32) -> Self {
-        let ([x, y, z], [u, v, w]) = (bounds.min, bounds.max);
-        Self {
-            lo: Vec4::new(x, y, z, f32::from_bits(triangle)),
-            hi: Vec4::new(u, v, w, 1.0),
-        }
-    }
-
-    #[inline]
-    pub(crate) fn triangle(&self) -> u32 {
-        self.lo.w.to_bits()
-    }
-
-    /// Twice the centre: all that is asked of it is an order along each axis.
-    #[inline]
-    pub(crate) fn center(&self) -> Vec4 {
-        self.lo + self.hi
-    }
-
-    /// The same box in other units.
-    #[inline]
-    pub(crate) fn scaled(&self, factor: f32) -> Self {
-        Self {
-            lo: (self.lo * factor).with_w(self.lo.w),
-            hi: (self.hi * factor).with_w(1.0),
-        }
-    }
-}
-
-/// A box round many; the fourth lanes mean nothing.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Bounds {
-    pub(crate) lo: Vec4,
-    pub(crate) hi: Vec4,
-}
-
-impl Bounds {
-    pub(crate) const EMPTY: Self = Self {
-        lo: Vec4::INFINITY,
-        hi: Vec4::NEG_INFINITY,
-    };
-
-    #[inline]
-    pub(crate) fn grow(&mut self, lo: Vec4, hi: Vec4) {
-        self.lo = self.lo.min(lo);
-        self.hi = self.hi.max(hi);
-    }
-
-    #[inline]
-    pub(crate) fn union(mut self, other: Self) -> Self {
-        self.grow(other.lo, other.hi);
-        self
-    }
-
-    #[inline]
-    pub(crate) fn extent(&self) -> Vec4 {
-        self.hi - self.lo
-    }
-}
-
-/// A box whose upper corner is negated: one kind of minimum grows all six sides, eight lanes at a time where the
-/// machine has them. The fourth lanes mean nothing.
-#[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(crate) struct Hull {
+pub(crate) struct Bounds {
     pub(crate) lo: Vec4,
     pub(crate) up: Vec4,
 }
 
-impl Hull {
+impl Bounds {
     pub(crate) const EMPTY: Self = Self {
         lo: Vec4::INFINITY,
         up: Vec4::INFINITY,
     };
 
     #[inline]
-    pub(crate) fn of(prim: &Prim) -> Self {
+    pub(crate) fn of_point(point: Vec4) -> Self {
         Self {
-            lo: prim.lo,
-            up: -prim.hi,
+            lo: point,
+            up: -point,
         }
     }
 
@@ -105,11 +33,59 @@ impl Hull {
     }
 
     #[inline]
-    pub(crate) fn bounds(&self) -> Bounds {
-        Bounds {
-            lo: self.lo,
-            hi: -self.up,
-        }
+    pub(crate) fn union(mut self, other: Self) -> Self {
+        self.grow(&other);
+        self
+    }
+
+    #[inline]
+    pub(crate) fn extent(&self) -> Vec4 {
+        -(self.lo + self.up)
+    }
+
+    pub(crate) fn aabb(&self) -> Aabb {
+        let [min, max] = [self.lo, -self.up].map(|v| v.truncate().to_array());
+        Aabb { min, max }
+    }
+}
+
+/// One triangle's box: 32 bytes, streamed front to back.
+///
+/// `lo.w` carries the triangle's number as bits. `up.w` is -1, so that sums and differences of the fourth lanes stay
+/// ordinary numbers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Prim {
+    pub(crate) bounds: Bounds,
+}
+
+impl Prim {
+    #[inline]
+    pub(crate) fn new(bounds: &Aabb, triangle: u32) -> Self {
+        let ([x, y, z], [u, v, w]) = (bounds.min, bounds.max);
+        let lo = Vec4::new(x, y, z, f32::from_bits(triangle));
+        let up = Vec4::new(-u, -v, -w, -1.0);
+        let bounds = Bounds { lo, up };
+        Self { bounds }
+    }
+
+    #[inline]
+    pub(crate) fn triangle(&self) -> u32 {
+        self.bounds.lo.w.to_bits()
+    }
+
+    /// Twice the centre: all that is asked of it is an order along each axis.
+    #[inline]
+    pub(crate) fn center(&self) -> Vec4 {
+        self.bounds.lo - self.bounds.up
+    }
+
+    /// The same box in other units.
+    #[inline]
+    pub(crate) fn scaled(&self, factor: f32) -> Self {
+        let Bounds { lo, up } = self.bounds;
+        let (lo, up) = ((lo * factor).with_w(lo.w), (up * factor).with_w(up.w));
+        let bounds = Bounds { lo, up };
+        Self { bounds }
     }
 }
 
@@ -135,9 +111,8 @@ impl Extents {
 
     #[inline]
     pub(crate) fn add(&mut self, prim: &Prim) {
-        let center = prim.center();
-        self.boxes.grow(prim.lo, prim.hi);
-        self.centers.grow(center, center);
+        self.boxes.grow(&prim.bounds);
+        self.centers.grow(&Bounds::of_point(prim.center()));
     }
 
     pub(crate) fn union(self, other: Self) -> Self {
@@ -148,13 +123,14 @@ impl Extents {
     }
 }
 
-/// Measures surface areas inside one node, in units of the node's longest edge,
-/// so that nothing over- or underflows at any scale.
-///
-/// Every edge is lengthened by 2^-20 of the longest, so that boxes of no area
-/// (points, segments along an axis) are still told apart by their length.
+/// Measures surface areas inside one node, in units of the node's longest edge, so that nothing over- or underflows at any
+/// scale. Every edge is lengthened by 2^-20 of the longest, so that boxes of no area (points, segments along an axis) are
+/// still told apart by their length.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ruler(f32);
+pub(crate) struct Ruler {
+    /// One over the longest edge, negated as the sum of a box's corners is.
+    scale: f32,
+}
 
 impl Ruler {
     /// Extents below this are no extents: a reciprocal would overflow. Boxes
@@ -164,12 +140,13 @@ impl Ruler {
 
     pub(crate) fn new(node: &Bounds) -> Self {
         let e = node.extent();
-        Self(1.0 / e.x.max(e.y).max(e.z).max(Self::LEAST))
+        let scale = -1.0 / e.x.max(e.y).max(e.z).max(Self::LEAST);
+        Self { scale }
     }
 
     #[inline]
     fn edges(self, b: &Bounds) -> Vec4 {
-        b.extent() * self.0 + Vec4::splat(Self::PAD)
+        (b.lo + b.up) * self.scale + Vec4::splat(Self::PAD)
     }
 
     /// Half the surface area of one box. Not a number or infinite if it is empty.
@@ -192,14 +169,12 @@ impl Ruler {
 mod tests {
     use super::*;
 
-    fn bounds(min: [f32; 3], max: [f32; 3]) -> Bounds {
-        let p = Prim::new(&Aabb { min, max }, 5);
-        Bounds { lo: p.lo, hi: p.hi }
-    }
-
     #[test]
     fn boxes_without_area_are_told_apart_by_length() {
-        let [short, long] = [1.0, 2.0].map(|x| bounds([0.0; 3], [x, 0.0, 0.0]));
+        let [short, long] = [1.0, 2.0].map(|x| {
+            let (min, max) = ([0.0; 3], [x, 0.0, 0.0]);
+            Prim::new(&Aabb { min, max }, 5).bounds
+        });
         let ruler = Ruler::new(&long);
         assert!(ruler.half_area(&short) < ruler.half_area(&long));
         assert!(ruler.half_area(&short) > 0.0);

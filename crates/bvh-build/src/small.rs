@@ -12,7 +12,7 @@ use glam::Vec4;
 pub(crate) const MOST: usize = 32;
 
 /// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
-const NEARLY: f32 = 1.0 + 1e-5;
+pub(crate) const NEARLY: f32 = 1.0 + 1e-5;
 
 /// The triangles of a subtree, sorted along each axis.
 struct Sorted {
@@ -92,15 +92,13 @@ impl Sorted {
         })
     }
 
-    /// The axis and the number of triangles on the left of the plane of least
-    /// cost. All three axes are swept at once, one a lane: from the right, which
-    /// leaves the right sides' part of each cost, then from the left.
+    /// The axis and the number of triangles on the left of the plane of least cost. All three axes are swept at once,
+    /// one a lane: from the right, which leaves the right sides' part of each cost, then from the left.
     #[inline(never)]
     fn best_cut(&self, start: usize, end: usize) -> (usize, usize) {
         let mut node = Bounds::EMPTY;
         for place in start..end {
-            let prim = self.at(0, place);
-            node.grow(prim.lo, prim.hi);
+            node.grow(&self.at(0, place).bounds);
         }
         let ruler = Ruler::new(&node);
         let mut costs = [Vec4::ZERO; MOST];
@@ -132,8 +130,7 @@ impl Sorted {
     #[inline]
     fn grow(&self, boxes: &mut [Bounds; 3], place: usize) {
         for (axis, b) in boxes.iter_mut().enumerate() {
-            let prim = self.at(axis, place);
-            b.grow(prim.lo, prim.hi);
+            b.grow(&self.at(axis, place).bounds);
         }
     }
 
@@ -203,7 +200,7 @@ mod tests {
             let n = prims.len();
             let cost = |axis: usize, left: usize| {
                 let area = |places: std::ops::Range<usize>| {
-                    let boxes = places.map(|place| bounds(sorted.at(axis, place)));
+                    let boxes = places.map(|place| sorted.at(axis, place).bounds.aabb());
                     boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
                 };
                 area(0..left) * left as f64 + area(left..n) * (n - left) as f64
@@ -219,12 +216,5 @@ mod tests {
         let [a, b, c, x, y, z] = corners.map(f32::from);
         let (min, max) = ([a, b, c], [a + x + 1.0, b + y + 1.0, c + z + 1.0]);
         Prim::new(&Aabb { min, max }, triangle)
-    }
-
-    fn bounds(prim: &Prim) -> Aabb {
-        Aabb {
-            min: prim.lo.truncate().to_array(),
-            max: prim.hi.truncate().to_array(),
-        }
     }
 }

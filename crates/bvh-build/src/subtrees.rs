@@ -37,12 +37,6 @@ pub struct Costs {
 }
 
 impl SubtreeRebuilder {
-    /// No memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two and the point that the builder
     /// faces; the builder lends its memory.
     ///
@@ -70,12 +64,9 @@ impl SubtreeRebuilder {
             if let Some(root) = self.above.root() {
                 self.unfold(last, root, slot);
             }
-            let over_root = |sum: f64| {
-                if areas.root > 0.0 {
-                    sum / areas.root
-                } else {
-                    0.0
-                }
+            let over_root = |sum: f64| match areas.root > 0.0 {
+                true => sum / areas.root,
+                false => 0.0,
             };
             Ok(Costs {
                 last: over_root(areas.all),
@@ -105,11 +96,9 @@ impl SubtreeRebuilder {
     fn unfold(&self, last: &BinaryTree, node: Subtree, slot: SubtreeSlot<'_>) {
         if node.leaves == 1 {
             let group = self.groups.nodes[self.above.order[node.first_leaf as usize] as usize];
-            let (order, inner) = (group.first_leaf as usize, group.inner as usize);
-            (slot.order).copy_from_slice(&last.order[order..][..slot.order.len()]);
-            (slot.left_leaves)
-                .copy_from_slice(&last.left_leaves[inner..][..slot.left_leaves.len()]);
-            return;
+            slot.order.copy_from_slice(last.triangles(group));
+            let inner = &last.left_leaves[group.inner as usize..][..slot.left_leaves.len()];
+            return slot.left_leaves.copy_from_slice(inner);
         }
         let [a, b] = self.above.children(node);
         let [slot_a, slot_b] = slot.split(self.leaves(a));
@@ -121,5 +110,155 @@ impl SubtreeRebuilder {
     }
 }
 
+/// Rows of triangles in clumps that part, turn round or stay.
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::groups::MOST;
+    use super::*;
+    use crate::MAX_DEPTH;
+    use geom::Aabb;
+    use proptest::prelude::*;
+
+    /// Clumps of seven boxes; where each clump and each box in it lies.
+    fn clumps(n: u32, clump: impl Fn(u32) -> f32, part: f32) -> Vec<Aabb> {
+        let bounds = |i: u32| {
+            let x = clump(i / 7) + (i % 7) as f32 * part;
+            let min = [x, ((i / 7) % 5) as f32, (i % 7) as f32 * 0.1];
+            Aabb {
+                min,
+                max: min.map(|x| x + 1.0),
+            }
+        };
+        (0..n).map(bounds).collect()
+    }
+
+    /// The next tree, what both cost, and the groups it is made of.
+    fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Vec<Subtree>) {
+        let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
+        let mut builder = Builder::new();
+        let costs = rebuilder.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
+        (tree, costs.unwrap(), rebuilder.groups.nodes)
+    }
+
+    fn depth(tree: &BinaryTree, node: Subtree) -> u32 {
+        if node.leaves == 1 {
+            return 0;
+        }
+        let below = tree.children(node).map(|child| depth(tree, child));
+        1 + below[0].max(below[1])
+    }
+
+    fn is_about(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-9 * b.abs()
+    }
+
+    #[test]
+    fn clumps_that_change_places_stay_whole_and_the_tree_is_as_good_as_new() {
+        let n = 7 * 3000;
+        let before = clumps(n, |c| (c * 2) as f32, 0.05);
+        let after = clumps(n, |c| (c * 1231 % 3000 * 2) as f32, 0.05);
+        let last = BinaryTree::over(&before[..]);
+        let (tree, costs, groups) = subtrees(&last, &after);
+        assert!(groups.len() < 6000, "{}", groups.len());
+        let fresh = sah_cost(&BinaryTree::over(&after[..]), &after[..]);
+        let cost = sah_cost(&tree, &after[..]);
+        assert!(cost < 1.1 * fresh, "{cost} {fresh}");
+        assert!(costs.last > 3.0 * cost, "{costs:?}");
+        assert!(is_about(costs.new, cost) && is_about(costs.last, sah_cost(&last, &after[..])));
+    }
+
+    #[test]
+    fn clumps_that_part_are_taken_to_pieces() {
+        let n = 7 * 300;
+        let last = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
+        // Each box of a clump is now somewhere else, among strangers.
+        let apart = clumps(n, |c| c as f32, 400.0);
+        let (tree, _, groups) = subtrees(&last, &apart);
+        assert_eq!(groups.len(), n as usize);
+        assert_eq!(tree, BinaryTree::over(&apart[..]));
+    }
+
+    #[test]
+    fn a_tree_of_none_or_one_stays_so() {
+        for n in [0, 1] {
+            let boxes = clumps(n, |_| 0.0, 1.0);
+            let last = BinaryTree::over(&boxes[..]);
+            assert_eq!(subtrees(&last, &boxes).0, last);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "no usable box")]
+    fn a_box_that_vanished_is_refused() {
+        let mut boxes = clumps(70, |c| c as f32, 0.1);
+        let last = BinaryTree::over(&boxes[..]);
+        boxes[3] = Aabb::EMPTY;
+        subtrees(&last, &boxes);
+    }
+
+    #[test]
+    fn the_tree_does_not_depend_on_the_number_of_threads() {
+        let n = 7 * 4000;
+        let last = BinaryTree::over(&clumps(n, |c| c as f32, 0.2)[..]);
+        let after = clumps(n, |c| (c * 37 % 4000) as f32, 0.9);
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let (tree, costs, _) = pool.unwrap().install(|| subtrees(&last, &after));
+            (tree, costs)
+        };
+        assert_eq!(on(1), on(4));
+    }
+
+    #[test]
+    fn no_leaf_lies_too_deep() {
+        let cube = |min: [f32; 3], size: f32| Aabb {
+            min,
+            max: min.map(|x| x + size),
+        };
+        // Each plane takes one away: every cube lies 64 times as far out as the next.
+        let mut boxes = Vec::new();
+        for i in 0..78 {
+            let (mut at, far) = ([0.0; 3], 2.0_f32.powi(58 - 6 * (i / 3) as i32));
+            at[i % 3] = far;
+            boxes.push(cube(at, far * 2.0_f32.powi(-18)));
+        }
+        // And at the end come groups.
+        for i in 0..160 {
+            let size = 2.0_f32.powi(-60 - i / 5);
+            boxes.push(cube([size; 3], size / 4.0));
+        }
+        let last = BinaryTree::over(&boxes[..]);
+        let (tree, _, groups) = subtrees(&last, &boxes);
+        assert!(groups.len() < 78 + 80, "{}", groups.len());
+        assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+
+        /// Whatever moved where: every triangle is in it once, and costs are those of the trees.
+        #[test]
+        fn trees_stay_whole(
+            from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),
+            shift in 0.0_f32..20.0,
+        ) {
+            let at = |shift: f32| -> Vec<Aabb> {
+                let moved = |(i, (p, r)): (usize, &([f32; 3], f32))| {
+                    let min = [p[0] + shift * (i % 3) as f32, p[1], p[2] - shift * (i % 2) as f32];
+                    Aabb { min, max: min.map(|x| x + r) }
+                };
+                from.iter().enumerate().map(moved).collect()
+            };
+            let after = at(shift);
+            let last = BinaryTree::over(&at(0.0)[..]);
+            let (tree, costs, groups) = subtrees(&last, &after);
+            let mut order = tree.order().to_vec();
+            order.sort_unstable();
+            prop_assert!(order.iter().copied().eq(0..from.len() as u32));
+            prop_assert!(groups.iter().all(|g| g.leaves <= MOST));
+            prop_assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+            prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
+            prop_assert!(is_about(costs.last, sah_cost(&last, &after[..])), "{:?}", costs);
+        }
+    }
+}

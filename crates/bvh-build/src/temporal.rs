@@ -1,14 +1,10 @@
 //! One tree for many moments: the surface area heuristic averaged over time.
 //!
-//! The cost is T-SAH (Bittner, Meister: *T-SAH: Animation Optimized Bounding
-//! Volume Hierarchies*, 2015): at each of a few moments the tree's cost with
-//! the boxes of that moment, relative to the root of that moment, weighed by
-//! the time it stands for. They optimise a finished tree by taking subtrees
-//! out and putting them in elsewhere, thousands of steps one after the other.
-//! Here the tree is built top-down with that cost instead: each node is cut by
-//! the best of the planes between centres along three axes at several of the
-//! moments. That needs one pass a level, runs in parallel, and gives the same
-//! tree for every number of threads.
+//! The cost is T-SAH (Bittner, Meister: *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015): the mean over a few
+//! moments of the tree's cost relative to its root then, weighed by the time that each stands for. They move subtrees of a
+//! finished tree, thousands of steps one after the other. Here the tree is built top-down: each node is cut by the best of
+//! the planes between centres along three axes at several moments. That needs one pass a level, runs in parallel, and
+//! gives the same tree for every number of threads.
 
 mod bins;
 mod lanes;
@@ -41,15 +37,8 @@ pub struct TemporalBuilder {
 }
 
 impl TemporalBuilder {
-    /// A builder that holds no memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Builds over all triangles whose box is not empty at one moment at least,
-    /// into `tree`, whose memory is reused. Where a triangle has no box, its
-    /// first one stands for it.
+    /// Builds over all triangles whose box is not empty at one moment at least, into `tree`, whose memory is reused.
+    /// Where a triangle has no box, its first one stands for it.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.

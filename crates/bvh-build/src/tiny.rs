@@ -36,10 +36,7 @@ fn write<const N: usize>(order: &mut [u32], leaves: [&Prim; N]) {
 }
 
 fn pair(a: &Prim, b: &Prim) -> Bounds {
-    Bounds {
-        lo: a.lo.min(b.lo),
-        hi: a.hi.max(b.hi),
-    }
+    a.bounds.union(b.bounds)
 }
 
 /// The pair of least area first.
@@ -81,7 +78,7 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
         ([far.z, far.y, far.x], [b, c, d, a]),
     ];
     let [first, others @ ..] = chains.map(|([ab, ac, bc], [a, b, c, d])| {
-        let trio = ruler.half_area(&pair(a, b).union(pair(c, c)));
+        let trio = ruler.half_area(&pair(a, b).union(c.bounds));
         if ab <= ac && ab <= bc {
             (trio + ab, [a, b, c, d])
         } else if ac <= bc {
@@ -101,31 +98,22 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BinaryTree;
     use geom::Aabb;
 
-    fn prims(seed: u32) -> [Prim; 4] {
-        let mut state = seed;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
+    fn prims(seed: u64) -> [Prim; 4] {
+        let mut random = fastrand::Rng::with_seed(seed);
         std::array::from_fn(|i| {
-            let min = [next(), next(), next()];
-            let max = min.map(|x| x + next());
+            let min = [0.0; 3].map(|_: f32| random.f32());
+            let max = min.map(|x| x + random.f32());
             Prim::new(&Aabb { min, max }, i as u32)
         })
     }
 
     /// Areas of all inner nodes of a subtree below its root.
-    fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: [u32; 4]) -> f64 {
+    fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: &[u32]) -> f64 {
         let area = |of: &[u32]| {
-            let boxes = of.iter().map(|&i| {
-                let p = &prims[i as usize];
-                Aabb {
-                    min: p.lo.truncate().to_array(),
-                    max: p.hi.truncate().to_array(),
-                }
-            });
+            let boxes = of.iter().map(|&i| prims[i as usize].bounds.aabb());
             boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
         };
         match shape {
@@ -143,42 +131,31 @@ mod tests {
 
     #[test]
     fn four_triangles_get_the_best_of_all_shapes() {
-        let mut shapes = [0; 2];
+        let (mut shapes, mut tree) = ([0; 2], BinaryTree::default());
         for seed in 0..500 {
             let prims = prims(seed);
-            let (mut shape, mut order) = ([0; 3], [0; 4]);
             for (depth, allowed) in [(61, &[[2, 1, 1], [3, 2, 1]][..]), (62, &[[2, 1, 1]])] {
-                let slot = SubtreeSlot {
-                    left_leaves: &mut shape,
-                    order: &mut order,
-                };
-                build(&prims, slot, depth);
+                build(&prims, tree.slot(4), depth);
+                let shape: [u32; 3] = tree.left_leaves[..].try_into().unwrap();
                 assert!(allowed.contains(&shape), "depth {depth}: {shape:?}");
-                let best = all_orders().flat_map(|o| allowed.iter().map(move |&s| (s, o)));
-                let best = best
-                    .map(|(s, o)| cost(&prims, s, o))
-                    .fold(f64::MAX, f64::min);
-                let found = cost(&prims, shape, order);
+                let all = allowed
+                    .iter()
+                    .flat_map(|&s| all_orders().map(move |o| (s, o)));
+                let costs = all.map(|(s, o)| cost(&prims, s, &o));
+                let best = costs.fold(f64::MAX, f64::min);
+                let found = cost(&prims, shape, &tree.order);
                 assert!(found <= best * (1.0 + 1e-5), "seed {seed}: {found} {best}");
                 shapes[usize::from(shape == [3, 2, 1])] += 1;
             }
         }
-        assert!(
-            shapes.iter().all(|&n| n > 50),
-            "both shapes occur: {shapes:?}"
-        );
+        assert!(shapes.iter().all(|&n| n > 50), "both occur: {shapes:?}");
     }
 
     #[test]
     fn three_triangles_begin_with_the_closest_pair() {
         let at = |x: f32, i| {
-            Prim::new(
-                &Aabb {
-                    min: [x; 3],
-                    max: [x + 1.0; 3],
-                },
-                i,
-            )
+            let (min, max) = ([x; 3], [x + 1.0; 3]);
+            Prim::new(&Aabb { min, max }, i)
         };
         for (order, far) in [
             ([0.0, 9.0, 1.0], 1),
@@ -186,13 +163,9 @@ mod tests {
             ([0.0, 1.0, 9.0], 2),
         ] {
             let prims: Vec<_> = order.iter().zip(0..).map(|(&x, i)| at(x, i)).collect();
-            let (mut shape, mut leaves) = ([0; 2], [0; 3]);
-            let slot = SubtreeSlot {
-                left_leaves: &mut shape,
-                order: &mut leaves,
-            };
-            build(&prims, slot, 0);
-            assert_eq!((shape, leaves[2]), ([2, 1], far));
+            let mut tree = BinaryTree::default();
+            build(&prims, tree.slot(3), 0);
+            assert_eq!((&tree.left_leaves[..], tree.order[2]), (&[2, 1][..], far));
         }
     }
 }

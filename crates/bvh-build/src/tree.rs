@@ -4,12 +4,10 @@ use crate::BuildError;
 
 /// A binary tree with one triangle per leaf.
 ///
-/// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and
-/// `k` consecutive leaves. So one number an inner node says it all: how many
-/// leaves its left child holds. For the inner node `i` with `k` leaves from
-/// leaf `s`, of which `l = left_leaves[i]` lie to the left:
-/// the left child has leaves `s..s + l` and, if `l > 1`, is inner node `i + 1`;
-/// the right child has leaves `s + l..s + k` and, if `k - l > 1`, is inner node `i + l`.
+/// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and `k` consecutive leaves. So one number an
+/// inner node says it all: how many leaves its left child holds. For the inner node `i` with `k` leaves from leaf `s`,
+/// of which `l = left_leaves[i]` lie to the left: the left child has leaves `s..s + l` and, if `l > 1`, is inner node
+/// `i + 1`; the right child has leaves `s + l..s + k` and, if `k - l > 1`, is inner node `i + l`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BinaryTree {
     pub(crate) left_leaves: Vec<u32>,
@@ -134,6 +132,11 @@ impl BinaryTree {
             first_leaf: 0,
             leaves,
         })
+    }
+
+    /// The triangles below a node, left to right.
+    pub(crate) fn triangles(&self, node: Subtree) -> &[u32] {
+        &self.order[node.first_leaf as usize..][..node.leaves as usize]
     }
 
     /// Both children of an inner node.

@@ -1,10 +1,9 @@
 //! Depth-first tree to breadth-first record.
 //!
-//! Nodes of one level lie in the same order in preorder as in breadth-first
-//! order. So no queue of nodes is needed: one walk in preorder counts the
-//! nodes of each level, another appends each node to its level. Both read and
-//! write memory as streams, at most one for each level, and both split into
-//! chunks of the preorder, whose shares of every level are known by counting.
+//! Nodes of one level lie in the same order in preorder as in breadth-first order. So no queue of nodes is needed: one
+//! walk in preorder counts the nodes of each level, another appends each node to its level. Both read and write memory
+//! as streams, at most one for each level, and both split into chunks of the preorder, whose shares of every level are
+//! known by counting.
 
 use crate::treelets::Workspace;
 use crate::validate::Header;
@@ -30,7 +29,7 @@ pub struct Converter {
     room: Workspace,
 }
 
-/// The memory of an old record, and of its treelets: see [`Topology::into_spare`].
+/// The memory of an old record, and of its treelets: see [`Topology::into_spare`]. None at first.
 #[derive(Debug, Default)]
 pub struct Spare {
     pub(crate) words: Vec<u32>,
@@ -41,11 +40,6 @@ impl Spare {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.words.capacity() == 0 && self.treelets.capacity() == 0
-    }
-
-    /// The record's alone.
-    pub fn into_words(self) -> Vec<u32> {
-        self.words
     }
 }
 
@@ -65,23 +59,16 @@ impl Converter {
         Self::default()
     }
 
-    /// The record of `tree`, for a scene of `triangle_count` triangles. `reuse`
-    /// is an old record's memory (see [`Topology::into_words`]) or an empty vector.
+    /// The record of `tree`, for a scene of `triangle_count` triangles, in the memory of an old one.
     ///
-    /// Runs in the rayon pool that the caller installed; the record does not
-    /// depend on the number of threads. Needs 1 byte a triangle beside the record.
+    /// Runs in the rayon pool that the caller installed; the record does not depend on the number of threads. Needs 1 byte
+    /// a triangle beside the record.
     ///
     /// # Panics
-    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`] or the tree
-    /// names a triangle that is not below `triangle_count`.
+    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`] or the tree names a triangle that is not below it.
     #[must_use]
-    pub fn convert(
-        &mut self,
-        tree: &BinaryTree,
-        triangle_count: usize,
-        reuse: Vec<u32>,
-    ) -> Topology {
-        let mut words = reuse;
+    pub fn convert(&mut self, tree: &BinaryTree, triangle_count: usize, reuse: Spare) -> Topology {
+        let mut words = reuse.words;
         assert!(
             triangle_count <= Animation::MAX_TRIANGLES,
             "{triangle_count} triangles are too many for a record"
@@ -124,9 +111,19 @@ impl Converter {
         reuse: Spare,
     ) -> Topology {
         let mut room = std::mem::take(&mut self.room);
+        let Spare { words, treelets } = reuse;
         let (mut record, treelets) = rayon::join(
-            || self.convert(tree, triangle_count, reuse.words),
-            || Treelets::of_tree_in(tree, &mut room, reuse.treelets),
+            || {
+                self.convert(
+                    tree,
+                    triangle_count,
+                    Spare {
+                        words,
+                        ..Spare::default()
+                    },
+                )
+            },
+            || Treelets::of_tree_in(tree, &mut room, treelets),
         );
         self.room = room;
         record.treelets = Some(Box::new(treelets));
@@ -183,23 +180,19 @@ impl Converter {
     }
 }
 
-/// Cuts `array` into one part for each level and chunk, levels outermost, as
-/// long as `lengths` says. Returns each chunk's parts by level.
-///
-/// # Panics
-/// If `array` is shorter than all parts together.
-fn segments<'a, T, C, const LEVELS: usize>(
+/// Cuts `array` into one part for each level and chunk, levels outermost, as long as `lengths` says. Returns each chunk's
+/// parts by level.
+fn segments<'a, T>(
     mut array: &'a mut [T],
-    chunks: &[C],
-    lengths: impl Fn(&C) -> &[u32; LEVELS],
-) -> Vec<[&'a mut [T]; LEVELS]> {
+    chunks: &[LevelCounts],
+    lengths: fn(&LevelCounts) -> &[u32; DEPTHS],
+) -> Vec<[&'a mut [T]; DEPTHS]> {
     let empty = || std::array::from_fn(|_| <&mut [T]>::default());
     let mut parts: Vec<_> = chunks.iter().map(|_| empty()).collect();
-    for level in 0..LEVELS {
+    for level in 0..DEPTHS {
         for (chunk, parts) in chunks.iter().zip(&mut parts) {
             let length = lengths(chunk)[level] as usize;
-            let (part, rest) = array.split_at_mut(length);
-            (parts[level], array) = (part, rest);
+            (parts[level], array) = array.split_at_mut(length);
         }
     }
     parts
@@ -288,14 +281,15 @@ mod tests {
     #[test]
     fn memory_reused_leaves_no_trace() {
         let mut converter = Converter::new();
-        let (mut words, mut spare) = (vec![u32::MAX; 5_000], Spare::default());
+        let [mut plain, mut spare] = [(); 2].map(|()| Spare::default());
+        plain.words = vec![u32::MAX; 5_000];
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
         for tree in up.chain(down) {
             let fresh = record(&tree);
-            let reused = converter.convert(&tree, scene(&tree), words);
+            let reused = converter.convert(&tree, scene(&tree), plain);
             assert_eq!(reused, fresh);
-            words = reused.into_words();
-            words.fill(u32::MAX);
+            plain = reused.into_spare();
+            plain.words.fill(u32::MAX);
             let both = converter.convert_with_treelets(&tree, scene(&tree), spare);
             assert_eq!(both.words(), fresh.words());
             assert_eq!(both.treelets(), Some(&Treelets::of(&fresh)));
@@ -308,7 +302,7 @@ mod tests {
 
     #[test]
     fn triangles_may_be_in_no_leaf() {
-        let record = Converter::new().convert(&BinaryTree::default(), 3, vec![]);
+        let record = Converter::new().convert(&BinaryTree::default(), 3, Spare::default());
         assert_eq!((record.triangle_count(), record.leaf_count()), (3, 0));
     }
 
@@ -317,7 +311,7 @@ mod tests {
     fn a_tree_of_another_scene_is_refused() {
         let tree = random_tree(100, 1);
         let greatest = *tree.order().iter().max().unwrap();
-        let _ = Converter::new().convert(&tree, greatest as usize, vec![]);
+        let _ = Converter::new().convert(&tree, greatest as usize, Spare::default());
     }
 
     #[test]
@@ -326,6 +320,6 @@ mod tests {
         let order: Vec<u32> = (0..300).collect();
         let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
         let tree = BinaryTree::new(order, left_leaves);
-        let _ = Converter::new().convert(&tree, 300, vec![]);
+        let _ = Converter::new().convert(&tree, 300, Spare::default());
     }
 }

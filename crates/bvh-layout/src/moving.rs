@@ -67,7 +67,7 @@ impl Moving {
 fn levels(tree: &Topology, inner: &[u32]) -> Vec<Range<usize>> {
     let place = |end: u32| inner.partition_point(|&k| k < end);
     tree.levels()
-        .map(|level| place(level.inner.start)..place(level.inner.end))
+        .map(|level| place(level.start)..place(level.end))
         .filter(|range| !range.is_empty())
         .collect()
 }
@@ -105,13 +105,12 @@ mod tests {
         }
         let found = found.unwrap();
         assert_eq!((found.leaves(), found.inner()), (&leaves[..], &inner[..]));
-        assert_eq!(found.words(), [leaves, inner].concat());
         let mut end = 0;
         for level in &found.levels {
             assert!(level.start == end && !level.is_empty());
             let nodes = &found.inner()[level.clone()];
-            let holds = |l: &crate::Level| nodes.iter().all(|k| l.inner.contains(k));
-            assert!(tree.levels().any(|l| holds(&l)));
+            let holds = |level: Range<u32>| nodes.iter().all(|k| level.contains(k));
+            assert!(tree.levels().any(holds));
             end = level.end;
         }
         assert_eq!(end, found.inner().len());

@@ -35,15 +35,12 @@ const RUN: usize = 2048;
 ///
 /// # What it costs
 ///
-/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take
-/// `4.5 n + 4 L + 36` bytes or a little more, which is 4.5 bytes a triangle in the
-/// limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle
-/// (a box and two indices each) take 64: the paper's cut of 87.5 % is 8 of 64,
-/// this record's is 93 %.
+/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take `4.5 n + 4 L + 36` bytes or a little more, which is
+/// 4.5 bytes a triangle in the limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle (a box and
+/// two indices each) take 64: the paper's cut of 87.5 % is 8 of 64, this record's is 93 %.
 ///
-/// Beside the record may stand lists of what moves, for scenes with static
-/// parts; whoever adopts the tree may use them or not. See [`Moving`]. So may
-/// the same tree as [`Treelets`] or as a [`BlockTree`].
+/// Beside the record may stand lists of what moves, for scenes with static parts; whoever adopts the tree may use them
+/// or not. See [`Moving`]. So may the same tree as [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
@@ -52,17 +49,6 @@ pub struct Topology {
     pub(crate) treelets: Option<Box<Treelets>>,
     /// Likewise; shared, since whoever adopts the tree goes on using them.
     pub(crate) blocks: Option<Arc<BlockTree>>,
-}
-
-/// The nodes of one depth, as ranges of nodes and of both kinds' ranks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Level {
-    /// Nodes of this level.
-    pub nodes: Range<u32>,
-    /// Ranks of this level's leaves.
-    pub leaves: Range<u32>,
-    /// Ranks of this level's inner nodes.
-    pub inner: Range<u32>,
 }
 
 impl Topology {
@@ -121,15 +107,10 @@ impl Topology {
     }
 
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
-    pub fn into_words(self) -> Vec<u32> {
-        self.words
-    }
-
-    /// Likewise, for [`crate::Converter::convert_with_treelets`].
     pub fn into_spare(self) -> Spare {
         Spare {
             words: self.words,
-            treelets: self.treelets.map_or_else(Vec::new, |t| t.into_words()),
+            treelets: self.treelets.map_or_else(Vec::new, |t| t.words),
         }
     }
 
@@ -203,35 +184,18 @@ impl Topology {
         self.words[4] as usize
     }
 
-    /// The ranges of every level, root first.
-    pub fn levels(&self) -> impl Iterator<Item = Level> + '_ {
+    /// The inner nodes of every level by rank, root first; the last level has none.
+    pub fn levels(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let table = &self.words[Self::HEADER_WORDS..][..self.level_count()];
-        let (mut count, mut nodes, mut leaves, mut inner) = (1, 0, 0, 0);
-        let next = |end: &mut u32, count: u32| {
-            *end += count;
-            *end - count..*end
-        };
-        table.iter().map(move |&parents| {
-            let level = Level {
-                nodes: next(&mut nodes, count),
-                leaves: next(&mut leaves, count - parents),
-                inner: next(&mut inner, parents),
-            };
-            count = 2 * parents;
-            level
+        table.iter().scan(0, |end, &inner| {
+            *end += inner;
+            Some(*end - inner..*end)
         })
     }
 
     /// One bit a node: 1 for a leaf.
     pub fn leaf_bits(&self) -> &[u32] {
-        let start = Self::HEADER_WORDS + self.level_count();
-        &self.words[start..][..self.bit_words()]
-    }
-
-    /// For each word of [`Topology::leaf_bits`], the leaves before it.
-    pub fn leaf_ranks(&self) -> &[u32] {
-        let start = Self::HEADER_WORDS + self.level_count() + self.bit_words();
-        &self.words[start..][..self.bit_words()]
+        self.ranks().bits
     }
 
     /// The triangle of each leaf, in node order.
@@ -248,10 +212,10 @@ impl Topology {
 
     /// Finds the ranks of nodes.
     pub fn ranks(&self) -> NodeRanks<'_> {
-        NodeRanks {
-            bits: self.leaf_bits(),
-            ranks: self.leaf_ranks(),
-        }
+        let count = self.node_count().div_ceil(32);
+        let words = &self.words[Self::HEADER_WORDS + self.level_count()..];
+        let (bits, ranks) = words[..2 * count].split_at(count);
+        NodeRanks { bits, ranks }
     }
 
     /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
@@ -266,7 +230,7 @@ impl Topology {
         let ranks = self.ranks();
         let levels: Vec<_> = self.levels().collect();
         for level in levels.iter().rev() {
-            let [start, end] = [level.inner.start, level.inner.end].map(|i| i as usize);
+            let [start, end] = [level.start, level.end].map(|i| i as usize);
             let (upper, deeper) = all.split_at_mut(end);
             let value = |node: NodeRank| match node.leaf() {
                 Some(rank) => leaf(rank),
@@ -279,10 +243,6 @@ impl Topology {
             });
         }
         all
-    }
-
-    fn bit_words(&self) -> usize {
-        self.node_count().div_ceil(32)
     }
 }
 

@@ -22,8 +22,7 @@ pub(crate) struct Inner {
     pub(crate) leaf_children: u8,
 }
 
-/// A power of two above `MAX_DEPTH`, so that masked indices need no check:
-/// at most one node waits for each depth.
+/// A power of two above `MAX_DEPTH`, so that masked indices need no check: at most one node waits for each depth.
 const STACK: usize = 128;
 
 /// Inner nodes that wait, the next one on top. Nothing branches on the tree's shape.

@@ -11,7 +11,9 @@ use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays}
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use output::Taken;
-use pipeline::{BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update};
+use pipeline::{
+    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update, Wanted,
+};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -215,10 +217,10 @@ pub(crate) fn trace_lists<'a>(
 ) -> impl Iterator<Item = Result<Hits, Stop>> + 'a {
     (0..).zip(lists).map(move |(index, (time, rays))| {
         let rays = Rays::List(rays);
-        let mut hits = Hits::default();
-        driver.begin(Frame { index, time }, Query { rays, kind })?;
-        driver.finish(Some(&mut hits))?;
-        Ok(hits)
+        let mut found = Answers::default();
+        driver.begin(Frame { index, time }, &[Query { rays, kind }])?;
+        driver.finish(Wanted::HITS, &mut found)?;
+        Ok(found.hits)
     })
 }
 

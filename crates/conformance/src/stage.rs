@@ -6,7 +6,7 @@ use backend::{
     Ticket,
 };
 use bvh_build::{BinaryTree, Builder, Cancel};
-use bvh_layout::{Converter, Topology};
+use bvh_layout::{Converter, Spare, Topology};
 use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let built = Builder::new().build(&(animation, vertices), &Cancel::new(), &mut tree);
     built.expect("nobody cancels");
-    let record = Converter::new().convert(&tree, animation.triangle_count(), Vec::new());
+    let record = Converter::new().convert(&tree, animation.triangle_count(), Spare::default());
     record.with_moving(animation.static_parts())
 }
 

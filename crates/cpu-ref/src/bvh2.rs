@@ -130,10 +130,12 @@ impl Bvh2 {
         self.records.resize(leaves, Record::default());
         (self.leaves_done, self.still_areas) = (false, None);
         self.levels.clear();
-        self.levels.extend(tree.levels().map(|level| {
-            let [start, end] = [level.nodes.start, level.nodes.end].map(|n| n as usize);
-            start.div_ceil(2)..end.div_ceil(2)
-        }));
+        // The root is in pair 0, the children of the `k`-th inner node in pair `k + 1`.
+        let below = tree
+            .levels()
+            .map(|k| k.start as usize + 1..k.end as usize + 1);
+        let pairs = std::iter::once(0..1).chain(below);
+        self.levels.extend(pairs.take(tree.level_count()));
         let (nodes, ranks) = (tree.node_count(), tree.ranks());
         let link = |slot: usize| match slot.checked_sub(1).filter(|&node| node < nodes) {
             Some(node) => {

@@ -5,7 +5,7 @@
 use crate::CpuBackend;
 use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Ticket};
 use bvh_build::{BinaryTree, Boxes};
-use bvh_layout::{Converter, Topology};
+use bvh_layout::{Converter, Spare, Topology};
 use fastrand::Rng;
 use geom::{Aabb, Animation, Point, Pose, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -50,7 +50,8 @@ fn moving() -> Arc<Animation> {
 
 /// A tree built over any boxes, for instance those of another moment.
 fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
-    Converter::new().convert(&BinaryTree::over(boxes), boxes.len(), Vec::new())
+    let triangles = boxes.triangle_count();
+    Converter::new().convert(&BinaryTree::over(boxes), triangles, Spare::default())
 }
 
 /// The tree for a moment.

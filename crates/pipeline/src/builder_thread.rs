@@ -2,7 +2,7 @@
 
 use crate::driver::PipelineError;
 use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
-use backend::{Generation, Snapshot, TreeWriter};
+use backend::{Snapshot, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
 use geom::{Point, Pose};
@@ -28,8 +28,6 @@ pub(crate) struct BuildInput {
 
 /// Vertices that wait to become a tree.
 pub(crate) struct Job {
-    /// Which tree it will be.
-    pub(crate) generation: Generation,
     pub(crate) input: BuildInput,
     /// Where rays end that ask for any hit, if they end in one place.
     pub(crate) toward: Option<Point>,
@@ -44,8 +42,6 @@ pub(crate) struct Job {
 /// How a job becomes a tree.
 type BuildFunction = dyn FnMut(Job, &Cancel) -> BuildResult<Made> + Send;
 
-type Delivery = (Generation, BuildResult<Made>);
-
 /// One builder thread, started with the first job. Dropping it cancels what it is at.
 pub(crate) struct BuilderThread {
     build: Option<Box<BuildFunction>>,
@@ -55,7 +51,7 @@ pub(crate) struct BuilderThread {
 
 struct Open {
     jobs: SyncSender<Job>,
-    trees: Receiver<Delivery>,
+    trees: Receiver<BuildResult<Made>>,
     thread: JoinHandle<()>,
 }
 
@@ -72,6 +68,7 @@ impl BuilderThread {
     }
 
     /// Whether a thread was ever started.
+    #[cfg(test)]
     pub(crate) fn is_open(&self) -> bool {
         self.open.is_some()
     }
@@ -90,28 +87,24 @@ impl BuilderThread {
     }
 
     /// A finished tree, if there is one. Never waits.
-    pub(crate) fn try_take(&mut self) -> Option<Delivery> {
+    pub(crate) fn try_take(&mut self) -> Option<BuildResult<Made>> {
         self.open.as_ref()?.trees.try_recv().ok()
     }
 
     /// Waits for the job that was handed in.
-    pub(crate) fn take(&mut self) -> Option<Delivery> {
-        self.open.as_ref()?.trees.recv().ok()
+    pub(crate) fn take(&mut self) -> BuildResult<Made> {
+        let made = self.open.as_ref().and_then(|open| open.trees.recv().ok());
+        made.unwrap_or_else(|| Err(gone()))
     }
 }
 
 impl Drop for BuilderThread {
     fn drop(&mut self) {
         self.cancel.cancel();
-        if let Some(Open {
-            jobs,
-            trees,
-            thread,
-        }) = self.open.take()
-        {
-            drop((jobs, trees));
-            // The thread catches the build's panics; nothing is left to report.
-            let _ = thread.join();
+        if let Some(open) = self.open.take() {
+            // Without jobs to come it ends. It catches the build's panics; nothing is left to report.
+            drop(open.jobs);
+            let _ = open.thread.join();
         }
     }
 }
@@ -122,10 +115,9 @@ impl Open {
         let (outbox, trees) = sync_channel(1);
         let work = move || {
             while let Ok(job) = inbox.recv() {
-                let generation = job.generation;
                 let built = catch_unwind(AssertUnwindSafe(|| build(job, &cancel)));
                 let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
-                if outbox.send((generation, result)).is_err() {
+                if outbox.send(result).is_err() {
                     return;
                 }
             }
@@ -201,9 +193,8 @@ impl BuilderPool {
 mod tests {
     use super::*;
 
-    fn job(n: u64) -> Job {
+    fn job(left_last: bool) -> Job {
         Job {
-            generation: Generation(n),
             input: BuildInput {
                 vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
                 halves: None,
@@ -212,7 +203,7 @@ mod tests {
             },
             toward: None,
             spare: Spare::default(),
-            left_last: false,
+            left_last,
             writer: None,
         }
     }
@@ -220,14 +211,13 @@ mod tests {
     #[test]
     fn a_panic_of_a_build_is_a_failed_one_and_the_next_job_goes_on() {
         let mut thread = BuilderThread::new(|job: Job, _: &Cancel| {
-            assert!(job.generation.0 != 1, "planted");
+            assert!(job.left_last, "planted");
             Err("planted".into())
         });
         assert!(!thread.is_open() && thread.try_take().is_none());
-        for (n, why) in [(1, "the builder panicked"), (2, "planted")] {
-            thread.start(job(n)).unwrap();
-            let (generation, result) = thread.take().unwrap();
-            assert_eq!((generation.0, &result.unwrap_err()[..]), (n, why));
+        for (left_last, why) in [(false, "the builder panicked"), (true, "planted")] {
+            thread.start(job(left_last)).unwrap();
+            assert_eq!(thread.take().unwrap_err(), why);
         }
     }
 
@@ -256,7 +246,7 @@ mod tests {
             said.send(()).unwrap();
             Err("cancelled".into())
         });
-        thread.start(job(1)).unwrap();
+        thread.start(job(false)).unwrap();
         drop(thread);
         hear.try_recv()
             .expect("the build saw the cancel before the drop returned");

@@ -1,19 +1,14 @@
 //! Where a device's work lies on the host's clock.
 //!
-//! The two clocks have different zeros. But nothing of a submission ran before
-//! the host handed it in, nor after the host saw its end; so each submission
-//! bounds the offset between the clocks from both sides, and all of them
-//! together bound it tightly: to the least latency of handing in plus the
-//! least of seeing. The middle of what is left is taken, so the error is at
-//! most half of that.
+//! The two clocks have different zeros. But nothing of a submission ran before the host handed it in, nor after the host saw
+//! its end. So each submission bounds the offset between the clocks from both sides. All of them together bound it to the
+//! least latency of handing in plus the least of seeing. The middle is taken, so the error is at most half of that.
 //!
-//! Clocks also drift (some microseconds a second), so over a long run no single
-//! offset may do. Where bounds contradict each other, the run is cut in two
-//! and each half gets an offset of its own.
+//! Clocks also drift (some microseconds a second): where bounds contradict each other, the run is cut in two, each with an
+//! offset of its own.
 //!
-//! Work without a begin on the device's clock is taken to end when it was seen
-//! to: the latest it can be. Submissions run one after the other, so whatever
-//! would reach into the next is moved before it.
+//! Work without a begin on the device's clock is taken to end when it was seen to: the latest it can be. Submissions run one
+//! after the other, so whatever would reach into the next is moved before it.
 
 use crate::frame::Submission;
 use std::time::Instant;
@@ -27,9 +22,8 @@ pub struct Span {
     pub end_ms: f64,
 }
 
-/// The part of a submission between its first stage's begin and the last one's
-/// end, in milliseconds since `origin` on the host's clock; one for each of
-/// `submissions`, which must be in the order they were handed in. No two overlap.
+/// The part of a submission between its first stage's begin and the last one's end, in milliseconds since `origin` on
+/// the host's clock; one for each of `submissions`, which must be in the order they were handed in. No two overlap.
 pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     let bounds: Vec<Bound> = submissions.iter().map(|s| Bound::of(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];

@@ -8,11 +8,10 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Schedule, Update};
+use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Forms, Made};
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Hits, Method, Opener, Palette, Query,
-    Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
 };
 use bvh_layout::Spare;
 use geom::{Animation, Point, Pose};
@@ -20,7 +19,7 @@ pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{FIRST, PendingBuild, Tree};
+use trees::{PendingBuild, Tree};
 pub use warm_up::{Warmed, warm_up};
 
 /// Why rendering stopped.
@@ -47,9 +46,8 @@ pub struct DriverOptions {
     /// First and last time that will be rendered, in key frames: what
     /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
     pub time_range: [f64; 2],
-    /// With [`Update::Async`]: build each tree for the middle of the time it is
-    /// going to be used, from key frames, instead of for the frame that asks,
-    /// from the backend's vertices.
+    /// With [`Update::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
+    /// instead of for the frame that asks, from the backend's vertices.
     pub predict: bool,
 }
 
@@ -66,7 +64,6 @@ pub struct Driver {
     backend: Box<dyn Backend>,
     animation: Arc<Animation>,
     options: DriverOptions,
-    schedule: Schedule,
     predictor: LatencyPredictor,
     builder_pool: Arc<BuilderPool>,
     builder_thread: BuilderThread,
@@ -76,8 +73,10 @@ pub struct Driver {
     knows_key_frames: bool,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
-    /// The build in flight.
+    /// The build in flight; at most one.
     build: Option<PendingBuild>,
+    /// The last tree that was asked for.
+    newest: Generation,
     /// What came of the last build, until its boundary.
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
@@ -128,7 +127,6 @@ impl Driver {
             backend,
             animation,
             options,
-            schedule: Schedule::new(options.update, FIRST),
             predictor: LatencyPredictor::new(options.time_range, agreed),
             builder_pool,
             builder_thread,
@@ -136,6 +134,7 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             build: None,
+            newest: Generation(0),
             finished: None,
             spare: Spare::default(),
             has_best_for: None,
@@ -193,29 +192,13 @@ impl Driver {
         self.build.is_some()
     }
 
-    /// Whether a builder thread was ever started.
-    pub fn has_builder(&self) -> bool {
-        self.builder_thread.is_open()
-    }
-
-    /// Submits one frame, whose results its ticket stands for. With trees built at once (`rebuild`, lockstep 0) the
-    /// frame before must be finished: each takes two submissions.
+    /// Submits one frame, whose results its ticket stands for: of one query, or of several that the backend
+    /// [traces together](Backend::traces_together). With trees built at once (`rebuild`, lockstep 0) the frame before
+    /// must be finished: each takes two submissions.
     ///
     /// # Errors
     /// The backend's.
-    pub fn begin(&mut self, frame: Frame, query: Query<'_>) -> Result<Ticket, PipelineError> {
-        self.begin_together(frame, &[query])
-    }
-
-    /// Likewise, of several queries that the backend [traces together](Backend::traces_together): at least one.
-    ///
-    /// # Errors
-    /// The backend's.
-    pub fn begin_together(
-        &mut self,
-        frame: Frame,
-        queries: &[Query<'_>],
-    ) -> Result<Ticket, PipelineError> {
+    pub fn begin(&mut self, frame: Frame, queries: &[Query<'_>]) -> Result<Ticket, PipelineError> {
         let begun = self.record_and_submit(frame, queries);
         if begun.is_err() {
             // Nobody knows how far the backend came.
@@ -258,48 +241,6 @@ impl Driver {
         Ok(ticket)
     }
 
-    /// Waits for the oldest frame under way; `None` if there is none.
-    ///
-    /// # Errors
-    /// The backend's.
-    pub fn finish(
-        &mut self,
-        hits: Option<&mut Hits>,
-    ) -> Result<Option<FrameRecord>, PipelineError> {
-        self.end(|driver, ticket| match hits {
-            Some(hits) => driver.take_hits(ticket, hits),
-            None => Ok(()),
-        })
-    }
-
-    fn take_hits(&mut self, ticket: Ticket, hits: &mut Hits) -> backend::Result<()> {
-        std::mem::swap(self.backend.hits(ticket)?, hits);
-        Ok(())
-    }
-
-    fn end(
-        &mut self,
-        read: impl FnOnce(&mut Self, Ticket) -> backend::Result<()>,
-    ) -> Result<Option<FrameRecord>, PipelineError> {
-        let Some(pending) = self.pending.pop_front() else {
-            return Ok(None);
-        };
-        let waited = Instant::now();
-        let report = self.backend.wait(pending.ticket)?;
-        let seen = Instant::now();
-        read(self, pending.ticket)?;
-        let read = Instant::now();
-        self.poll_builder()?;
-        let mut record = pending.record;
-        record.device_bytes = self.backend.device_bytes();
-        record.sah_ratio = report.sah_cost.map(|now| {
-            let before = pending.cost_before.filter(|&c| c > 0.0);
-            before.map_or(1.0, |before| now / before)
-        });
-        record.finish(report, [waited, seen, read]);
-        Ok(Some(record))
-    }
-
     /// Records what follows positions and a tree.
     fn record_stages(&mut self, stale: bool, queries: &[Query<'_>]) -> Result<(), PipelineError> {
         if stale {
@@ -316,7 +257,7 @@ impl Driver {
         }
     }
 
-    /// Has a tree for the frame: the one in use, or what the schedule says.
+    /// Has a tree for the frame: the one in use, or what the policy says.
     fn bring_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
@@ -326,8 +267,11 @@ impl Driver {
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        let plan = self.schedule.begin_frame(self.frames, outdated);
-        self.follow(plan, wanted)
+        self.swap_if_due()?;
+        if outdated && self.build.is_none() && self.options.update.asks_for_trees() {
+            self.ask_for(wanted)?;
+        }
+        Ok(())
     }
 
     /// Brings positions to `pose`; says whether records and boxes must follow.
@@ -355,11 +299,10 @@ impl Driver {
     fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
         let anew = matches!(self.options.update, Update::Rebuild | Update::DeviceRebuild);
-        let generation = match &self.tree {
-            None => FIRST,
-            Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
-            Some(_) => return Ok(moved),
-        };
+        if self.tree.is_some() && !(moved && anew) {
+            return Ok(moved);
+        }
+        let generation = self.next_generation();
         self.backend.rebuild(generation)?;
         self.record.made = true;
         self.tree = Some(Tree {
@@ -389,3 +332,6 @@ fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
         ),
     })
 }
+
+#[cfg(test)]
+mod tests;

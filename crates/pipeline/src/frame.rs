@@ -21,8 +21,7 @@ pub struct FrameRecord {
     pub frame: Frame,
     /// What the backend says.
     pub report: FrameReport,
-    /// Milliseconds the driver spent on the frame: from its begin to the end of
-    /// its submission, and waiting for it to finish.
+    /// Milliseconds the driver spent on the frame: from its begin to its submission's end, and waiting for it to finish.
     pub wall_ms: f64,
     /// Milliseconds of those in which the driver was blocked until a tree was
     /// built: 0 for every frame but the first where the builder runs free, and with `refit`.

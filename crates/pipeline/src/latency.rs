@@ -1,10 +1,8 @@
 //! Where the motion will be when a tree that is asked for now is in use.
 //!
-//! Key frames are known before they are reached. So a tree may be built for
-//! the moment it is used instead of the one it is asked for, if somebody
-//! guesses when that is. The guess: frames go on by the last step of time, and
-//! trees take as many frames as the last ones did that were made by the same
-//! strategy. Before one has come, the first build and the pace of the first frames must do.
+//! Key frames are known before they are reached. So a tree may be built for the moment it is used, if somebody guesses
+//! when that is. The guess: frames go on by the last step of time, and trees take as many frames as the last ones did that
+//! were made by the same strategy. Before one has come, the first build and the pace of the first frames must do.
 
 use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};
@@ -13,14 +11,14 @@ use std::time::{Duration, Instant};
 /// may come before the queue of frames under way is full.
 const UNSETTLED: u32 = 2;
 /// A later build takes about so much of the first one's time, as it finds its memory ready.
-const LATER_BUILD: f64 = 0.4;
+pub(crate) const LATER_BUILD: f64 = 0.4;
 /// Key frames that a first tree is built for: within so many, motion is about straight.
 const FIRST_USE: f64 = 1.0;
 /// A tree made of groups of the last one takes about so much of the time of one from scratch.
 const GROUPS: f64 = 0.5;
 
 /// Watches frames go by and trees come; guesses what comes next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct LatencyPredictor {
     range: [f64; 2],
     time: f64,
@@ -45,24 +43,15 @@ impl LatencyPredictor {
         Self {
             range,
             time: f64::NAN,
-            step: 0.0,
             agreed: agreed.map(f64::from),
-            seen: [None; 2],
-            next: BuildStrategy::Scratch,
-            guess: None,
-            first_build: None,
-            frames: 0,
-            settled: None,
+            ..Self::default()
         }
     }
 
     /// The next frame is at `time`; it begins `now`.
     pub(crate) fn frame(&mut self, time: f64, now: Instant) {
-        self.step = if self.time.is_nan() {
-            0.0
-        } else {
-            time - self.time
-        };
+        let since = time - self.time;
+        self.step = if since.is_nan() { 0.0 } else { since };
         self.time = time;
         self.watch_pace(now);
     }

@@ -45,7 +45,7 @@ pub struct Decay {
 pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     let bits = |p: &Point| p.map(f32::to_bits);
     let mut moves = vec![false; animation.vertex_count()];
-    let mut steps: Vec<(f64, f64, usize)> = Vec::new();
+    let (mut sum, mut max, mut count) = (0.0, 0.0, 0_usize);
     let mut last = animation.key(0)?;
     for key in 1..animation.key_count() {
         animation.look_ahead((key..animation.key_count()).map(|key| key as f64));
@@ -54,16 +54,16 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
         let each = moves.par_iter_mut().zip(pairs);
         each.for_each(|(moves, (a, b))| *moves |= bits(a) != bits(b));
         let ways = last.iter().zip(&next[..]).map(|(a, b)| distance(a, b));
-        let finite = ways.filter(|w| w.is_finite());
-        steps.push(finite.fold((0.0, 0.0, 0), |(sum, max, n), w| {
-            (sum + w, f64::max(max, w), n + 1)
-        }));
+        let mut steps = 0.0;
+        for way in ways.filter(|way| way.is_finite()) {
+            steps += way;
+            max = f64::max(max, way);
+            count += 1;
+        }
+        sum += steps;
         last = next;
     }
     let moving = moves.iter().filter(|&&moves| moves).count();
-    let sum: f64 = steps.iter().map(|s| s.0).sum();
-    let count: usize = steps.iter().map(|s| s.2).sum();
-    let max = steps.iter().fold(0.0, |m, s| f64::max(m, s.1));
     let diagonal = animation.bounds().diagonal();
     Ok(Motion {
         moving: share(moving as f64, animation.vertex_count() as f64),
@@ -213,10 +213,13 @@ mod tests {
         assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
 
-    /// Of a row of 64 that later stands in other places.
+    /// A row that later stands in other places.
+    fn moved(places: fn(u32) -> u32) -> Animation {
+        row(64, 2, |key, i| [i, places(i)][key] as f32)
+    }
+
     fn sample(places: fn(u32) -> u32, times: &[f64]) -> RefitDecay {
-        let animation = row(64, &[&|i| i as f32, &|i| places(i) as f32]);
-        RefitDecay::sample(&animation, times).unwrap()
+        RefitDecay::sample(&moved(places), times).unwrap()
     }
 
     #[test]
@@ -224,8 +227,7 @@ mod tests {
         let shuffled = sample(|i| i * 37 % 64, &[0.0, 0.5, 1.0]);
         assert!(shuffled.worst > 1.5 && shuffled.mean > 1.2, "{shuffled:?}");
         assert!(shuffled.mean < shuffled.worst, "{shuffled:?}");
-        let animation = row(64, &[&|i| i as f32, &|i| (i * 37 % 64) as f32]);
-        let decay = decay(&animation, 3).unwrap();
+        let decay = decay(&moved(|i| i * 37 % 64), 3).unwrap();
         let ratios: Vec<f64> = decay.iter().map(|d| d.ratio.unwrap()).collect();
         assert_eq!((decay.len(), ratios[0], decay[2].time), (3, 1.0, 1.0));
         assert!(ratios[2] > 1.5, "{ratios:?}");

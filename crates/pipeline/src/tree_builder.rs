@@ -4,22 +4,22 @@ mod degradation;
 pub(crate) mod for_all;
 mod moments;
 
-use crate::builder_thread::{BuildInput, Job};
+use crate::builder_thread::Job;
 use backend::{Backend, Snapshot};
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
 };
 use bvh_layout::{Converter, First, Spare, Topology};
-pub use degradation::BuildStrategy;
+pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
-pub(crate) use moments::pose_between;
-use moments::{Moments, blend, keep};
+pub(crate) use moments::{Moments, pose_between};
+use moments::{blend, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
 /// What a tree is built from.
-pub enum Vertices {
+pub(crate) enum Vertices {
     /// Positions that a backend interpolated and gave back.
     ReadBack(Snapshot),
     /// Key frames, to be blended here: the same bits as any backend's.
@@ -28,7 +28,7 @@ pub enum Vertices {
 
 /// What came of a build.
 #[derive(Debug)]
-pub enum Made {
+pub(crate) enum Made {
     /// A tree to swap to.
     Tree(Built),
     /// A tree that costs more than the one in use.
@@ -37,18 +37,16 @@ pub enum Made {
 
 /// A finished tree.
 #[derive(Debug)]
-pub struct Built {
-    /// Its shape, as it is handed over.
-    pub topology: Topology,
-    /// Its cost at the vertices it was built from: see [`sah_cost`]. Of a tree
-    /// for a whole animation, the cost of one for the first frame alone, there.
-    pub cost: f64,
+pub(crate) struct Built {
+    pub(crate) topology: Topology,
+    /// Its [`sah_cost`] at the vertices it was built from; of a tree for a whole animation, that of one for the first
+    /// frame alone, there.
+    pub(crate) cost: f64,
     /// How it was made.
-    pub strategy: BuildStrategy,
+    pub(crate) strategy: BuildStrategy,
     /// How the next one will be made.
-    pub next: BuildStrategy,
-    /// When all of that was.
-    pub moments: BuildMoments,
+    pub(crate) next: BuildStrategy,
+    pub(crate) moments: BuildMoments,
 }
 
 /// The stages of a build on the host's clock, in order.
@@ -85,7 +83,7 @@ impl Forms {
 
 /// Makes trees and records; keeps its memory.
 #[derive(Debug, Default)]
-pub struct TreeBuilder {
+pub(crate) struct TreeBuilder {
     builder: Builder,
     subtree_rebuilder: SubtreeRebuilder,
     /// The tree being built; until then the one before the last that was handed over.
@@ -106,12 +104,7 @@ pub struct TreeBuilder {
 const ROUNDING: f64 = 1e-9;
 
 impl TreeBuilder {
-    /// No memory yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Likewise; records carry these forms too.
+    /// One whose records carry these forms too.
     pub(crate) fn with_forms(forms: Forms) -> Self {
         Self {
             forms,
@@ -120,42 +113,37 @@ impl TreeBuilder {
     }
 
     /// Takes an old record's memory for the next one.
-    pub fn reuse(&mut self, spare: Spare) {
+    pub(crate) fn reuse(&mut self, spare: Spare) {
         if !spare.is_empty() {
             self.spare = spare;
         }
     }
 
     /// From now on trees are made for rays that end at a point: see [`bvh_build::order_toward`].
-    pub fn order_toward(&mut self, toward: Option<Point>) {
+    pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
         self.builder.toward = toward;
     }
 
     /// The last tree that was handed over was never used: the one before it still is.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds and converts a tree over `animation` standing at `positions`; or over each triangle's boxes at both of `halves`,
-    /// as one. What it costs is said of `positions` either way.
-    ///
-    /// # Errors
-    /// See [`BuildError`].
-    pub fn build(
+    /// Builds and converts a tree from `vertices`; or from each triangle's boxes at both of `halves`, as one. What it
+    /// costs is said of `vertices` either way.
+    pub(crate) fn build(
         &mut self,
         animation: &Animation,
-        (positions, halves): (&[Point], Option<[Pose; 2]>),
+        from: (Vertices, Option<[Pose; 2]>),
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
-        match halves {
-            Some(halves) => self.sweep(&Moments::of(animation), halves)?,
-            None => fill(&mut self.boxes, &(animation, positions)),
-        }
-        self.build_over_boxes(BuildStrategy::Scratch, cancel)?;
-        if halves.is_some() {
-            fill(&mut self.boxes, &(animation, positions));
-        }
+        self.make(
+            &Moments::of(animation),
+            from,
+            BuildStrategy::Scratch,
+            cancel,
+        )?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
         Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
@@ -173,44 +161,17 @@ impl TreeBuilder {
         if job.left_last {
             self.revert();
         }
-        let BuildInput {
-            vertices,
-            halves,
-            rival_at,
-            observed,
-        } = job.input;
+        let input = job.input;
         let moments = Moments {
             animation,
-            observed: observed.map(|seen| self.keep(seen)),
+            observed: input.observed.map(|seen| self.keep(seen)),
         };
-        let made = self.rebuild_among(&moments, (vertices, halves), rival_at, cancel)?;
+        let from = (input.vertices, input.halves);
+        let made = self.rebuild(&moments, from, input.rival_at, cancel)?;
         if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
             write(&built.topology);
         }
         Ok(made)
-    }
-
-    /// Makes a tree from `vertices` and converts it, if it is cheaper at
-    /// `rival_at` than the last one handed over, or if nobody asks.
-    ///
-    /// Where somebody asks, it is made of groups of that last one, for that is
-    /// soon done; but built from scratch where trees hold so long that it need not be.
-    ///
-    /// Where trees fade fast, it is built from each triangle's boxes at both of
-    /// `halves`, as one: what parts within the time of use is then parted by the
-    /// tree, too.
-    ///
-    /// # Errors
-    /// See [`BuildError`].
-    pub fn rebuild(
-        &mut self,
-        animation: &Animation,
-        (vertices, halves): (Vertices, Option<[Pose; 2]>),
-        rival_at: Option<Pose>,
-        cancel: &Cancel,
-    ) -> Result<Made, BuildError> {
-        let moments = Moments::of(animation);
-        self.rebuild_among(&moments, (vertices, halves), rival_at, cancel)
     }
 
     /// Has what was observed stand in place of key frames.
@@ -219,7 +180,13 @@ impl TreeBuilder {
         self.observed.clone()
     }
 
-    fn rebuild_among(
+    /// Makes a tree from `vertices` and converts it, if it is cheaper at `rival_at` than the last one handed over, or if
+    /// nobody asks.
+    ///
+    /// Where somebody asks, it is made of groups of that last one, for that is soon done; but built from scratch where
+    /// trees hold so long that it need not be. Where trees fade fast, it is built from each triangle's boxes at both of
+    /// `halves`, as one: what parts within the time of use is then parted by the tree, too.
+    pub(crate) fn rebuild(
         &mut self,
         moments: &Moments<'_>,
         (vertices, halves): (Vertices, Option<[Pose; 2]>),
@@ -228,27 +195,19 @@ impl TreeBuilder {
     ) -> Result<Made, BuildError> {
         let begun = Instant::now();
         let animation = moments.animation;
-        let rival = self.holds_all_of(animation) && rival_at.is_some();
-        let strategy = match rival {
-            true => self.degradation.strategy(),
-            false => BuildStrategy::Scratch,
+        let rival_at = rival_at.filter(|_| self.holds_all_of(animation));
+        let strategy = match rival_at {
+            Some(_) => self.degradation.strategy(),
+            None => BuildStrategy::Scratch,
         };
-        let (blended_at, costs);
-        if let Some(halves) = halves.filter(|_| self.degradation.parts) {
-            self.sweep(moments, halves)?;
-            self.build_over_boxes(strategy, cancel)?;
-            (blended_at, costs) = (self.take_in(moments, vertices)?, None);
-        } else if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
-            (blended_at, costs) = self.rebuild_subtrees_at(moments, vertices, cancel)?;
-        } else {
-            blended_at = self.take_in(moments, vertices)?;
-            costs = self.build_over_boxes(strategy, cancel)?;
-        }
+        let blended_at = vertices.pose();
+        let halves = halves.filter(|_| self.degradation.parts);
+        let costs = self.make(moments, (vertices, halves), strategy, cancel)?;
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
-        if let Some(at) = rival_at.filter(|_| rival) {
+        if let Some(at) = rival_at {
             let costs = costs.filter(|_| blended_at == rival_at);
-            if costs.is_none() && blended_at != rival_at {
+            if blended_at != rival_at {
                 fill(&mut self.boxes, &moments.at(at)?);
             }
             let costs = costs.unwrap_or_else(|| self.costs());
@@ -257,12 +216,8 @@ impl TreeBuilder {
                 return Ok(Made::NoBetter);
             }
         }
-        Ok(Made::Tree(self.send(
-            animation,
-            [begun, built],
-            cost,
-            strategy,
-        )))
+        let built = self.send(animation, [begun, built], cost, strategy);
+        Ok(Made::Tree(built))
     }
 
     /// Whether a tree was handed over that holds all of an animation, so that the next one may be made of it.
@@ -271,19 +226,41 @@ impl TreeBuilder {
         leaves > 0 && leaves == animation.live_count()
     }
 
+    /// Makes a tree from `vertices` or from both of `halves`; boxes are then those of `vertices`. Where these are not
+    /// needed, gives what it costs at `vertices`, and leaves boxes as they were.
+    fn make(
+        &mut self,
+        moments: &Moments<'_>,
+        (vertices, halves): (Vertices, Option<[Pose; 2]>),
+        strategy: BuildStrategy,
+        cancel: &Cancel,
+    ) -> Result<Option<Costs>, BuildError> {
+        if let Some(halves) = halves {
+            self.sweep(moments, halves)?;
+            self.build_over_boxes(strategy, cancel)?;
+            self.take_in(moments, &vertices)?;
+            return Ok(None);
+        }
+        if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
+            return self
+                .rebuild_subtrees_at(moments, &vertices, cancel)
+                .map(Some);
+        }
+        self.take_in(moments, &vertices)?;
+        self.build_over_boxes(strategy, cancel)
+    }
+
     /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
     fn rebuild_subtrees_at(
         &mut self,
         moments: &Moments<'_>,
-        vertices: Vertices,
+        vertices: &Vertices,
         cancel: &Cancel,
-    ) -> Result<(Option<Pose>, Option<Costs>), BuildError> {
-        let (pose, positions) = moments.stand(&vertices, &mut self.positions)?;
+    ) -> Result<Costs, BuildError> {
+        let positions = moments.stand(vertices, &mut self.positions)?;
         let from = (&self.in_use, &(moments.animation, positions));
-        let costs =
-            self.subtree_rebuilder
-                .build(&mut self.builder, from, cancel, &mut self.tree)?;
-        Ok((pose, Some(costs)))
+        self.subtree_rebuilder
+            .build(&mut self.builder, from, cancel, &mut self.tree)
     }
 
     /// What the tree in use and the new one cost with the boxes at hand.
@@ -294,21 +271,17 @@ impl TreeBuilder {
 
     /// Brings boxes to hold each triangle at both poses.
     fn sweep(&mut self, moments: &Moments<'_>, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
-        self.take_in(moments, Vertices::KeyFrames(a))?;
+        self.take_in(moments, &Vertices::KeyFrames(a))?;
         blend(&moments.at(b)?, &mut self.positions);
         grow(&mut self.boxes, &(moments.animation, &self.positions[..]));
         Ok(())
     }
 
-    /// Brings boxes to `vertices`; gives their pose if they were blended here.
-    fn take_in(
-        &mut self,
-        moments: &Moments<'_>,
-        vertices: Vertices,
-    ) -> Result<Option<Pose>, KeyFrameError> {
-        let (pose, positions) = moments.stand(&vertices, &mut self.positions)?;
+    /// Brings boxes to `vertices`.
+    fn take_in(&mut self, moments: &Moments<'_>, vertices: &Vertices) -> Result<(), KeyFrameError> {
+        let positions = moments.stand(vertices, &mut self.positions)?;
         fill(&mut self.boxes, &(moments.animation, positions));
-        Ok(pose)
+        Ok(())
     }
 
     /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
@@ -318,15 +291,13 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<Option<Costs>, BuildError> {
         let (boxes, tree) = (&self.boxes[..], &mut self.tree);
-        if strategy == BuildStrategy::Subtrees {
-            let from = (&self.in_use, boxes);
-            let costs = self
-                .subtree_rebuilder
-                .build(&mut self.builder, from, cancel, tree)?;
-            return Ok(Some(costs));
+        if strategy == BuildStrategy::Scratch {
+            self.builder.build(boxes, cancel, tree)?;
+            return Ok(None);
         }
-        self.builder.build(boxes, cancel, tree)?;
-        Ok(None)
+        let from = (&self.in_use, boxes);
+        let costs = (self.subtree_rebuilder).build(&mut self.builder, from, cancel, tree)?;
+        Ok(Some(costs))
     }
 
     /// Converts the tree just built, which then counts as in use.
@@ -358,14 +329,12 @@ impl TreeBuilder {
     /// The tree just built as a record, in the forms that were asked for, with lists of what moves.
     fn convert(&mut self, animation: &Animation) -> Topology {
         let spare = std::mem::take(&mut self.spare);
-        let triangles = animation.triangle_count();
-        let mut topology = if self.forms.treelets {
-            self.converter
-                .convert_with_treelets(&self.tree, triangles, spare)
-        } else {
-            let words = spare.into_words();
-            self.converter.convert(&self.tree, triangles, words)
+        let convert = match self.forms.treelets {
+            true => Converter::convert_with_treelets,
+            false => Converter::convert,
         };
+        let triangles = animation.triangle_count();
+        let mut topology = convert(&mut self.converter, &self.tree, triangles, spare);
         if self.forms.blocks {
             let first = (self.builder.toward).map_or(First::Larger, |_| First::Left);
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
@@ -379,13 +348,13 @@ fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
     boxes
         .par_iter_mut()
         .with_min_len(1 << 12)
-        .zip(0..from.len() as u32)
+        .zip(0..from.triangle_count() as u32)
         .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
 }
 
 /// One box a triangle, in its order.
 fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
-    (0..from.len() as u32)
+    (0..from.triangle_count() as u32)
         .into_par_iter()
         .with_min_len(1 << 12)
         .map(|triangle| from.get(triangle))

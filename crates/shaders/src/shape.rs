@@ -88,14 +88,13 @@ impl Shape {
     pub fn of(tree: &Topology) -> Self {
         let bits = Topology::HEADER_WORDS + tree.level_count();
         let words = tree.leaf_bits().len();
-        let levels = tree.levels().map(|level| level.inner);
         Self {
             leaf_bits_at: bits as u32,
             leaf_ranks_at: (bits + words) as u32,
             leaf_triangles_at: (bits + 2 * words) as u32,
             leaf_count: tree.leaf_count() as u32,
             node_count: tree.node_count() as u32,
-            levels: levels.filter(|inner| !inner.is_empty()).collect(),
+            levels: tree.levels().filter(|inner| !inner.is_empty()).collect(),
             moving: MovingShape::of(tree),
             node_rows: 2 * tree.node_count() as u64,
             ..Self::default()

@@ -226,7 +226,7 @@ mod tests {
     const THREE: [u32; 5] = [1, LEAF | 1, 3, LEAF, LEAF | 2];
 
     fn levels(tree: &Topology) -> Vec<u32> {
-        tree.levels().map(|l| l.inner.len() as u32).collect()
+        tree.levels().map(|inner| inner.len() as u32).collect()
     }
 
     #[test]

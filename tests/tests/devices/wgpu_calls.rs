@@ -30,7 +30,7 @@ pub(crate) fn a_steady_frame_makes_no_buffer_and_no_bind_group() {
 fn refits(tree: &Topology, layout: Layout) -> u64 {
     match layout {
         // A level each, and their sum.
-        Layout::Bvh2 => tree.levels().filter(|l| !l.inner.is_empty()).count() as u64 + 1,
+        Layout::Bvh2 => tree.levels().filter(|inner| !inner.is_empty()).count() as u64 + 1,
         // All of a small tree is refitted as it is preprocessed.
         Layout::Fast => {
             assert!(Treelets::of(tree).levels.len() > 1);

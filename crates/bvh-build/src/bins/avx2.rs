@@ -6,7 +6,7 @@
 )]
 
 use super::{Bins, Grid};
-use crate::prim::{Hull, Prim};
+use crate::prim::{Bounds, Prim};
 use std::arch::x86_64::*;
 
 /// [`Bins::add`], if the machine has the vectors.
@@ -19,11 +19,13 @@ pub(super) fn add() -> Option<fn(&mut Bins, &[Prim], &Grid)> {
 
 #[target_feature(enable = "avx2")]
 fn add_wide(bins: &mut Bins, prims: &[Prim], grid: &Grid) {
-    let negate = _mm256_set_m128(_mm_set1_ps(-0.0), _mm_setzero_ps());
     for prim in prims {
-        let hull = _mm256_xor_ps(joined(prim.lo.into(), prim.hi.into()), negate);
+        let bounds = lanes(&prim.bounds);
         for (axis, bin) in grid.bins_of(prim).into_iter().enumerate() {
-            grow(&mut bins.hulls[axis][bin], hull);
+            let mine = &mut bins.boxes[axis][bin];
+            let grown = _mm256_min_ps(lanes(mine), bounds);
+            mine.lo = _mm256_castps256_ps128(grown).into();
+            mine.up = _mm256_extractf128_ps::<1>(grown).into();
             bins.counts[axis][bin] += 1;
         }
     }
@@ -31,16 +33,8 @@ fn add_wide(bins: &mut Bins, prims: &[Prim], grid: &Grid) {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn grow(mine: &mut Hull, hull: __m256) {
-    let grown = _mm256_min_ps(joined(mine.lo.into(), mine.up.into()), hull);
-    mine.lo = _mm256_castps256_ps128(grown).into();
-    mine.up = _mm256_extractf128_ps::<1>(grown).into();
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn joined(low: __m128, high: __m128) -> __m256 {
-    _mm256_set_m128(high, low)
+fn lanes(bounds: &Bounds) -> __m256 {
+    _mm256_set_m128(bounds.up.into(), bounds.lo.into())
 }
 
 #[cfg(test)]
@@ -73,8 +67,8 @@ mod tests {
         narrow.add_each(&prims, &grid);
         assert_eq!(wide.counts, narrow.counts);
         let bits = |bins: &Bins| {
-            let hulls = bins.hulls.as_flattened().iter();
-            let corners = hulls.flat_map(|h| [h.lo, h.up].map(|v| v.truncate().to_array()));
+            let boxes = bins.boxes.as_flattened().iter();
+            let corners = boxes.flat_map(|b| [b.lo, b.up].map(|v| v.truncate().to_array()));
             corners.map(|c| c.map(f32::to_bits)).collect::<Vec<_>>()
         };
         assert!(bits(&wide) == bits(&narrow));

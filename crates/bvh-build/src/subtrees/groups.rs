@@ -130,9 +130,9 @@ impl Part {
         self.boxes.clear();
         self.areas = Areas::default();
         // Triangles lie scattered in memory: asked for in a row, many are on their way at once.
-        let triangles = &tree.order[task.first_leaf as usize..][..task.leaves as usize];
+        let leaves = tree.triangles(task).iter().map(|&t| boxes.get(t));
         self.leaves.clear();
-        self.leaves.extend(triangles.iter().map(|&t| boxes.get(t)));
+        self.leaves.extend(leaves);
         let seen = self.see(tree, task, task.first_leaf);
         self.areas.within_groups += seen.within.unwrap_or(0.0);
         self.bounds = seen.bounds;

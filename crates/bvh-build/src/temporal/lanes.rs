@@ -51,8 +51,7 @@ impl Boxes {
 /// Measures surface areas inside one node, in units of its longest edge at any
 /// moment, so that nothing underflows in small nodes.
 ///
-/// Every edge is lengthened by 2^-20 of that, so that boxes of no area are
-/// still told apart by their length.
+/// Every edge is lengthened by 2^-20 of that, so that boxes of no area are still told apart by their length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ruler<'a> {
     weights: &'a Lanes,

@@ -4,6 +4,7 @@ use super::bins::{BINS, Extents, Plane, best_plane, cuts};
 use super::lanes::{Boxes, Ruler};
 use super::prims::Prims;
 use crate::node::fits;
+use crate::small::NEARLY;
 use crate::tree::SubtreeSlot;
 use crate::{BuildError, Cancel, join_if};
 
@@ -11,12 +12,8 @@ use crate::{BuildError, Cancel, join_if};
 const PARALLEL: usize = 1024;
 /// A plane is chosen by so many triangles of a larger node, evenly taken from all.
 const SAMPLE: usize = 1 << 12;
-
 /// Of nodes of so many triangles at most, every plane between two neighbours along an axis, at several moments, is weighed.
 const FEW: usize = BINS;
-
-/// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
-const NEARLY: f32 = 1.0 + 1e-5;
 
 /// A node to build: where its part of the tree goes, and room of the same size.
 pub(super) struct TemporalNode<'a> {

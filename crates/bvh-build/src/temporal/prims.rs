@@ -29,10 +29,10 @@ impl Prims {
     /// Reads all boxes; `live` becomes the list of the triangles that have one.
     pub(super) fn gather<B: Boxes>(&mut self, moments: &[Moment<B>], live: &mut Vec<u32>) {
         let first = moments.first().expect("a tree is built for some moment");
-        let n = first.boxes.len();
+        let n = first.boxes.triangle_count();
         assert!(moments.len() <= MAX_MOMENTS, "{} moments", moments.len());
         assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
-        let alike = moments.iter().all(|m| m.boxes.len() == n);
+        let alike = moments.iter().all(|m| m.boxes.triangle_count() == n);
         assert!(alike, "every moment has the same triangles");
         let last = moments.len() - 1;
         self.tried.clear();
@@ -96,16 +96,8 @@ impl Frame {
     /// The least area of a root, in its longest edge squared: that of a point with padded edges.
     const LEAST: f64 = 1.0 / (1_u64 << 40) as f64;
 
+    /// Means nothing where no triangle has a box.
     fn of(root: &Aabb) -> Self {
-        if root.is_empty() {
-            let middle = [0.0; 3];
-            let (scale, half_area) = (0.0, 1.0);
-            return Self {
-                middle,
-                scale,
-                half_area,
-            };
-        }
         let [lo, hi] = [root.min, root.max].map(|c| c.map(f64::from));
         let longest = (0..3).map(|i| hi[i] - lo[i]).fold(0.0, f64::max);
         let scale = if longest > 0.0 { longest.recip() } else { 0.0 };

@@ -6,10 +6,8 @@ use geom::Aabb;
 
 fn build(all: &[Vec<Aabb>]) -> BinaryTree {
     let mut tree = BinaryTree::default();
-    TemporalBuilder::new()
-        .build(&moments(all), &Cancel::new(), &mut tree)
-        .unwrap();
-    tree
+    let built = TemporalBuilder::default().build(&moments(all), &Cancel::new(), &mut tree);
+    built.map(|()| tree).unwrap()
 }
 
 /// Boxes in a row, each at the place that `place` gives it.
@@ -34,14 +32,10 @@ fn what_keeps_together_at_all_moments_is_put_together() {
 fn a_tree_for_all_moments_costs_less_over_them_than_one_for_any() {
     // A plane of boxes whose rows slide apart, more and more.
     let slide = |far: f32| -> Vec<Aabb> {
-        let at = |i: u32| {
-            [
-                (i % 40) as f32 + far * (i / 40) as f32,
-                (i / 40) as f32,
-                0.0,
-            ]
-        };
-        (0..1600).map(|i| cube(at(i), 0.9)).collect()
+        let at = |x: f32, row: f32| [x + far * row, row, 0.0];
+        (0..1600)
+            .map(|i| cube(at((i % 40) as f32, (i / 40) as f32), 0.9))
+            .collect()
     };
     let all = [0.0, 2.0, 5.0].map(slide);
     let cost = |tree: &BinaryTree| temporal_cost(tree, &moments(&all));
@@ -91,7 +85,7 @@ fn a_cancelled_build_leaves_an_empty_tree() {
     let cancel = Cancel::new();
     cancel.cancel();
     let all = [row(9, |i| i)];
-    let built = TemporalBuilder::new().build(&moments(&all), &cancel, &mut tree);
+    let built = TemporalBuilder::default().build(&moments(&all), &cancel, &mut tree);
     assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
     assert!(tree.left_leaves().is_empty());
 }

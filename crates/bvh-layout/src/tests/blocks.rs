@@ -1,7 +1,8 @@
 //! The wide tree read back, lane by lane.
 
 use super::{random_tree, record, scene, shapes};
-use crate::{Block, BlockTree, First, LANES, Link, Topology};
+use crate::{Block, BlockTree, First, LANES, Link};
+use bvh_build::BinaryTree;
 
 /// Every triangle's own corners, so that vertices tell whose they are.
 fn triangles(n: usize) -> Vec<[u32; 3]> {
@@ -17,100 +18,75 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
         "node {node} at depth {depth}"
     );
     seen[node] += 1;
-    let mut next_block = tree.first_blocks[node];
-    let mut next_child = tree.first_children[node];
     let links = tree.nodes[node].links;
     let children = links.iter().filter(|&&link| link != Link::ROOT).count();
-    assert!(links[children..].iter().all(|&link| link == Link::ROOT));
-    for link in links[..children].iter().filter(|link| link.is_block()) {
-        assert_eq!(
-            link.index(),
-            next_block as usize,
-            "blocks lie in the order of lanes"
-        );
-        next_block += 1;
-    }
-    for link in links.iter().filter(|link| link.is_inner()) {
-        assert_eq!(link.index(), next_child as usize, "and so do children");
-        next_child += 1;
+    let (links, empty) = links.split_at(children);
+    assert!(empty.iter().all(|&link| link == Link::ROOT));
+    assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
+    // Blocks lie in the order of nodes and lanes, and so do children.
+    let (blocks, nodes): (Vec<Link>, Vec<Link>) = links.iter().partition(|link| link.is_block());
+    for (links, firsts) in [(blocks, &tree.first_blocks), (nodes, &tree.first_children)] {
+        let places = firsts[node] as usize..firsts[node + 1] as usize;
+        assert!(links.into_iter().map(Link::index).eq(places), "node {node}");
     }
     // The left subtree is asked first, so it is in the last lane.
-    for link in links[..children].iter().rev() {
+    for link in links.iter().rev() {
         if link.is_block() {
-            let block = &tree.blocks[link.index()];
-            let count = usize::from(block.count);
-            assert!((1..=LANES).contains(&count) && block.ranges.count() == count - 1);
-            assert!(block.triangles[count..].iter().all(|&t| t == u32::MAX));
-            for lane in 0..count {
-                let t = block.triangles[lane];
-                assert_eq!(
-                    [0, 1, 2].map(|c| block.vertices[c][lane]),
-                    [3 * t, 3 * t + 1, 3 * t + 2]
-                );
-                out.push(t);
-            }
+            triangles_of(&tree.blocks[link.index()], out);
         } else {
             below(tree, link.index(), depth + 1, seen, out);
         }
     }
-    assert_eq!(next_block, tree.first_blocks[node + 1]);
-    assert_eq!(next_child, tree.first_children[node + 1]);
-    assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
 }
 
-/// The record's triangles, depth first.
-fn depth_first(tree: &Topology, node: u32, out: &mut Vec<u32>) {
-    let node = tree.ranks().of(node);
-    match node.leaf() {
-        Some(rank) => out.push(tree.leaf_triangles()[rank as usize]),
-        None => Topology::children_of_inner(node.rank())
-            .into_iter()
-            .for_each(|child| depth_first(tree, child, out)),
+fn triangles_of(block: &Block, out: &mut Vec<u32>) {
+    let count = usize::from(block.count);
+    assert!((1..=LANES).contains(&count) && block.ranges.count() == count - 1);
+    let (own, empty) = block.triangles.split_at(count);
+    assert!(empty.iter().all(|&t| t == u32::MAX));
+    for (lane, &t) in own.iter().enumerate() {
+        let vertices = block.vertices.map(|corner| corner[lane]);
+        assert_eq!(vertices, [3 * t, 3 * t + 1, 3 * t + 2]);
     }
+    out.extend(own);
 }
 
-fn check(topology: &Topology) {
-    let tree = BlockTree::of(
-        topology,
-        &triangles(topology.triangle_count()),
-        (&[], First::Left),
-    );
-    let (mut found, mut expected) = (Vec::new(), Vec::new());
+fn check(binary: &BinaryTree) {
+    let topology = &record(binary);
+    let triangles = triangles(topology.triangle_count());
+    let tree = BlockTree::of(topology, &triangles, (&[], First::Left));
+    let mut found = Vec::new();
     let mut seen = vec![0; tree.nodes.len()];
     if topology.leaf_count() > 0 {
         below(&tree, 0, 0, &mut seen, &mut found);
-        depth_first(topology, 0, &mut expected);
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
-    assert_eq!(found, expected);
+    assert_eq!(found, binary.order());
     let nodes = tree.nodes.iter().map(|n| n.ranges.count());
     let blocks = tree.blocks.iter().map(|b| b.ranges.count());
     let inner: usize = nodes.chain(blocks).sum();
-    let children = tree
-        .nodes
-        .iter()
-        .flat_map(|n| n.links)
-        .filter(|&l| l != Link::ROOT);
     assert_eq!(
-        inner + 1,
-        topology.leaf_count().max(1),
-        "each inner node is a range once"
+        inner,
+        topology.leaf_count().saturating_sub(1),
+        "a range each"
     );
-    assert_eq!(children.count() + 1, tree.nodes.len() + tree.blocks.len());
+    let links = tree.nodes.iter().flat_map(|n| n.links);
+    let children = links.filter(|&l| l != Link::ROOT).count();
+    assert_eq!(children + 1, tree.nodes.len() + tree.blocks.len());
 }
 
 #[test]
 fn each_triangle_and_each_inner_node_has_one_place() {
     for tree in shapes().iter().chain(&[random_tree(20_000, 5)]) {
-        check(&record(tree));
+        check(tree);
     }
 }
 
 #[test]
 fn full_subtrees_make_full_nodes() {
     let tree = random_tree(20_000, 5);
-    let record = record(&tree);
-    let wide = BlockTree::of(&record, &triangles(scene(&tree)), (&[], First::Left));
+    let corners = triangles(scene(&tree));
+    let wide = BlockTree::of(&record(&tree), &corners, (&[], First::Left));
     let upper = &wide.nodes[wide.levels[1].clone()];
     assert!(upper.iter().all(|node| !node.links.contains(&Link::ROOT)));
     assert!(wide.blocks.len() * 4 < 20_000);
@@ -137,10 +113,8 @@ fn the_subtree_of_the_largest_area_is_opened_first() {
         let is_there = |block: &Block| block.triangles.contains(&large);
         let block = wide.blocks.iter().position(is_there).unwrap() as u32;
         let node = wide.first_blocks.partition_point(|&first| first <= block) - 1;
-        wide.levels
-            .iter()
-            .position(|level| level.contains(&node))
-            .unwrap()
+        let mut levels = wide.levels.iter();
+        levels.position(|level| level.contains(&node)).unwrap()
     };
     let [by_size, by_area] =
         [&[][..], &boxes].map(|b| BlockTree::of(&record, &corners, (b, First::Larger)));
@@ -161,17 +135,14 @@ fn asked_first(wide: &BlockTree) -> &Block {
 fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
-    let mut order = Vec::new();
-    depth_first(&record, 0, &mut order);
+    let order = tree.order();
     for large in [order[0], order[9_000], order[19_999]] {
         let boxes = boxes(scene(&tree), large);
         let corners = triangles(scene(&tree));
         for (first, found) in [(First::Larger, large), (First::Left, order[0])] {
             let wide = BlockTree::of(&record, &corners, (&boxes, first));
-            assert!(
-                asked_first(&wide).triangles.contains(&found),
-                "{large} {first:?}"
-            );
+            let asked = asked_first(&wide).triangles;
+            assert!(asked.contains(&found), "{large} {first:?}");
         }
     }
 }

@@ -60,12 +60,8 @@ impl Reader<'_> {
                 }
             }
         }
-        assert_eq!(inner_rows.len(), self.0.inner_count as usize);
-        assert!(
-            inner_rows
-                .into_iter()
-                .eq((1..=self.0.inner_count).map(|i| 4 * i))
-        );
+        let all = (1..=self.0.inner_count).map(|i| 4 * i);
+        assert!(inner_rows.into_iter().eq(all));
         (rows.get(&0).cloned().unwrap_or_default(), rows)
     }
 
@@ -99,7 +95,7 @@ impl Reader<'_> {
         let word = self.word(at);
         let one = |word| Found {
             order: vec![word],
-            left_leaves: vec![],
+            ..Found::default()
         };
         match word & Treelets::SHARED {
             0 => one(word),
@@ -143,14 +139,12 @@ fn each_treelet_stands_below_one(treelets: &Treelets) {
     let levels = &treelets.levels;
     for (number, parent) in all.clone().skip(levels.first().map_or(0, |l| l.len())) {
         let children = all.clone().filter(|(_, child)| child.parent == number);
-        let rows: Vec<_> = children
-            .clone()
-            .flat_map(|(_, c)| (0..c.root_count).map(move |r| c.root_row + 2 * r))
-            .collect();
-        let below: Vec<_> = (0..parent.leaf_count)
-            .map(|i| parent.first_leaf + 2 * i)
-            .collect();
-        assert_eq!(rows, below, "treelet {number}");
+        let rows_of = |(_, c): (u32, Treelet)| (0..c.root_count).map(move |r| c.root_row + 2 * r);
+        let below = (0..parent.leaf_count).map(|i| parent.first_leaf + 2 * i);
+        assert!(
+            children.clone().flat_map(rows_of).eq(below),
+            "treelet {number}"
+        );
         assert_eq!(parent.children as usize, children.count());
     }
     let orphans = all.filter(|(_, t)| t.parent == Treelet::NONE).count();

@@ -58,12 +58,10 @@ pub(super) fn fill(
     close_up(room, leaves_of_each(cuts), &found, &mut words[inner_at..]);
     let mut made = Treelets {
         words,
-        levels: Vec::new(),
         leaf_count: leaves as u32,
         inner_count,
         root_count: roots as u32,
-        moving: None,
-        wide: None,
+        ..Treelets::default()
     };
     made.finish(cuts, &found, inner_at);
     made

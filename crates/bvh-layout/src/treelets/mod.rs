@@ -16,14 +16,12 @@ use std::sync::atomic::AtomicU32;
 
 /// A tree in depth-first leaf order, cut into treelets.
 ///
-/// Two triangles under one parent share a leaf. A *treelet* is a run of at most
-/// 256 neighbouring triangles that holds whole subtrees; of large trees several, so that treelets are full,
-/// of others as few and as large as may be. What lies above those subtrees is a tree again, whose leaves they
-/// are, and is cut the same way, until one root is left: some three levels for
-/// a million triangles. All roots of a treelet stand below one treelet of the next
-/// level, its *parent*. So a device refits a level of treelets in one dispatch,
-/// each in the memory of one workgroup; or all of them, where the workgroup that comes
-/// last to a parent goes on with it.
+/// Two triangles under one parent share a leaf. A *treelet* is a run of at most 256 neighbouring triangles that holds
+/// whole subtrees; of large trees several, so that treelets are full, of others as few and as large as may be. What
+/// lies above those subtrees is a tree again, whose leaves they are, and is cut the same way, until one root is left:
+/// some three levels for a million triangles. All roots of a treelet stand below one treelet of the next level, its
+/// *parent*. So a device refits a level of treelets in one dispatch, each in the memory of one workgroup; or all of
+/// them, where the workgroup that comes last to a parent goes on with it.
 ///
 /// # Layout
 ///
@@ -36,13 +34,12 @@ use std::sync::atomic::AtomicU32;
 /// | `n` | triangles, depth first; bit 31 is 1 if the next one shares the leaf |
 /// | `I` | inner nodes, treelet by treelet, by height |
 ///
-/// A *reference* has 9 bits and names a node of the same treelet: the inner node
-/// of that number, or with bit 8 the leaf that begins with the triangle (on
-/// higher levels: with the root of the level below) of that number.
-/// Inner nodes are numbered in preorder, subtree by subtree. An inner node's word is the left
-/// child's reference, the right one's from bit 9, its own number from bit 18, and from bit 26 how many
-/// inner nodes lie at most below it, one below the other: 0 if both children are leaves. They
-/// stand in the order of their heights, so that a device's vectors make one height at a time.
+/// A *reference* has 9 bits and names a node of the same treelet: the inner node of that number, or with bit 8 the leaf
+/// that begins with the triangle (on higher levels: with the root of the level below) of that number. Inner nodes are
+/// numbered in preorder, subtree by subtree. An inner node's word is the left child's reference, the right one's from
+/// bit 9, its own number from bit 18, and from bit 26 how many inner nodes lie at most below it, one below the other: 0
+/// if both children are leaves. They stand in the order of their heights, so that a device's vectors make one height at
+/// a time.
 ///
 /// # Where a device keeps the nodes
 ///
@@ -56,7 +53,7 @@ use std::sync::atomic::AtomicU32;
 /// about 6.6 bytes a triangle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Treelets {
-    words: Vec<u32>,
+    pub(crate) words: Vec<u32>,
     /// The numbers of each level's treelets, the level of the triangles first.
     pub levels: Vec<Range<u32>>,
     /// Triangles.
@@ -188,10 +185,6 @@ impl Treelets {
             made.wide = WideTree::of(tree, &made, &room.places);
         }
         made
-    }
-
-    pub(crate) fn into_words(self) -> Vec<u32> {
-        self.words
     }
 
     /// What is handed over.

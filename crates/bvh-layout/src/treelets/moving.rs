@@ -87,9 +87,8 @@ mod tests {
                 let mut leaves = 0..entry.leaf_count;
                 let moves = leaves.any(|i| match number {
                     0 => {
-                        let word =
-                            tree.words()[tree.triangles_at() + (entry.first_leaf + i) as usize];
-                        !parts.triangles[(word & !Treelets::SHARED) as usize]
+                        let at = tree.triangles_at() + (entry.first_leaf + i) as usize;
+                        !parts.triangles[(tree.words()[at] & !Treelets::SHARED) as usize]
                     }
                     _ => rows.contains(&(entry.first_leaf + 2 * i)),
                 });
@@ -128,9 +127,8 @@ mod tests {
                     assert_eq!(told, below * usize::from(!many), "treelet {number}");
                 }
                 assert_eq!(found, (!many).then_some(expected));
-                assert_eq!(listed.bytes() - treelets.bytes(), {
-                    listed.moving.as_ref().map_or(0, |m| 4 * m.words.len())
-                });
+                let lists = listed.moving.as_ref().map_or(0, |m| 4 * m.words.len());
+                assert_eq!(listed.bytes() - treelets.bytes(), lists);
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Trees that no builder would make: odd and foreign ones.
 
 use bvh_build::{BinaryTree, MAX_DEPTH};
-use bvh_layout::{Converter, Topology};
+use bvh_layout::{Converter, Spare, Topology};
 use geom::Animation;
 
 /// How a node's leaves are shared out among its children.
@@ -65,7 +65,7 @@ pub fn record(
         }
     }
     let tree = BinaryTree::new(leaves.to_vec(), left_leaves);
-    Converter::new().convert(&tree, triangles, Vec::new())
+    Converter::new().convert(&tree, triangles, Spare::default())
 }
 
 /// Trees that are not of this scene, each with what is wrong.

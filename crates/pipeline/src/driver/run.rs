@@ -3,6 +3,7 @@
 use super::{Driver, PipelineError};
 use crate::frame::{Frame, FrameRecord};
 use backend::{FRAMES_IN_FLIGHT, Hits, Query, Ticket};
+use std::time::Instant;
 
 /// Frames whose key frames are read before they come, where not all are held.
 pub const LOOK_AHEAD: usize = 64;
@@ -40,9 +41,8 @@ pub struct Answers {
 }
 
 impl Driver {
-    /// Renders `frames` in order, keeping as many under way as the backend allows,
-    /// and hands each to `on_frame` when it is done, with what is wanted of it, in the memory that `on_frame` leaves in
-    /// place of the last answers.
+    /// Renders `frames` in order, as many under way as the backend allows, and hands each to `on_frame` when it is done,
+    /// with what is wanted of it, in the memory that `on_frame` leaves in place of the last answers.
     ///
     /// # Errors
     /// The backend's, or whatever `on_frame` returns.
@@ -57,16 +57,15 @@ impl Driver {
         let under_way = self.most_under_way();
         let frames: Vec<Frame> = frames.into_iter().collect();
         let mut finish = |driver: &mut Self| -> Result<bool, E> {
-            let Some(record) = driver.finish_frame(wanted, &mut answers)? else {
-                return Ok(false);
-            };
-            on_frame(&record, &mut answers)?;
-            Ok(true)
+            match driver.finish(wanted, &mut answers)? {
+                Some(record) => on_frame(&record, &mut answers).map(|()| true),
+                None => Ok(false),
+            }
         };
         for (i, &frame) in frames.iter().enumerate() {
             let next = frames[i..].iter().take(LOOK_AHEAD);
             self.animation.look_ahead(next.map(|frame| frame.time));
-            self.begin(frame, query)?;
+            self.begin(frame, &[query])?;
             if self.pending.len() >= under_way {
                 finish(self)?;
             }
@@ -80,18 +79,34 @@ impl Driver {
     ///
     /// # Errors
     /// The backend's.
-    pub fn finish_frame(
+    pub fn finish(
         &mut self,
         wanted: Wanted,
         answers: &mut Answers,
     ) -> Result<Option<FrameRecord>, PipelineError> {
-        self.end(|driver, ticket| driver.fetch(ticket, wanted, answers))
+        let Some(pending) = self.pending.pop_front() else {
+            return Ok(None);
+        };
+        let waited = Instant::now();
+        let report = self.backend.wait(pending.ticket)?;
+        let seen = Instant::now();
+        self.fetch(pending.ticket, wanted, answers)?;
+        let read = Instant::now();
+        self.poll_builder()?;
+        let mut record = pending.record;
+        record.device_bytes = self.backend.device_bytes();
+        record.sah_ratio = report.sah_cost.map(|now| {
+            let before = pending.cost_before.filter(|&c| c > 0.0);
+            before.map_or(1.0, |before| now / before)
+        });
+        record.finish(report, [waited, seen, read]);
+        Ok(Some(record))
     }
 
     /// Frames that may be under way when another is [begun](Self::begin), that one included.
     pub fn most_under_way(&self) -> usize {
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        match self.schedule.waits_at_once() && !self.makes_trees() {
+        match self.options.update.waits_at_once() && !self.makes_trees() {
             true => 1,
             false => FRAMES_IN_FLIGHT,
         }
@@ -107,9 +122,9 @@ impl Driver {
         if !shaded {
             answers.pixels.clear();
         }
-        match wanted.hits || (wanted.pixels && !shaded) {
-            true => self.take_hits(ticket, &mut answers.hits),
-            false => Ok(()),
+        if wanted.hits || (wanted.pixels && !shaded) {
+            std::mem::swap(self.backend.hits(ticket)?, &mut answers.hits);
         }
+        Ok(())
     }
 }

@@ -3,16 +3,13 @@
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
-use crate::schedule::{FramePlan, Pace, Swap, Update};
+use crate::schedule::{Pace, Update};
 use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, Made, Vertices};
+use crate::tree_builder::{Built, Made, TreeBuilder, Vertices};
 use backend::{Generation, Snapshot};
-use bvh_build::Cancel;
-use geom::{Point, Pose};
+use bvh_build::{BuildError, Cancel};
+use geom::{Animation, Point, Pose};
 use std::time::Instant;
-
-/// The generation of the tree that the first frame builds.
-pub(super) const FIRST: Generation = Generation(1);
 
 /// The tree in use.
 pub(super) struct Tree {
@@ -41,6 +38,8 @@ pub(super) struct PendingBuild {
     asked: Instant,
     /// How many frames it took, once it is finished.
     latency: Option<u64>,
+    /// Whether it is finished, and its moment not too far off.
+    ripe: bool,
     /// Moments early and late in its use.
     pub(super) halves: [f64; 2],
     /// Where it must be cheaper than the tree in use.
@@ -53,8 +52,8 @@ impl Driver {
     /// Passes vertices on to the builder and takes finished trees. Never waits.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
         self.poll_read_back()?;
-        if let Some((generation, result)) = self.builder_thread.try_take() {
-            self.file(generation, result);
+        if let Some(result) = self.builder_thread.try_take() {
+            self.file(result);
             self.bring_finished()?;
         }
         Ok(())
@@ -83,8 +82,8 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Tells the predictor how long a finished tree took, and the schedule when to swap to it: at once, but for trees
-    /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
+    /// Tells the predictor how long a finished tree took, and whether to swap to it: at once, but for trees that were
+    /// built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
     pub(super) fn review_finished(&mut self) -> Result<(), PipelineError> {
         if !self.bring_finished()? {
             return Ok(());
@@ -104,14 +103,11 @@ impl Driver {
         let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
         let should_adopt =
             matches!(made, Made::NoBetter) || self.predictor.should_adopt(last, pending.middle);
-        let generation = pending.generation;
-        if ahead && !should_adopt {
-            if !self.predictor.newer_tree_due_first(last, pending.middle) {
-                return Ok(());
-            }
+        let leave = ahead && !should_adopt;
+        pending.ripe = !leave || self.predictor.newer_tree_due_first(last, pending.middle);
+        if leave && pending.ripe {
             self.leave_finished();
         }
-        self.schedule.finished(generation);
         Ok(())
     }
 
@@ -139,39 +135,34 @@ impl Driver {
 
     /// Whether trees are for moments to come.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.schedule.waits_at_once()
+        self.options.predict && !self.options.update.waits_at_once()
     }
 
-    /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
-    pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
-        if let Some(swap) = plan.swap {
-            self.swap(swap)?;
+    /// Has a tree built for `pose`; at once if the policy waits for it. If that fails, the one in use stays.
+    pub(super) fn ask_for(&mut self, pose: Pose) -> Result<(), PipelineError> {
+        let mut pending = self.ask(pose);
+        if self.options.update.waits_at_once() {
+            return match self.build_now(&mut pending, None)? {
+                Ok(built) => self.adopt(built, &pending),
+                Err(_) => Ok(()),
+            };
         }
-        let Some(generation) = plan.ask else {
-            return Ok(());
-        };
-        let mut pending = self.ask(generation, pose);
-        if self.schedule.waits_at_once() {
-            let built = self.build_now(&mut pending, None)?;
-            self.schedule.forget(generation);
-            if let Ok(built) = built {
-                self.adopt(built, &pending)?;
-            }
-        } else {
-            self.build = Some(pending);
-            if self.predicts() {
-                let input = self.input(Vertices::KeyFrames(pose));
-                self.start_build(input, 0)?;
-            }
+        self.build = Some(pending);
+        match self.predicts() {
+            true => self.start_build(self.input(Vertices::KeyFrames(pose)), 0),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut pending = self.ask(FIRST, pose);
+        let mut pending = self.ask(pose);
         let built = if self.options.update == Update::TSah {
-            self.build_for_all(&mut pending)
+            let range = self.options.time_range;
+            self.build_waiting(&mut pending, 0, |builder, animation| {
+                let samples = samples(animation, range)?;
+                builder.build_for_all(animation, &samples, pose, &Cancel::new())
+            })
         } else {
             // Built ahead, it is built for more than the frame.
             let ahead = self.predicts() && self.may_reject();
@@ -185,7 +176,13 @@ impl Driver {
         self.adopt(built, &pending)
     }
 
-    fn ask(&mut self, generation: Generation, pose: Pose) -> PendingBuild {
+    pub(super) fn next_generation(&mut self) -> Generation {
+        self.newest.0 += 1;
+        self.newest
+    }
+
+    fn ask(&mut self, pose: Pose) -> PendingBuild {
+        let generation = self.next_generation();
         self.record.asked = Some(generation);
         let may_reject = self.may_reject();
         let middle = self.predictor.middle_of_use();
@@ -199,6 +196,7 @@ impl Driver {
             middle,
             asked: Instant::now(),
             latency: None,
+            ripe: false,
             halves: self.predictor.halves_of_use(),
             rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
@@ -227,39 +225,38 @@ impl Driver {
         };
         // Vertices are the builder's to look into: that may cost their first reader.
         pending.arrived = Some((Instant::now(), read_back));
-        let generation = pending.generation;
+        let writer = self.backend.tree_writer(pending.generation)?;
         let job = Job {
-            generation,
             input,
             toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
-            writer: self.backend.tree_writer(generation)?,
+            writer,
         };
         if self.builder_thread.start(job).is_err() {
-            self.give_up(generation);
+            self.build = None;
         }
         Ok(())
     }
 
     /// Puts a finished tree aside for its boundary, or forgets a failed one.
-    fn file(&mut self, generation: Generation, result: BuildResult<Made>) {
+    fn file(&mut self, result: BuildResult<Made>) {
         match result {
             Ok(made) => self.finished = Some(made),
-            Err(_) => self.give_up(generation),
+            Err(_) => self.build = None,
         }
     }
 
-    fn give_up(&mut self, generation: Generation) {
-        self.schedule.forget(generation);
-        self.build.take_if(|f| f.generation == generation);
-    }
-
-    /// Swaps to a finished tree, waiting for it only where the plan says so.
-    fn swap(&mut self, swap: Swap) -> Result<(), PipelineError> {
-        if swap.wait {
+    /// Swaps to the tree on its way if it is due, waiting for it only in lockstep.
+    pub(super) fn swap_if_due(&mut self) -> Result<(), PipelineError> {
+        let (update, frame) = (self.options.update, self.frames);
+        let is_due = |f: &&PendingBuild| update.swaps_after(frame - f.frame, f.ripe);
+        let Some(pending) = self.build.as_ref().filter(is_due) else {
+            return Ok(());
+        };
+        if !pending.ripe {
             let start = Instant::now();
-            self.wait_for_builder(swap.generation)?;
+            self.wait_for_builder()?;
             self.record.build_wait_ms += ms(start.elapsed());
         }
         let (Some(made), Some(pending)) = (self.finished.take(), self.build.take()) else {
@@ -278,15 +275,13 @@ impl Driver {
     }
 
     /// Blocks until the tree in flight is finished or given up. Only lockstep comes here.
-    fn wait_for_builder(&mut self, generation: Generation) -> Result<(), PipelineError> {
+    fn wait_for_builder(&mut self) -> Result<(), PipelineError> {
         while self.finished.is_none() && self.build.is_some() {
             self.poll_builder()?;
             let building = self.build.as_ref().is_some_and(|f| f.arrived.is_some());
             if building && self.finished.is_none() {
-                match self.builder_thread.take() {
-                    Some((generation, result)) => self.file(generation, result),
-                    None => self.give_up(generation),
-                }
+                let result = self.builder_thread.take();
+                self.file(result);
             } else {
                 std::thread::yield_now();
             }
@@ -318,32 +313,32 @@ impl Driver {
                 _ => std::thread::yield_now(),
             }
         };
+        let read_back = bytes(positions.len());
+        let from = (Vertices::ReadBack(positions), halves);
+        Ok(
+            self.build_waiting(pending, read_back, |builder, animation| {
+                builder.build(animation, from, &Cancel::new())
+            }),
+        )
+    }
+
+    /// Builds while the frame waits, from so many bytes that were read back.
+    fn build_waiting(
+        &mut self,
+        pending: &mut PendingBuild,
+        read_back: u64,
+        build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
+    ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        pending.arrived = Some((arrived, bytes(positions.len())));
-        let (animation, cancel) = (&self.animation, Cancel::new());
-        let (light, spare) = (self.light, std::mem::take(&mut self.spare));
-        let positions = &positions[..];
+        pending.arrived = Some((arrived, read_back));
+        let (animation, light) = (&self.animation, self.light);
+        let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            builder.build(animation, (positions, halves), &cancel)
+            build(builder, animation)
         });
         self.record.build_wait_ms += ms(arrived.elapsed());
-        Ok(built)
-    }
-
-    /// Builds one tree for the whole time to come while the frame waits.
-    fn build_for_all(&mut self, pending: &mut PendingBuild) -> BuildResult<Built> {
-        let begun = Instant::now();
-        pending.arrived = Some((begun, 0));
-        let (animation, pose, light) = (&self.animation, pending.pose, self.light);
-        let range = self.options.time_range;
-        let built = self.builder_pool.with(|builder| {
-            builder.order_toward(light);
-            let samples = samples(animation, range)?;
-            builder.build_for_all(animation, &samples, pose, &Cancel::new())
-        });
-        self.record.build_wait_ms += ms(begun.elapsed());
         built
     }
 

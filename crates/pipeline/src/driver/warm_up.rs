@@ -164,6 +164,77 @@ impl Driver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::driver::tests::{Policy, drifting, driver, fake::Fake, fake::Log, query, read};
+    use backend::QueryKind;
+    use std::sync::Arc;
+
+    /// Runs frames, after the first of which so many traces are done uncounted.
+    fn run(by: Policy, mut left: usize) -> (Vec<FrameRecord>, Log) {
+        let fake = Fake::new(Some(0));
+        let log = Arc::clone(&fake.log);
+        let mut driver = driver(fake, &drifting(30), by).unwrap();
+        let query = query(QueryKind::Closest);
+        let mut records = Vec::new();
+        let frame = |index| Frame {
+            index,
+            time: index as f64 * 1.4,
+        };
+        for part in [0..1, 1..20] {
+            let done = driver.run(part.map(frame), query, Wanted::default(), |record, _| {
+                records.push(record.clone());
+                Ok::<(), PipelineError>(())
+            });
+            done.unwrap();
+            if left > 0 {
+                let again = |_: &_| {
+                    left -= 1;
+                    left > 0
+                };
+                driver.warm_up(query, again).unwrap();
+            }
+        }
+        drop(driver);
+        (records, read(log))
+    }
+
+    #[test]
+    fn frames_are_the_same_whatever_was_warmed_up() {
+        // One more is under way when there are enough.
+        const ASKED: usize = 50;
+        const DONE: usize = ASKED + 1;
+        let lockstep = Update::Async(Pace::Lockstep(3));
+        let others = [
+            Update::Rebuild,
+            Update::Refit,
+            Update::TSah,
+            Update::DeviceRebuild,
+        ];
+        let others = others.map(|update| (update, false));
+        for by in [(lockstep, true), (lockstep, false)]
+            .into_iter()
+            .chain(others)
+        {
+            let (plain, log) = run(by, 0);
+            let (after, more) = run(by, ASKED);
+            // What a frame says that no clock decides.
+            let facts = |r: &FrameRecord| {
+                let flags = [r.adopted.is_some(), r.made, r.rejected.is_some()];
+                let tree = (r.tree_generation, r.tree_age_frames, r.asked);
+                (r.frame, tree, flags)
+            };
+            assert!(
+                plain.iter().map(facts).eq(after.iter().map(facts)),
+                "{by:?}"
+            );
+            assert_eq!(log.trees, more.trees, "{by:?}");
+            assert_eq!(more.made.len(), log.made.len(), "{by:?}");
+            assert_eq!(more.interpolated, log.interpolated, "{by:?}");
+            assert_eq!(more.refitted, log.refitted, "{by:?}");
+            assert_eq!(more.traced.len(), log.traced.len() + DONE, "{by:?}");
+            let again = &more.traced[1..=DONE];
+            assert!(again.iter().all(|&t| t == more.traced[0]), "{by:?}");
+        }
+    }
 
     /// Whether frames of so many milliseconds each, one after the other, are steady.
     fn steady(ms: impl IntoIterator<Item = f64>) -> bool {

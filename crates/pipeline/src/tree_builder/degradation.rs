@@ -4,7 +4,7 @@ use bvh_build::Costs;
 
 /// How a tree is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BuildStrategy {
+pub(crate) enum BuildStrategy {
     /// Of its triangles alone.
     #[default]
     Scratch,

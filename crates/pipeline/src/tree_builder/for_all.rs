@@ -1,9 +1,8 @@
 //! Trees out of turn: one for the whole of an animation, and those that only find memory for others.
 //!
-//! The moments that stand for all of an animation lie closer where more moves:
-//! at equal shares of a measure that is half the time and half the way that
-//! vertices go. Each stands for the time nearer to it than to another, so the
-//! mean over them is a mean over time.
+//! The moments that stand for all of an animation lie closer where more moves: at equal shares of a measure that is
+//! half the time and half the way that vertices go. Each stands for the time nearer to it than to another, so the mean
+//! over them is a mean over time.
 
 use super::{BuildStrategy, Built, Moments, TreeBuilder, Vertices};
 use crate::motion::distance;
@@ -40,7 +39,7 @@ impl TreeBuilder {
         let moments = moments.collect::<Result<Vec<_>, BuildError>>()?;
         if moments.len() > 1 {
             let mut for_all = BinaryTree::default();
-            TemporalBuilder::new().build(&moments, cancel, &mut for_all)?;
+            TemporalBuilder::default().build(&moments, cancel, &mut for_all)?;
             if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
                 self.tree = for_all;
                 if let Some(point) = self.builder.toward {
@@ -65,7 +64,8 @@ impl TreeBuilder {
             return Ok(());
         }
         for _ in 0..ROUNDS {
-            self.rebuild_subtrees_at(&Moments::of(animation), Vertices::KeyFrames(pose), cancel)?;
+            let vertices = Vertices::KeyFrames(pose);
+            self.rebuild_subtrees_at(&Moments::of(animation), &vertices, cancel)?;
             let record = self.convert(animation);
             self.reuse(record.into_spare());
         }

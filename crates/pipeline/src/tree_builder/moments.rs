@@ -11,14 +11,14 @@ use std::sync::Arc;
 const RUN: usize = 1 << 12;
 
 /// What the moments of a build are blended from: the animation's key frames, or two that were observed.
-pub(super) struct Moments<'a> {
+pub(crate) struct Moments<'a> {
     pub(super) animation: &'a Animation,
     pub(super) observed: Option<[KeyFrame; 2]>,
 }
 
 impl<'a> Moments<'a> {
     /// The animation's.
-    pub(super) fn of(animation: &'a Animation) -> Self {
+    pub(crate) fn of(animation: &'a Animation) -> Self {
         Self {
             animation,
             observed: None,
@@ -32,19 +32,29 @@ impl<'a> Moments<'a> {
         }
     }
 
-    /// Where vertices stand, and their pose if they were blended here.
+    /// Where vertices stand, blended if they have a pose.
     pub(super) fn stand<'v>(
         &self,
         vertices: &'v Vertices,
         blended: &'v mut Vec<Point>,
-    ) -> Result<(Option<Pose>, &'v [Point]), KeyFrameError> {
-        Ok(match vertices {
-            Vertices::ReadBack(snapshot) => (None, snapshot),
+    ) -> Result<&'v [Point], KeyFrameError> {
+        match vertices {
+            Vertices::ReadBack(snapshot) => Ok(snapshot),
             Vertices::KeyFrames(pose) => {
                 blend(&self.at(*pose)?, blended);
-                (Some(*pose), blended)
+                Ok(blended)
             }
-        })
+        }
+    }
+}
+
+impl Vertices {
+    /// Where they are to be blended.
+    pub(super) fn pose(&self) -> Option<Pose> {
+        match self {
+            Self::ReadBack(_) => None,
+            Self::KeyFrames(pose) => Some(*pose),
+        }
     }
 }
 

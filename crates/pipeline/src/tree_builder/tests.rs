@@ -5,36 +5,37 @@ use super::*;
 use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
-/// So many triangles in a row, which in each key frame stand in these places.
-pub(crate) fn row(count: u32, places: &[&dyn Fn(u32) -> f32]) -> Animation {
-    let key = |place: &&dyn Fn(u32) -> f32| -> Vec<Point> {
-        let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
-        (0..count).flat_map(|i| corners(place(i))).collect()
-    };
-    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
-    Animation::new(places.iter().map(key).collect(), triangles.collect()).unwrap()
+/// So many triangles in a row, and where each stands in each of so many key frames.
+pub(crate) fn row(count: u32, keys: usize, place: impl Fn(usize, u32) -> f32) -> Animation {
+    let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
+    let key = |key| (0..count).flat_map(|i| corners(place(key, i))).collect();
+    Animation::new((0..keys).map(key).collect(), apart(count)).unwrap()
+}
+
+/// So many triangles with vertices of their own.
+pub(crate) fn apart(count: u32) -> Vec<[u32; 3]> {
+    (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
+}
+
+/// All vertices at a time.
+pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
+    let moment = animation.at(time).unwrap();
+    let vertices = 0..animation.vertex_count() as u32;
+    vertices.map(|v| moment.vertex(v)).collect()
 }
 
 /// Triangles in a row: in order, and with every seventh beside the first.
 fn shuffled() -> Animation {
-    let in_order = |i| i as f32;
-    row(64, &[&in_order, &|i| (i * 37 % 64) as f32, &in_order])
+    row(64, 3, |key, i| (i * [1, 37, 1][key] % 64) as f32)
 }
 
 /// Clumps of four triangles that change places between key frames, each turned round in every other one.
 fn clumps() -> Animation {
-    let at = |odd: u32, i: u32| (i / 4 * odd % 64 * 16) as f32;
-    let ahead = |i: u32| (i % 4) as f32 * 0.25;
-    let turned = |i: u32| (3 - i % 4) as f32 * 0.25;
-    row(
-        256,
-        &[
-            &|i| at(1, i) + ahead(i),
-            &|i| at(37, i) + turned(i),
-            &|i| at(11, i) + ahead(i),
-            &|i| at(53, i) + turned(i),
-        ],
-    )
+    row(256, 4, |key, i| {
+        let clump = i / 4 * [1, 37, 11, 53][key] % 64;
+        let place = [i % 4, 3 - i % 4][key % 2];
+        (clump * 16) as f32 + place as f32 * 0.25
+    })
 }
 
 /// Boxes of each triangle at both poses.
@@ -47,8 +48,12 @@ fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
 fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     let mut tree = BinaryTree::default();
     let (mut builder, cancel) = (Builder::new(), Cancel::new());
-    let built = SubtreeRebuilder::new().build(&mut builder, (last, boxes), &cancel, &mut tree);
+    let built = SubtreeRebuilder::default().build(&mut builder, (last, boxes), &cancel, &mut tree);
     built.map(|_| tree).unwrap()
+}
+
+fn forms([treelets, blocks]: [bool; 2]) -> Forms {
+    Forms { treelets, blocks }
 }
 
 /// A builder, and what it builds trees over.
@@ -70,10 +75,10 @@ impl Course {
 
     /// Without a rival, for a key frame or for two moments.
     fn build(&mut self, key: usize, halves: Option<[f64; 2]>) -> Built {
-        let a = &self.animation;
+        let (a, pose) = (&self.animation, |time| self.animation.pose(time));
         let from = (
-            &a.key(key).unwrap()[..],
-            halves.map(|h| h.map(|t| a.pose(t))),
+            Vertices::KeyFrames(pose(key as f64)),
+            halves.map(|h| h.map(pose)),
         );
         self.builder.build(a, from, &Cancel::new()).unwrap()
     }
@@ -87,7 +92,8 @@ impl Course {
     ) -> Option<Built> {
         let (a, pose) = (&self.animation, |time| self.animation.pose(time));
         let what = (Vertices::KeyFrames(pose(time)), halves.map(|h| h.map(pose)));
-        let made = (self.builder).rebuild(a, what, rival_at.map(pose), &Cancel::new());
+        let (moments, cancel) = (Moments::of(a), Cancel::new());
+        let made = (self.builder).rebuild(&moments, what, rival_at.map(pose), &cancel);
         match made.unwrap() {
             Made::Tree(built) => Some(built),
             Made::NoBetter => None,
@@ -139,14 +145,10 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
 
 #[test]
 fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
-    let forms = Forms {
-        treelets: true,
-        blocks: false,
-    };
     let next = |warms_up: bool| {
         let mut course = Course {
             animation: clumps(),
-            builder: TreeBuilder::with_forms(forms),
+            builder: TreeBuilder::with_forms(forms([true, false])),
         };
         let warm_up = |course: &mut Course, time| {
             let (a, builder) = (&course.animation, &mut course.builder);
@@ -159,21 +161,14 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         course.rebuild(1.0, None, Some(1.0)).unwrap()
     };
     let [plain, warmed] = [false, true].map(next);
-    assert_eq!(plain.topology.words(), warmed.topology.words());
     assert_eq!(plain.strategy, BuildStrategy::Subtrees);
-    assert_eq!(
-        (plain.cost, plain.strategy, plain.next),
-        (warmed.cost, warmed.strategy, warmed.next)
-    );
+    let made = |built: Built| (built.topology, built.cost, built.strategy, built.next);
+    assert_eq!(made(plain), made(warmed));
 }
 
 #[test]
 fn what_records_carry_changes_no_tree() {
-    let forms = Forms {
-        treelets: true,
-        blocks: true,
-    };
-    let all = [Forms::default(), forms];
+    let all = [[false; 2], [true; 2]].map(forms);
     let [mut plain, mut carrying] = all.map(|forms| Course::over(clumps(), forms));
     for time in [1.0, 2.0, 2.0, 3.0] {
         assert_eq!(plain.next(time), carrying.next(time));
@@ -188,10 +183,8 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
     let halves = [0.25, 0.75];
     let built = course.build(0, Some(halves));
     let in_use = &course.builder.in_use;
-    assert_eq!(
-        *in_use,
-        BinaryTree::over(&swept(&course.animation, halves)[..])
-    );
+    let boxes = swept(&course.animation, halves);
+    assert_eq!(*in_use, BinaryTree::over(&boxes[..]));
     assert_eq!(built.cost, sah_cost(in_use, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
         let halves = Some([time - 0.375, time]);
@@ -213,20 +206,17 @@ fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
 
 #[test]
 fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
-    let (a, cancel) = (shuffled(), Cancel::new());
-    let pose = a.pose(0.3);
+    let a = shuffled();
     let read_back = Vertices::ReadBack(Box::new(positions(&a, 0.3)));
-    let [x, y] = [Vertices::KeyFrames(pose), read_back].map(|vertices| {
-        match TreeBuilder::new().rebuild(&a, (vertices, None), None, &cancel) {
-            Ok(Made::Tree(built)) => (built.topology.into_words(), built.cost),
-            other => panic!("{other:?}"),
-        }
+    let [x, y] = [Vertices::KeyFrames(a.pose(0.3)), read_back].map(|vertices| {
+        let built = TreeBuilder::default().build(&a, (vertices, None), &Cancel::new());
+        built.map(|built| (built.topology, built.cost)).unwrap()
     });
     assert_eq!(x, y);
 }
 
 /// The tree that a builder makes for `middle` of what it observed.
-fn observed(times: [f64; 2], middle: f64) -> Vec<u32> {
+fn observed(times: [f64; 2], middle: f64) -> Topology {
     let mut course = Course::over(shuffled(), Forms::default());
     let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
     let moments = Moments {
@@ -236,15 +226,10 @@ fn observed(times: [f64; 2], middle: f64) -> Vec<u32> {
     let pose = pose_between(times, middle);
     let what = (Vertices::KeyFrames(pose), Some([pose; 2]));
     let builder = &mut course.builder;
-    match builder.rebuild_among(&moments, what, Some(pose), &Cancel::new()) {
-        Ok(Made::Tree(built)) => built.topology.into_words(),
+    match builder.rebuild(&moments, what, Some(pose), &Cancel::new()) {
+        Ok(Made::Tree(built)) => built.topology,
         other => panic!("{other:?}"),
     }
-}
-
-fn positions(animation: &Animation, time: f64) -> Vec<Point> {
-    let moment = animation.at(time).unwrap();
-    (0..192).map(|v| moment.vertex(v)).collect()
 }
 
 #[test]
@@ -252,7 +237,7 @@ fn what_was_observed_is_followed_to_where_it_is_going() {
     let known = |time| {
         let mut course = Course::over(shuffled(), Forms::default());
         let tree = course.rebuild(time, Some([time; 2]), Some(time));
-        tree.unwrap().topology.into_words()
+        tree.unwrap().topology
     };
     // All these places are exact in floats.
     let ahead = observed([0.125, 0.25], 0.5);
@@ -297,11 +282,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
 #[test]
 fn an_old_records_memory_is_used_again() {
     for treelets in [false, true] {
-        let forms = Forms {
-            treelets,
-            blocks: false,
-        };
-        let mut course = Course::over(shuffled(), forms);
+        let mut course = Course::over(shuffled(), forms([treelets, false]));
         let memory = |tree: &Topology| {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
@@ -319,7 +300,7 @@ fn an_old_records_memory_is_used_again() {
 fn a_tree_for_all_times_faces_the_light_too() {
     let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
     let tree = |toward| {
-        let mut builder = TreeBuilder::new();
+        let mut builder = TreeBuilder::default();
         builder.order_toward(toward);
         let all = samples(&a, [0.0, 3.0]).unwrap();
         let built = builder.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
@@ -340,16 +321,12 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
         [[x, 0.0, 0.0], [x + size, 0.0, 0.0], [x, size, size]]
     };
     let vertices = (0..256).flat_map(corner).collect();
-    let triangles = (0..256).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let a = Animation::new(vec![vertices], triangles).unwrap();
-    let forms = Forms {
-        treelets: false,
-        blocks: true,
-    };
+    let a = Animation::new(vec![vertices], apart(256)).unwrap();
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
-        let mut builder = TreeBuilder::with_forms(forms);
+        let mut builder = TreeBuilder::with_forms(forms([false, true]));
         builder.order_toward(toward);
-        let built = builder.build(&a, (a.first(), None), &Cancel::new());
+        let from = (Vertices::KeyFrames(a.pose(0.0)), None);
+        let built = builder.build(&a, from, &Cancel::new());
         let tree = built.unwrap().topology;
         let of = |first| BlockTree::of(&tree, a.triangles(), (&builder.boxes[..], first));
         assert!(of(First::Larger) != of(First::Left));

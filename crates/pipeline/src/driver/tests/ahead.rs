@@ -1,43 +1,8 @@
 //! Trees for what comes: built ahead, built for all times, and left where they are no better.
 
-use crate::fake::{Fake, Log};
-use crate::{Run, drifting, driver, play, read, run_paced, run_scene};
-use backend::Generation;
-use bvh_build::Cancel;
-use geom::{Animation, Point};
-use pipeline::{Adopted, FrameRecord, Made, Pace, TreeBuilder, Update, Vertices};
-use std::sync::Arc;
-
-/// Triangles in a row whose order is another in every key frame.
-fn shuffled(keys: u32) -> Arc<Animation> {
-    many_shuffled(keys, 64)
-}
-
-/// Likewise, a power of two of them.
-pub(crate) fn many_shuffled(keys: u32, n: u32) -> Arc<Animation> {
-    let triangle = |place: u32| {
-        let x = place as f32;
-        [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]]
-    };
-    let odd = |k: u32| 2 * (k * k * 7 % 29) + 1;
-    let key = |k: u32| (0..n).flat_map(|i| triangle(i * odd(k) % n)).collect();
-    let triangles = (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Arc::new(Animation::new((0..keys).map(key).collect(), triangles).unwrap())
-}
-
-pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
-    let pose = animation.pose(time);
-    let vertices = 0..animation.vertex_count() as u32;
-    let moment = animation.moment(pose).unwrap();
-    vertices.map(|v| moment.vertex(v)).collect()
-}
-
-/// The record of a tree for one moment.
-fn tree_at(animation: &Animation, time: f64) -> Vec<u32> {
-    let positions = positions(animation, time);
-    let built = TreeBuilder::new().build(animation, (&positions, None), &Cancel::new());
-    built.unwrap().topology.into_words()
-}
+use super::*;
+use crate::frame::Adopted;
+use crate::tree_builder::Moments;
 
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
@@ -58,9 +23,9 @@ fn trees_built_ahead_read_nothing_back() {
 
 #[test]
 fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
-    let animation = shuffled(30);
+    let animation = shuffled(30, 64);
     let run = run_scene(&animation, 29, (lockstep(3), true), None);
-    let tree_at = |time| tree_at(&animation, time);
+    let tree_at = |time| tree_at(&animation, time, None);
     // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
     for (i, words) in run.log.trees[1..].iter().enumerate() {
         let middle = (1 + 3 * i + 4) as f64;
@@ -70,7 +35,7 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     assert!(run.log.trees.len() > 8);
 }
 
-const FREE: (Update, bool) = (Update::Async(Pace::Free), true);
+const FREE: Policy = (Update::Async(Pace::Free), true);
 
 fn lockstep(k: u32) -> Update {
     Update::Async(Pace::Lockstep(k))
@@ -78,8 +43,9 @@ fn lockstep(k: u32) -> Update {
 
 /// Frames at every half key, the first of which come faster than others, so trees come before their time.
 fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
-    let animation = many_shuffled(65, triangles);
-    run_paced(&animation, (128, rest), FREE, (None, None))
+    let animation = shuffled(65, triangles);
+    let times = evenly(128, &animation);
+    render(Fake::new(None), (&animation, FREE), times, rest)
 }
 
 /// The moment that a tree was built for.
@@ -113,25 +79,24 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 
 /// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
 fn made_after(left: &FrameRecord) -> Vec<u32> {
-    let animation = many_shuffled(65, 1 << 13);
-    let (mut builder, cancel) = (TreeBuilder::new(), Cancel::new());
-    let pose = |time| animation.pose(time);
-    let own = positions(&animation, 0.0);
-    let first = builder.build(&animation, (&own, Some([0.25, 0.75].map(pose))), &cancel);
+    let animation = shuffled(65, 1 << 13);
+    let (mut builder, cancel) = (TreeBuilder::default(), Cancel::new());
+    let (pose, moments) = (|time| animation.pose(time), Moments::of(&animation));
+    let halves = Some([0.25, 0.75].map(pose));
+    let first = builder.build(&animation, (at(&animation, 0.0), halves), &cancel);
     first.unwrap();
-    let far = pose(30.0);
-    let what = (Vertices::KeyFrames(far), None);
-    builder
-        .rebuild(&animation, what, Some(far), &cancel)
-        .unwrap();
+    let rebuild = |builder: &mut TreeBuilder, pose, halves| {
+        let from = (Vertices::KeyFrames(pose), halves);
+        let made = builder.rebuild(&moments, from, Some(pose), &cancel);
+        made.unwrap()
+    };
+    rebuild(&mut builder, pose(30.0), None);
     builder.revert();
     // Asked for in the fourth frame, it told how long trees take.
     let took = left.frame.index as f64 - 3.0;
     let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
-    let what = (Vertices::KeyFrames(at(0.5)), Some([0.25, 0.75].map(at)));
-    let next = builder.rebuild(&animation, what, Some(at(0.5)), &cancel);
-    match next.unwrap() {
-        Made::Tree(tree) => tree.topology.into_words(),
+    match rebuild(&mut builder, at(0.5), Some([0.25, 0.75].map(at))) {
+        Made::Tree(tree) => tree.topology.words().to_vec(),
         Made::NoBetter => Vec::new(),
     }
 }
@@ -159,12 +124,11 @@ fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
 
 #[test]
 fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame() {
-    let animation = shuffled(30);
+    let animation = shuffled(30, 64);
     let halves = [0.25, 0.75].map(|time| animation.pose(time));
-    let own = positions(&animation, 0.0);
-    let swept = TreeBuilder::new().build(&animation, (&own, Some(halves)), &Cancel::new());
-    let swept = swept.unwrap().topology.into_words();
-    let plain = tree_at(&animation, 0.0);
+    let own = (at(&animation, 0.0), Some(halves));
+    let swept = words(TreeBuilder::default().build(&animation, own, &Cancel::new()));
+    let plain = tree_at(&animation, 0.0, None);
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
     assert_eq!(first(FREE), swept);
@@ -184,13 +148,13 @@ fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
     if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
         assert!(moment(&tree) >= asked.frame.time + 0.5, "{tree:?}");
     }
-    let run = run_scene(&shuffled(30), 29, (lockstep(3), true), None);
+    let run = run_scene(&shuffled(30, 64), 29, (lockstep(3), true), None);
     assert!(run.records[1].asked.is_some());
 }
 
 #[test]
 fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockstep() {
-    let run = run_scene(&shuffled(200), 199, (FREE.0, false), Some(1));
+    let run = run_scene(&shuffled(200, 64), 199, (FREE.0, false), Some(1));
     let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
     assert!(!rejected.is_empty() && rejected.is_sorted());
     assert!(rejected.iter().all(|g| !run.log.adopted.contains(g)));
@@ -200,7 +164,7 @@ fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockste
         assert!(!rejected.contains(&record.tree_generation));
     }
     // In lockstep every tree is taken.
-    let run = run_scene(&shuffled(60), 59, (lockstep(2), false), Some(1));
+    let run = run_scene(&shuffled(60, 64), 59, (lockstep(2), false), Some(1));
     assert!(run.records.iter().all(|r| r.rejected.is_none()));
     assert_eq!(run.log.adopted.len(), 29);
 }
@@ -219,18 +183,16 @@ fn scattered(seed: u32) -> Arc<Animation> {
         [0, 1, 2].map(|i| p[i] + by[i])
     });
     let keys = vec![first.clone(), later.collect()];
-    let triangles = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Arc::new(Animation::new(keys, triangles).unwrap())
+    Arc::new(Animation::new(keys, apart(40)).unwrap())
 }
 
 #[test]
 fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     let mut left = 0;
     for seed in 0..24 {
-        let (fake, _log) = Fake::new(Some(1), None);
-        let mut driver = driver(fake, &scattered(seed), (FREE.0, false)).unwrap();
+        let scene = (&scattered(seed), (FREE.0, false));
         let times = (0..45).map(|index| 0.07 * index.min(10) as f64);
-        let records = play(&mut driver, times, |_| 1);
+        let records = render(Fake::new(Some(1)), scene, times, |_| 1).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
         left += u32::from(last.is_some_and(|frame| frame > 12));
         assert!(records[30..].iter().all(|r| r.asked.is_none()), "{seed}");
@@ -240,7 +202,7 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
 
 #[test]
 fn a_tree_for_all_times_is_built_once_without_the_device() {
-    let animation = shuffled(8);
+    let animation = shuffled(8, 64);
     let run = run_scene(&animation, 20, (Update::TSah, true), None);
     assert!(!run.built && run.log.requested == 0);
     assert_eq!(run.log.adopted, [Generation(1)]);
@@ -254,8 +216,9 @@ fn a_tree_for_all_times_is_built_once_without_the_device() {
 
 /// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
-    let (fake, log) = Fake::new(Some(1), None);
-    let mut driver = driver(fake, &many_shuffled(65, 64), FREE).unwrap();
+    let fake = Fake::new(Some(1));
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &shuffled(65, 64), FREE).unwrap();
     driver.forget_key_frames();
     let times = (0..frames).map(|index| index.min(moving) as f64 * 0.25);
     let records = play(&mut driver, times, |_| 1);

@@ -4,14 +4,10 @@
 
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
-use crate::ahead::many_shuffled;
-use crate::fake::Fake;
-use crate::{driver, query};
-use backend::{QueryKind, Snapshot};
-use pipeline::{Frame, Pace, PipelineError, Update, Wanted};
+use super::*;
+use backend::Snapshot;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::time::Duration;
 
 thread_local! {
     static TAKEN: Cell<u64> = const { Cell::new(0) };
@@ -44,13 +40,13 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 /// How often each frame after the first took memory, and how many trees came meanwhile.
-fn takings(update: Update, predict: bool) -> (Vec<u64>, usize) {
+fn takings(by: Policy) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
-    let animation = many_shuffled(2, 512);
-    let (mut fake, _) = Fake::new(Some(0), None);
+    let animation = shuffled(2, 512);
+    let mut fake = Fake::new(Some(0));
     let snapshot = |_| Box::new(animation.first().to_vec()) as Snapshot;
     fake.prepared = Some((0..=FRAMES).map(snapshot).collect());
-    let mut driver = driver(fake, &animation, (update, predict)).unwrap();
+    let mut driver = driver(fake, &animation, by).unwrap();
     let query = query(QueryKind::Closest);
     let (mut all, mut trees) = (Vec::with_capacity(FRAMES as usize), 0);
     let mut last = TAKEN.get();
@@ -84,7 +80,7 @@ fn frames_take_no_memory_once_the_loop_runs() {
         (free, false, 4, 0),
         (Update::Async(Pace::Lockstep(3)), true, 100, 4),
     ] {
-        let (all, trees) = takings(update, predict);
+        let (all, trees) = takings((update, predict));
         assert!(trees >= least, "{update:?} {predict}: {trees} trees");
         // The builder's thread is started with its first job.
         let late: u64 = all[20..].iter().sum();

@@ -5,7 +5,7 @@ use backend::{
     Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose};
+use geom::{Animation, Point, Pose};
 use std::collections::VecDeque;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,24 +13,24 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Holds whoever looks at vertices until so many frames more were rendered.
-pub(crate) struct Gate {
+pub(in crate::driver) struct Gate {
     frames: u64,
     rendered: AtomicU64,
 }
 
 impl Gate {
-    pub(crate) fn new(frames: u64) -> Self {
+    pub(in crate::driver) fn new(frames: u64) -> Self {
         let rendered = AtomicU64::new(0);
         Self { frames, rendered }
     }
 
     /// So many frames were rendered.
-    pub(crate) fn step(&self, frames: u64) {
+    pub(in crate::driver) fn step(&self, frames: u64) {
         self.rendered.fetch_add(frames, Ordering::SeqCst);
     }
 
     /// Nobody renders frames any more: let everybody through.
-    pub(crate) fn open(&self) {
+    pub(in crate::driver) fn open(&self) {
         self.step(1 << 60);
     }
 
@@ -64,20 +64,20 @@ impl Deref for Vertices {
 
 /// What the fake saw, shared with the test.
 #[derive(Default)]
-pub(crate) struct Log {
-    pub(crate) interpolated: usize,
-    pub(crate) refitted: usize,
-    pub(crate) traced: Vec<(Generation, Pose)>,
-    pub(crate) adopted: Vec<Generation>,
-    pub(crate) trees: Vec<Vec<u32>>,
-    pub(crate) made: Vec<Generation>,
-    pub(crate) requested: usize,
+pub(in crate::driver) struct Log {
+    pub(in crate::driver) interpolated: usize,
+    pub(in crate::driver) refitted: usize,
+    pub(in crate::driver) traced: Vec<(Generation, Pose)>,
+    pub(in crate::driver) adopted: Vec<Generation>,
+    pub(in crate::driver) trees: Vec<Vec<u32>>,
+    pub(in crate::driver) made: Vec<Generation>,
+    pub(in crate::driver) requested: usize,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
-pub(crate) struct Fake {
+pub(in crate::driver) struct Fake {
     device: Device,
-    log: Arc<Mutex<Log>>,
+    pub(in crate::driver) log: Arc<Mutex<Log>>,
     animation: Option<Arc<Animation>>,
     pose: Option<Pose>,
     generation: Generation,
@@ -89,16 +89,15 @@ pub(crate) struct Fake {
     /// Whether anything was.
     traced: bool,
     polls: Option<u32>,
-    gate: Option<Arc<Gate>>,
+    pub(in crate::driver) gate: Option<Arc<Gate>>,
     hits: Hits,
-    pub(crate) own_trees: bool,
+    own_trees: bool,
     /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
-    pub(crate) prepared: Option<Vec<Snapshot>>,
+    pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
 
 impl Fake {
-    pub(crate) fn new(polls: Option<u32>, gate: Option<Arc<Gate>>) -> (Self, Arc<Mutex<Log>>) {
-        let log = Arc::new(Mutex::new(Log::default()));
+    pub(in crate::driver) fn new(polls: Option<u32>) -> Self {
         let device = Device {
             backend: "fake",
             adapter: String::new(),
@@ -107,9 +106,9 @@ impl Fake {
             threads: 1,
             arithmetic: Arithmetic::IEEE,
         };
-        let fake = Self {
+        Self {
             device,
-            log: Arc::clone(&log),
+            log: Arc::default(),
             animation: None,
             pose: None,
             generation: Generation(0),
@@ -119,12 +118,18 @@ impl Fake {
             record_request: false,
             traced: false,
             polls,
-            gate,
+            gate: None,
             hits: Hits::default(),
             own_trees: false,
             prepared: None,
-        };
-        (fake, log)
+        }
+    }
+
+    pub(in crate::driver) fn with_own_trees() -> Self {
+        Self {
+            own_trees: true,
+            ..Self::new(Some(0))
+        }
     }
 
     fn note(&self, what: impl FnOnce(&mut Log)) {
@@ -244,15 +249,6 @@ impl Backend for Fake {
         }
     }
     fn inspect(&mut self) -> &mut dyn Inspect {
-        self
-    }
-}
-
-impl Inspect for Fake {
-    fn positions(&mut self) -> Result<Vec<Point>> {
-        Ok(Vec::new())
-    }
-    fn boxes(&mut self) -> Result<Vec<Aabb>> {
-        Ok(Vec::new())
+        unreachable!("a driver looks at nothing")
     }
 }
