@@ -300,6 +300,11 @@ pub trait Inspect {
     fn rebuilt(&mut self) -> Result<Topology> {
         Err(no_trees("the backend"))
     }
+
+    /// What the device's interface refused so far, and what its validation layer has said in this process.
+    fn complaints(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 fn no_trees(backend: &'static str) -> BackendError {

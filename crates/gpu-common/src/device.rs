@@ -132,6 +132,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Buffers made so far, of any purpose.
     fn buffers_made(&self) -> u64;
 
+    /// See [`backend::Inspect::complaints`].
+    fn complaints(&self) -> Vec<String>;
+
     /// Fills buffers from their beginning, and waits until that is done.
     ///
     /// # Errors

@@ -19,11 +19,11 @@ pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
         ..Options::default()
     };
     match VulkanBackend::new(&options) {
-        Ok(b) => assert!(b.gpu().is_validated()),
+        Ok(b) => assert!(b.gpu().gpu.host.is_validated),
         Err(e) => assert!(matches!(e, BackendError::NoDevice(_)), "{e}"),
     }
     let plain = VulkanBackend::new(&Options::default()).unwrap();
-    assert!(!plain.gpu().is_validated());
+    assert!(!plain.gpu().gpu.host.is_validated);
 }
 
 pub(crate) fn every_adapter_tells_its_limits() {

@@ -229,5 +229,5 @@ pub(crate) fn the_drivers_work_is_timed_and_trees_of_others_are_refused() {
     let said = refused.unwrap_err().to_string();
     assert_eq!(said, "vulkan-rt does not support trees made by others");
     assert!(subject.makes_own_trees() && subject.inspect().boxes().is_err());
-    assert_eq!(subject.gpu().validation_messages(), [""; 0]);
+    assert_eq!(subject.inspect().complaints(), [""; 0]);
 }
