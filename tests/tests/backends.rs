@@ -125,7 +125,7 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
 fn cases(name: &str) -> u32 {
     let default = match name {
         _ if integration::is_full() => 36,
-        "wgpu" => 7,
+        "wgpu" => 5,
         "wgpu-wgsl" | "vulkan-rt:fast-trace" => 4,
         _ => 15,
     };

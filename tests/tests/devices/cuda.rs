@@ -3,7 +3,7 @@
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
 use crate::external::{OFFSET, Shared, SharedRays, words};
-use crate::lent::{Sheets, bits, find_what_the_hosts_do, see_as_of_the_host, sheet};
+use crate::lent::{OnHost, Sheets, bits, find_what_the_hosts_do, see_as_of_the_host, sheet};
 use crate::other_device::{Exported, Importer};
 use crate::scenes::camera;
 use abvh::{Error, Query, Ray, Source, Update};
@@ -245,7 +245,8 @@ pub(crate) fn rays_and_answers_are_shared_with_cuda() {
 
 /// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
 pub(crate) fn steps_and_cuda_wait_for_each_other() {
-    let [mut shared, mut expected] = [0; 2].map(|_| Shared::<Cuda>::open(Update::Async));
+    let mut shared = Shared::<Cuda>::open(Update::Async);
+    let mut expected = OnHost::open(Update::Async);
     let semaphore = shared.tracer.external_semaphore().unwrap();
     let imported = shared.other.import_semaphore(semaphore.fd().unwrap());
     let height = |frame: u64| 0.25 + 0.05 * frame as f32;

@@ -1,7 +1,10 @@
 //! Vertices, rays and answers that lie in memory of a device's own: what is asked of them, whoever owns the device.
 
 use crate::scenes::{camera, rays, swarm};
-use abvh::{Hits, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Step, Tracer, Update};
+use abvh::{
+    Device, Hits, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, Tracer, Update,
+};
+use std::iter::zip;
 
 /// What a ray met: the triangle, and where.
 pub(crate) type Met = Option<(u32, [u32; 3])>;
@@ -58,6 +61,32 @@ pub(crate) trait Sheets: Sized {
     }
 }
 
+/// Two sheets on the host's cores. All that moves them lies there, too.
+pub(crate) struct OnHost(Tracer, [MeshId; 2]);
+
+impl Sheets for OnHost {
+    fn open(update: Update) -> Self {
+        let (scene, sheets) = two_sheets();
+        let builder = Tracer::builder().device(Device::Cpu).update(update);
+        Self(builder.threads(2).build(scene).unwrap(), sheets)
+    }
+
+    fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
+        (&mut self.0, self.1)
+    }
+
+    fn moved(&mut self, moved: Moved) -> Step<'_> {
+        let mut step = self.0.step(0.0);
+        for (mesh, moved) in zip(self.1, moved) {
+            if let Some((height, _)) = moved {
+                let points = sheet(height);
+                step.vertices(mesh, Source::Host(&points)).unwrap();
+            }
+        }
+        step
+    }
+}
+
 const STEPS: [Moved; 10] = [
     [Some((0.5, true)), None],
     [None, None],
@@ -72,36 +101,36 @@ const STEPS: [Moved; 10] = [
     [Some((0.5, false)), None],
 ];
 
-/// Two of the same are moved step by step, one of them by the host alone: both see the same.
+/// Moved step by step, they see what is seen on the host.
 pub(crate) fn see_as_of_the_host<S: Sheets>() {
     for update in [Update::Async, Update::Rebuild, Update::DeviceRebuild] {
-        let [mut found, mut expected] = [0; 2].map(|_| S::open(update));
+        let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
         for moved in STEPS {
-            let hosts = moved.map(|m| m.map(|(height, _)| (height, false)));
-            assert!(
-                found.see(moved) == expected.see(hosts),
-                "{update:?} {moved:?}"
-            );
+            let is_same = found.see(moved) == expected.see(moved);
+            assert!(is_same, "{update:?} {moved:?}");
         }
     }
 }
 
-/// Vertices stay while another mesh is replaced, even where no query has seen them yet: both of those that see the same, the
-/// first with vertices of the device's.
-pub(crate) fn stay_while_another_is_replaced<S: Sheets>() -> [S; 2] {
-    let [mut found, mut expected] = [true, false].map(|on_device| {
-        let mut own = S::open(Update::Auto);
-        own.see([Some((0.5, on_device)), Some((1.0, on_device))]);
-        let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
-        let (tracer, [first, _]) = own.traced();
-        let replacement = tracer.replace(first, with).unwrap();
-        // A step that is dropped has moved it all the same.
-        drop(own.moved([None, Some((2.0, on_device))]));
-        own.traced().0.commit(replacement).unwrap();
-        own
-    });
-    assert!(found.see([None, None]) == expected.see([None, None]));
-    [found, expected]
+/// Vertices of the device's stay while another mesh is replaced, even where no query has seen them yet; so does its memory.
+pub(crate) fn stay_while_another_is_replaced<S: Sheets>() {
+    let (mut found, mut expected) = (one_replaced::<S>(), one_replaced::<OnHost>());
+    let moved = [None, Some((0.25, false)), Some((0.75, true))];
+    for moved in moved.map(|second| [None, second]) {
+        assert!(found.see(moved) == expected.see(moved), "{moved:?}");
+    }
+}
+
+fn one_replaced<S: Sheets>() -> S {
+    let mut own = S::open(Update::Auto);
+    own.see([Some((0.5, true)), Some((1.0, true))]);
+    let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
+    let (tracer, [first, _]) = own.traced();
+    let replacement = tracer.replace(first, with).unwrap();
+    // A step that is dropped has moved it all the same.
+    drop(own.moved([None, Some((2.0, true))]));
+    own.traced().0.commit(replacement).unwrap();
+    own
 }
 
 /// A tracer, rays, and room for answers to them.

@@ -1,6 +1,6 @@
 //! Steps that go into an encoder of the program's.
 
-use crate::lent::{Met, Sheets, bits, sheet, two_sheets};
+use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
 use crate::wgpu_lent::{bytes_of, device_with};
 use crate::wgpu_points::Own;
@@ -101,7 +101,7 @@ impl Encoded {
 pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
     for update in [Update::Async, Update::Refit] {
         let mut found = Encoded::new(update);
-        let mut expected = Own::open(update);
+        let mut expected = OnHost::open(update);
         for i in 0..8 {
             let moved = [2 * i, 2 * i + 1].map(|i| [0.1 * i as f32, 1.0 + 0.2 * i as f32]);
             let steps = moved.map(|to| found.encode(to));
@@ -130,7 +130,7 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     step.trace(&camera(), Query::Closest).unwrap();
     let said = step.encode(&mut commands);
     assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
-    let mut expected = Own::open(Update::Async);
+    let mut expected = OnHost::open(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
         own.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);
