@@ -31,19 +31,6 @@ struct Lane {
     busy_until: u64,
 }
 
-/// What to copy: so many bytes from the beginning of one buffer to a place in another.
-#[derive(Clone, Copy)]
-pub struct Copy<'a> {
-    /// From the beginning of this.
-    pub from: &'a Buffer,
-    /// To this.
-    pub to: &'a Buffer,
-    /// From this byte of it on.
-    pub to_at: u64,
-    /// How many.
-    pub bytes: u64,
-}
-
 impl Transfer {
     pub(crate) fn new(gpu: &Arc<Gpu>, queue: Arc<Queue>) -> Result<Self> {
         Ok(Self {
@@ -55,10 +42,15 @@ impl Transfer {
         })
     }
 
-    /// Starts a copy after some moment, if one is given. Returns the value of the timeline that says it is finished. Never waits.
-    pub fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
-        let regions = pieces(&(0..copy.bytes), copy.to_at);
-        self.start_regions([copy.from, copy.to], &regions, after)
+    /// Starts to copy so many bytes from the beginning of one buffer to a place in another, after some moment, if one is
+    /// given. Returns the value of the timeline that says it is finished. Never waits.
+    pub fn start(
+        &mut self,
+        buffers: [&Buffer; 2],
+        (to_at, bytes): (u64, u64),
+        after: Option<Moment>,
+    ) -> Result<u64> {
+        self.start_regions(buffers, &pieces(&(0..bytes), to_at), after)
     }
 
     /// Likewise, of bytes of one buffer to the same place in another.
@@ -202,13 +194,8 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
     for (data, to) in all {
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
-            let copy = Copy {
-                from: &window,
-                to,
-                to_at: (i * most) as u64,
-                bytes: piece.len() as u64,
-            };
-            road.start(copy, None)?;
+            let place = ((i * most) as u64, piece.len() as u64);
+            road.start([&window, to], place, None)?;
             road.wait()?;
         }
     }

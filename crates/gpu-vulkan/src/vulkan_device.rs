@@ -9,7 +9,7 @@ use crate::pipelines::Pipeline;
 use crate::pool::{LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
-use crate::transfer::{Copy, Transfer, Windows, load};
+use crate::transfer::{Transfer, Windows, load};
 use crate::validation::messages;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
@@ -318,14 +318,10 @@ impl GpuDevice for VulkanDevice {
         let Some(((from, bytes), buffer)) = positions.zip(to) else {
             return Ok(None);
         };
-        let copy = Copy {
-            from,
-            to: &buffer,
-            to_at: 0,
-            bytes,
-        };
         let ready = self.first_part.at(ticket.0);
-        let done_at = self.readback.start(copy, Some(ready))?;
+        let done_at = self
+            .readback
+            .start([from, &buffer], (0, bytes), Some(ready))?;
         Ok(Some(PositionsCopy { buffer, done_at }))
     }
 
