@@ -1,11 +1,9 @@
 //! Every law on every backend: `backend::law`.
 //!
-//! A backend that this machine lacks shows as ignored, with the reason in its
-//! trials' kind; `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` turns such absence
-//! red. GPU backends run under the Vulkan validation layers where they are
-//! installed, and any message is a failure. A `vulkan` that is required needs
-//! the layers too, unless `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and
-//! `ABVH_SEED` choose how many cases a law sees and which.
+//! A backend that this machine lacks shows as ignored, with the reason in its trials' kind;
+//! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` turns such absence red. GPU backends run under the Vulkan validation layers
+//! where they are installed, and any message is a failure. A `vulkan` that is required needs the layers too, unless
+//! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose how many cases a law sees and which.
 
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
@@ -18,35 +16,7 @@ use integration::{is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A backend and what its driver complains of.
-trait Subject: Send {
-    fn backend(&mut self) -> &mut dyn Backend;
-    /// Messages of validation layers since it was opened.
-    fn complaints(&self) -> Vec<String>;
-}
-
-macro_rules! subjects {
-    ($($backend:ty: $complaints:expr,)+) => {
-        $(impl Subject for $backend {
-            fn backend(&mut self) -> &mut dyn Backend {
-                self
-            }
-            fn complaints(&self) -> Vec<String> {
-                let complaints: fn(&Self) -> Vec<String> = $complaints;
-                complaints(self)
-            }
-        })+
-    };
-}
-
-subjects! {
-    CpuBackend: |_| Vec::new(),
-    VulkanBackend: |backend| backend.gpu().validation_messages(),
-    DriverTreeBackend: |backend| backend.gpu().validation_messages(),
-    WgpuBackend: |backend| backend.gpu().validation_messages(),
-}
-
-type Open = fn() -> backend::Result<Box<dyn Subject>>;
+type Open = fn() -> backend::Result<Box<dyn Backend>>;
 
 /// All backends, by the name under which they may be required.
 const BACKENDS: &[(&str, &str, Open)] = &[
@@ -58,15 +28,11 @@ const BACKENDS: &[(&str, &str, Open)] = &[
     ("vulkan-rt:fast-trace", "vulkan-rt", || {
         driver(Prefer::FastTrace)
     }),
-    ("wgpu", "wgpu", || {
-        Ok(Box::new(WgpuBackend::new(&wgpu(KernelForm::Best))?))
-    }),
-    ("wgpu-wgsl", "wgpu", || {
-        Ok(Box::new(WgpuBackend::new(&wgpu(KernelForm::CheckedWgsl))?))
-    }),
+    ("wgpu", "wgpu", || wgpu(KernelForm::Best)),
+    ("wgpu-wgsl", "wgpu", || wgpu(KernelForm::CheckedWgsl)),
 ];
 
-fn driver(prefer: Prefer) -> backend::Result<Box<dyn Subject>> {
+fn driver(prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
     Ok(Box::new(DriverTreeBackend::new(&vulkan(), prefer)?))
 }
 
@@ -83,12 +49,13 @@ fn vulkan() -> Options {
     }
 }
 
-fn wgpu(kernels: KernelForm) -> Options {
-    Options {
+fn wgpu(kernels: KernelForm) -> backend::Result<Box<dyn Backend>> {
+    let options = Options {
         validation: Validation::IfInstalled,
         kernels,
         ..Default::default()
-    }
+    };
+    Ok(Box::new(WgpuBackend::new(&options)?))
 }
 
 fn main() {
@@ -112,8 +79,8 @@ fn in_turn(all: Vec<Vec<Trial>>) -> Vec<Trial> {
     numbered.into_iter().map(|(_, trial)| trial).collect()
 }
 
-fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
-    let laws = laws_of(subject.backend());
+fn trials_of(name: &'static str, subject: Box<dyn Backend>) -> Vec<Trial> {
+    let laws = laws_of(&*subject);
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
     // With the number of complaints that a trial has shown: what was said while the backend was opened counts too.
@@ -124,8 +91,8 @@ fn trials_of(name: &'static str, mut subject: Box<dyn Subject>) -> Vec<Trial> {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(law, subject.backend(), reference, seed, 0..cases(name));
-            let complaints = subject.complaints();
+            let held = hold(law, &mut **subject, reference, seed, 0..cases(name));
+            let complaints = subject.inspect().complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
             held.map_err(|e| e.to_string())?;
@@ -158,7 +125,7 @@ fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
 fn cases(name: &str) -> u32 {
     let default = match name {
         _ if integration::is_full() => 36,
-        "wgpu" => 7,
+        "wgpu" => 5,
         "wgpu-wgsl" | "vulkan-rt:fast-trace" => 4,
         _ => 15,
     };

@@ -1,8 +1,8 @@
-//! What a backend says of itself and of its work.
+//! What a backend says of its work, and positions that it lends to whoever builds trees.
 
 use geom::Point;
-use std::fmt;
 use std::ops::Deref;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A point in one backend's order of submissions. Tickets finish in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -15,91 +15,53 @@ pub struct Generation(pub u64);
 /// Positions on their way to a builder: read-only, sendable, given back when dropped.
 pub type Snapshot = Box<dyn Deref<Target = [Point]> + Send + Sync>;
 
-/// What kind of machine does the work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DeviceKind {
-    /// A graphics processor.
-    Gpu,
-    /// The host's own cores, by this program's code.
-    Cpu,
-    /// A driver that runs graphics code on the host's cores.
-    Software,
-}
+/// Memory for positions, to be used again once its reader is done.
+#[derive(Debug)]
+pub struct Spares<T>(Arc<Mutex<Vec<T>>>);
 
-impl DeviceKind {
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Gpu => "gpu",
-            Self::Cpu => "cpu",
-            Self::Software => "software",
-        }
+impl<T> Default for Spares<T> {
+    fn default() -> Self {
+        Self(Arc::default())
     }
 }
 
-/// How a device computes where nobody tells it how to round, as the textbook intersectors do not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Arithmetic {
-    /// Whether a quotient is the nearest number to the exact one.
-    pub rounds_division: bool,
-    /// Whether products are added up without being rounded first, anywhere.
-    pub fuses: bool,
-}
+impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
+    /// Memory that came back.
+    #[must_use]
+    pub fn pop(&self) -> Option<T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop()
+    }
 
-impl Arithmetic {
-    /// Every operation rounded once, as IEEE 754 has it: the host's.
-    pub const IEEE: Self = Self {
-        rounds_division: true,
-        fuses: false,
-    };
-}
-
-impl fmt::Display for Arithmetic {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match (self.rounds_division, self.fuses) {
-            (true, false) => "every operation rounded once",
-            (true, true) => "quotients rounded once, products fused",
-            (false, false) => "quotients approximate, products rounded once",
-            (false, true) => "quotients approximate, products fused",
+    /// Lends positions; their memory comes back when the snapshot is dropped.
+    #[must_use]
+    pub fn lend(&self, positions: T) -> Snapshot {
+        Box::new(Lent {
+            positions: Some(positions),
+            home: Arc::clone(&self.0),
         })
     }
 }
 
-/// Who is at work.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Device {
-    /// The backend's name on the command line, such as `cpu`.
-    pub backend: &'static str,
-    /// The device's own name.
-    pub adapter: String,
-    /// Driver and version; empty where there is none.
-    pub driver: String,
-    /// What kind of machine it is.
-    pub kind: DeviceKind,
-    /// Host threads the backend computes on; 0 if its device does.
-    pub threads: usize,
-    /// How it computes where nobody tells it how to round.
-    pub arithmetic: Arithmetic,
+struct Lent<T> {
+    /// Taken out when the loan ends.
+    positions: Option<T>,
+    home: Arc<Mutex<Vec<T>>>,
 }
 
-/// Bytes of device memory by what they hold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DeviceBytes {
-    /// The tree and the triangles' records: all that is there to be traced or refitted. Where a tree is handed over while
-    /// frames read another, both.
-    pub tree: u64,
-    /// Room in which trees are made, or wait to be sent.
-    pub scratch: u64,
-    /// The scene itself: key frames, positions, which vertices are a triangle's.
-    pub scene: u64,
-    /// What frames need and leave: rays, hits, shadows, what is seen of a picture, counts, parameters.
-    pub frames: u64,
+impl<T: Deref<Target = [Point]>> Deref for Lent<T> {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        self.positions
+            .as_ref()
+            .expect("they stay until the loan ends")
+    }
 }
 
-impl DeviceBytes {
-    /// All of it.
-    pub fn total(self) -> u64 {
-        self.tree + self.scratch + self.scene + self.frames
+impl<T> Drop for Lent<T> {
+    fn drop(&mut self) {
+        let mut home = self.home.lock().unwrap_or_else(PoisonError::into_inner);
+        home.extend(self.positions.take());
     }
 }
 
@@ -154,4 +116,19 @@ pub struct FrameReport {
 pub fn sah_cost(areas: f64, root: f64) -> Option<f64> {
     let cost = areas / root;
     (root > 0.0 && cost.is_finite()).then_some(cost)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_comes_back_when_its_reader_is_done() {
+        let spares = Spares::default();
+        let lent = spares.lend(vec![[1.0; 3]; 9]);
+        assert_eq!(lent[..], [[1.0; 3]; 9]);
+        assert_eq!(spares.pop(), None);
+        drop(lent);
+        assert_eq!(spares.pop().map(|positions| positions.len()), Some(9));
+    }
 }

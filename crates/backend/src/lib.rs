@@ -7,57 +7,46 @@
 //! **Scene.** [`Backend::load`] makes an animation current, with the method to
 //! use. It drops whatever was current before: tree, positions, results.
 //!
-//! **Recording.** `interpolate`, `preprocess`, `refit` and `trace` only record.
-//! [`Backend::submit`] starts what was recorded since the last submit, in the
-//! order of the calls, and returns a [`Ticket`]; tickets rise and finish in
-//! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to
-//! [`FRAMES_IN_FLIGHT`] submissions may be unfinished; one more
-//! `submit` waits for the oldest. What a submission reported and found is kept
-//! until `FRAMES_IN_FLIGHT` further submissions with a trace were made, or as many as
-//! [`Backend::keep`] says, and may be asked for any number of times until then.
+//! **Recording.** `interpolate`, `preprocess`, `refit` and `trace` only record. [`Backend::submit`] starts what was
+//! recorded since the last submit, in the order of the calls, and returns a [`Ticket`]; tickets rise and finish in
+//! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to [`FRAMES_IN_FLIGHT`] submissions may be unfinished;
+//! one more `submit` waits for the oldest. What a submission reported and found is kept until `FRAMES_IN_FLIGHT`
+//! further submissions with a trace were made, or as many as [`Backend::keep`] says, and may be asked for any number of
+//! times until then.
 //!
-//! **Order within a frame.** `interpolate` writes positions. `preprocess` writes
-//! one record and one box a leaf, of the positions interpolated last (these alone
-//! would not do: leaves stand in the tree's order, so it needs a tree); it may blend
-//! them from the key frames once more, to the same bits, so as not to wait for them. `refit` reads the
-//! boxes of leaves and writes those of inner nodes. `trace` reads records and
-//! boxes. Stages whose input did not change may be left out: a static scene
-//! runs the first three once. But a tree is traced only after `preprocess` and
-//! `refit` at the frame's own positions: [`Backend::adopt`] and `interpolate`
-//! each make records and boxes stale, and tracing stale ones panics.
+//! **Order within a frame.** `interpolate` writes positions. `preprocess` writes one record and one box a leaf, of the
+//! positions interpolated last (these alone would not do: leaves stand in the tree's order, so it needs a tree); it may
+//! blend them from the key frames once more, to the same bits, so as not to wait for them. `refit` reads the boxes of
+//! leaves and writes those of inner nodes. `trace` reads records and boxes. Stages whose input did not change may be
+//! left out: a static scene runs the first three once. But a tree is traced only after `preprocess` and `refit` at the
+//! frame's own positions: [`Backend::adopt`] and `interpolate` each make records and boxes stale, and tracing stale
+//! ones panics.
 //!
-//! **Trees.** [`Backend::adopt`] takes effect at once, between submissions: all
-//! that is recorded later sees the new tree, all that was submitted before saw
-//! the old. Generations strictly rise. The tree must hold exactly the
-//! animation's live triangles ([`geom::Animation::is_live`]). A large tree takes its time to reach the device. So that no
-//! frame waits, whoever builds it has a [`TreeWriter`] write it, and it is adopted once [`Backend::bring`] says that it is
-//! there.
+//! **Trees.** [`Backend::adopt`] takes effect at once, between submissions: all that is recorded later sees the new
+//! tree, all that was submitted before saw the old. Generations strictly rise. The tree must hold exactly the
+//! animation's live triangles ([`geom::Animation::is_live`]). A large tree takes its time to reach the device. So that
+//! no frame waits, whoever builds it has a [`TreeWriter`] write it, and it is adopted once [`Backend::bring`] says that
+//! it is there.
 //!
-//! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it,
-//! [`Backend::rebuild`] stands for `adopt`: it makes a tree of the positions at
-//! hand, is recorded like a stage, and its generation rises like that of an adopted
-//! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once
-//! positions are others, the tree is made anew or another adopted; to preprocess it
-//! panics, but for those that make their trees themselves.
+//! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it, [`Backend::rebuild`] stands for `adopt`:
+//! it makes a tree of the positions at hand, is recorded like a stage, and its generation rises like that of an adopted
+//! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once positions are others, the tree is made
+//! anew or another adopted; to preprocess it panics, but for those that make their trees themselves.
 //!
-//! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in
-//! trees: a frame is `interpolate`, `rebuild` (in the first frame, and in each
-//! that is to have a new tree), `preprocess`, `refit`, `trace`. `refit` brings
-//! the last tree to the frame's positions; after `rebuild` nothing is left to do.
-//! What a ray hits is then for whoever makes the tree to say.
+//! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in trees: a frame is `interpolate`,
+//! `rebuild` (in the first frame, and in each that is to have a new tree), `preprocess`, `refit`, `trace`. `refit`
+//! brings the last tree to the frame's positions; after `rebuild` nothing is left to do. What a ray hits is then for
+//! whoever makes the tree to say.
 //!
 //! **Pictures.** Where [`Backend::load_palette`] says so, [`Backend::shade`] records hits to pixels after `trace`, and
 //! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `shading`).
 //!
-//! **Positions.** [`Backend::request_positions`] records a copy of the
-//! interpolated vertices back to the host; [`Backend::take_positions`] polls
-//! for it and never blocks. A submission holds one request at most; requests of
+//! **Positions.** [`Backend::request_positions`] records a copy of the interpolated vertices back to the host;
+//! [`Backend::take_positions`] polls for it and never blocks. A submission holds one request at most; requests of
 //! several submissions may be outstanding and are answered in their order.
 //!
-//! **Answers.** They depend on the rays, the triangles and the intersector
-//! alone: not on the tree, its age, its layout, the thread count or (for
-//! `watertight` and `exact`) the backend. What a hit is, stands in
-//! `docs/design/hits.md`.
+//! **Answers.** They depend on the rays, the triangles and the intersector alone: not on the tree, its age, its layout,
+//! the thread count or (for `watertight` and `exact`) the backend. What a hit is, stands in `docs/design/hits.md`.
 //!
 //! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
 //! (tracing a stale tree, waiting for a ticket never given) panics.
@@ -95,19 +84,14 @@ macro_rules! named {
     };
 }
 
-mod adapter;
+mod device;
 mod error;
 mod frame;
-mod lend;
 mod query;
 
-pub use adapter::AdapterInfo;
+pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
-pub use frame::{
-    Arithmetic, Device, DeviceBytes, DeviceKind, FrameReport, Generation, Snapshot, StageTimes,
-    Ticket, sah_cost,
-};
-pub use lend::Spares;
+pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
 pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
@@ -121,7 +105,8 @@ pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 /// Makes a backend, on any thread.
 pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Backend>> + Send>;
 
-/// A device that deforms, refits and traces one scene. See the crate's page for the contract.
+/// A device that deforms, refits and traces one scene. See the crate's page for the contract, and [`BackendError`] for what
+/// may go wrong in any call.
 pub trait Backend: Send + Any {
     /// Who is at work: shown in logs, test names and result rows.
     fn device(&self) -> &Device;
@@ -162,24 +147,17 @@ pub trait Backend: Send + Any {
 
     /// What writes the tree of that generation as the device wants it, for whoever builds it: then this thread need not.
     /// `None` where that would save nothing.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn tree_writer(&mut self, _generation: Generation) -> Result<Option<TreeWriter>> {
         Ok(None)
     }
 
     /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }
 
-    /// Whether [`Backend::adopt`] reads a tree's treelets
-    /// ([`Topology::treelets`]) by the method loaded. Whoever builds trees then
-    /// adds them in good time; a tree without them is adopted too, but slowly.
+    /// Whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) by the method loaded. Whoever builds
+    /// trees then adds them in good time; a tree without them is adopted too, but slowly.
     fn wants_treelets(&self) -> bool {
         false
     }
@@ -191,17 +169,11 @@ pub trait Backend: Send + Any {
 
     /// Memory for a key frame of the scene loaded that is yet to be [pushed](Animation::push): where the device can, it reads
     /// it there.
-    ///
-    /// # Errors
-    /// See [`BackendError`].
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
     /// Records: key frames to positions.
-    ///
-    /// # Errors
-    /// See [`BackendError`]; likewise for all that follow.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
     /// Whether the backend makes trees on its device for the method loaded.
@@ -216,9 +188,8 @@ pub trait Backend: Send + Any {
         }
     }
 
-    /// Records: positions to a tree made on the device, current from then on.
-    /// `preprocess` and `refit` may follow as after [`Backend::adopt`]. The first
-    /// tree takes room on the device, which is kept until another scene is loaded.
+    /// Records: positions to a tree made on the device, current from then on. `preprocess` and `refit` may follow as
+    /// after [`Backend::adopt`]. The first tree takes room on the device, which is kept until another scene is loaded.
     ///
     /// # Errors
     /// Those of [`Backend::check_rebuild`] too.
@@ -265,8 +236,7 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Records: a copy of the positions to the host, for
-    /// [`Backend::take_positions`]. At most one a submission.
+    /// Records: a copy of the positions to the host, for [`Backend::take_positions`]. At most one a submission.
     fn request_positions(&mut self) -> Result<()>;
 
     /// Starts what was recorded since the last call.
@@ -330,6 +300,11 @@ pub trait Inspect {
     fn rebuilt(&mut self) -> Result<Topology> {
         Err(no_trees("the backend"))
     }
+
+    /// What the device's interface refused so far, and what its validation layer has said in this process.
+    fn complaints(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 fn no_trees(backend: &'static str) -> BackendError {
@@ -344,38 +319,28 @@ fn no_trees(backend: &'static str) -> BackendError {
 /// # Errors
 /// [`BackendError::WrongTree`] with what was found and expected.
 pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
-    let counts = [
-        (
-            "triangles",
-            tree.triangle_count(),
-            animation.triangle_count(),
-        ),
-        ("leaves", tree.leaf_count(), animation.live_count()),
+    let wrong = |why| Err(BackendError::WrongTree(why));
+    let triangles = (tree.triangle_count(), animation.triangle_count());
+    let leaves = (tree.leaf_count(), animation.live_count());
+    let moving = tree.moving().map(|moving| {
+        let counts = (moving.leaves().len(), animation.moving_count());
+        ("its lists have", "moving leaves", counts)
+    });
+    let all = [
+        ("it has", "triangles", triangles),
+        ("it has", "leaves", leaves),
     ];
-    for (what, found, expected) in counts {
+    for (whose, what, (found, expected)) in all.into_iter().chain(moving) {
         if found != expected {
-            let why = format!("it has {found} {what}, the scene {expected}");
-            return Err(BackendError::WrongTree(why));
-        }
-    }
-    if let Some(moving) = tree.moving() {
-        let (found, expected) = (moving.leaves().len(), animation.moving_count());
-        if found != expected {
-            let why = format!("its lists have {found} moving leaves, the scene {expected}");
-            return Err(BackendError::WrongTree(why));
+            return wrong(format!("{whose} {found} {what}, the scene {expected}"));
         }
     }
     if animation.live_count() == animation.triangle_count() {
         return Ok(());
     }
-    match tree
-        .leaf_triangles()
-        .iter()
-        .find(|&&t| !animation.is_live(t))
-    {
+    let mut leaves = tree.leaf_triangles().iter();
+    match leaves.find(|&&t| !animation.is_live(t)) {
         None => Ok(()),
-        Some(t) => Err(BackendError::WrongTree(format!(
-            "triangle {t} has a leaf but is never active"
-        ))),
+        Some(t) => wrong(format!("triangle {t} has a leaf but is never active")),
     }
 }

@@ -1,8 +1,7 @@
 //! Which backend is taken if none is named: a pure choice over what is offered.
 //!
-//! A GPU comes before the host's cores, and those before a driver that runs
-//! graphics code on the same cores. Nothing is listed or opened before its
-//! turn, for both take time.
+//! A GPU comes before the host's cores, and those before a driver that runs graphics code on the same cores. Nothing is
+//! listed or opened before its turn, for both take time.
 
 use crate::adapters::find;
 use crate::{KNOWN, Known, known};

@@ -183,6 +183,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Buffers made so far, of any purpose.
     fn buffers_made(&self) -> u64;
 
+    /// See [`backend::Inspect::complaints`].
+    fn complaints(&self) -> Vec<String>;
+
     /// Fills buffers from their beginning, and waits until that is done.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 

@@ -22,6 +22,10 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
         assert!(made_here, "the tree in use was made on the host");
         self.view(|tree| tree.topology())
     }
+
+    fn complaints(&mut self) -> Vec<String> {
+        self.engine.gpu.complaints()
+    }
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {

@@ -296,4 +296,8 @@ impl Inspect for DriverTreeBackend {
         let (backend, what) = (self.prefer.backend(), "a look into the driver's tree");
         Err(BackendError::unsupported(backend, what))
     }
+
+    fn complaints(&mut self) -> Vec<String> {
+        self.engine.gpu.complaints()
+    }
 }

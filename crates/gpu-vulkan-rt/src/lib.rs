@@ -1,11 +1,12 @@
 //! The driver's own trees, as the rival to measure against: acceleration structures built or updated
 //! each frame, and traced by a ray-tracing pipeline.
 //!
-//! Positions are interpolated by the same kernel as elsewhere, and the driver's structure is built
-//! straight from them. Rays are made by the same arithmetic, and so is the shadow's ray; what a ray
-//! hits is the driver's own affair, within what the Vulkan specification allows.
-//! Primary and shadow rays go in one launch. Hits are counted by kernels after the last stage's
-//! end, so that counting, which the picture does not need, is not charged to the driver.
+//! Positions are interpolated by the same kernel as elsewhere, and the driver's structure is built straight from them.
+//! Rays are made by the same arithmetic, and so is the shadow's ray; what a ray hits is the driver's own affair, within
+//! what the Vulkan specification allows. Primary and shadow rays go in one launch. Hits are counted by kernels after
+//! the last stage's end, so that counting, which the picture does not need, is not charged to the driver.
+
+#![expect(unsafe_code, reason = "Vulkan's calls, each with its reason")]
 
 mod backend_impl;
 mod pipeline;
@@ -98,10 +99,5 @@ impl DriverTreeBackend {
             uncounted: false,
             rays,
         })
-    }
-
-    /// The device.
-    pub fn gpu(&self) -> &VulkanDevice {
-        &self.engine.gpu
     }
 }

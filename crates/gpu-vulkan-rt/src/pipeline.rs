@@ -111,7 +111,7 @@ fn compile(
         .groups(&groups)
         .max_pipeline_ray_recursion_depth(1)
         .layout(layout);
-    let (later, cache) = (vk::DeferredOperationKHR::null(), rays.gpu.cache.vk());
+    let (later, cache) = (vk::DeferredOperationKHR::null(), rays.gpu.cache.vk);
     let pipelines = &rays.pipelines;
     // SAFETY: module and layout belong to the device; all pointers outlive the call.
     unsafe { pipelines.create_ray_tracing_pipelines(later, cache, &[info], None) }

@@ -1,5 +1,4 @@
-//! A scene as the driver's trees need it: its box, its tree, and what it does about
-//! vertices that are not finite.
+//! A scene as the driver's trees need it: its box, its tree, and what it does about vertices that are not finite.
 
 use crate::Prefer;
 use crate::support::RayTracing;

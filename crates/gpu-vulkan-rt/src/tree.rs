@@ -15,6 +15,9 @@ use std::sync::Arc;
 
 /// What a structure is built from.
 pub(crate) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
+/// How it is built.
+type Info<'a> = vk::AccelerationStructureBuildGeometryInfoKHR<'a>;
+type Level = vk::AccelerationStructureTypeKHR;
 type Flags = vk::BuildAccelerationStructureFlagsKHR;
 type Mode = vk::BuildAccelerationStructureModeKHR;
 
@@ -56,7 +59,7 @@ impl DriverTree {
         let triangles = triangles as u32;
         let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
         let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
-        let about = info(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        let about = info(Level::BOTTOM_LEVEL).geometries(&geometry);
         let bottom = Structure::new(rays, "the driver's tree", about, &flags, triangles)?;
         let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
         let words = instance_of(&bottom);
@@ -64,7 +67,7 @@ impl DriverTree {
             .gpu
             .upload(&[(bytemuck::cast_slice(&words), &instance)])?;
         let geometry = [instances_of(&instance)];
-        let about = info(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        let about = info(Level::TOP_LEVEL).geometries(&geometry);
         Ok(Self {
             bottom,
             top: Structure::new(rays, "the tree above it", about, &flags, 1)?,
@@ -105,13 +108,13 @@ impl DriverTree {
         self.made = Some(made);
         let flags = flags(self.prefer, made);
         let geometry = [from];
-        let about = |ty| info(ty).flags(flags).mode(mode);
+        let about = |level| info(level).flags(flags).mode(mode);
         commands.barrier(KERNELS, BUILDS);
-        let bottom = about(vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL).geometries(&geometry);
+        let bottom = about(Level::BOTTOM_LEVEL).geometries(&geometry);
         self.bottom.record(commands.vk(), bottom, self.triangles);
         commands.barrier(BUILDS, BUILDS);
         let geometry = [instances_of(&self.instance)];
-        let top = about(vk::AccelerationStructureTypeKHR::TOP_LEVEL).geometries(&geometry);
+        let top = about(Level::TOP_LEVEL).geometries(&geometry);
         self.top.record(commands.vk(), top, 1);
         commands.barrier(BUILDS, RAYS);
     }
@@ -128,21 +131,25 @@ fn flags(prefer: Prefer, made: Made) -> Flags {
     }
 }
 
-fn info<'a>(
-    ty: vk::AccelerationStructureTypeKHR,
-) -> vk::AccelerationStructureBuildGeometryInfoKHR<'a> {
-    vk::AccelerationStructureBuildGeometryInfoKHR::default().ty(ty)
+fn info<'a>(level: Level) -> Info<'a> {
+    Info::default().ty(level)
 }
 
 /// Opaque, so that no hit asks a shader whether it counts.
 fn geometry<'a>(
     kind: vk::GeometryTypeKHR,
     data: vk::AccelerationStructureGeometryDataKHR<'a>,
-) -> vk::AccelerationStructureGeometryKHR<'a> {
-    vk::AccelerationStructureGeometryKHR::default()
+) -> Geometry<'a> {
+    Geometry::default()
         .geometry_type(kind)
         .geometry(data)
         .flags(vk::GeometryFlagsKHR::OPAQUE)
+}
+
+fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
+    vk::DeviceOrHostAddressConstKHR {
+        device_address: buffer.address(),
+    }
 }
 
 /// The scene's triangles over positions; or those `cleansed`, with vertices of their own.
@@ -151,9 +158,6 @@ pub(crate) fn triangles_of<'a>(
     positions: &Buffer,
     cleansed: Option<&Buffer>,
 ) -> Geometry<'a> {
-    let at = |buffer: &Buffer| vk::DeviceOrHostAddressConstKHR {
-        device_address: buffer.address(),
-    };
     let corners = scene.get(BufferName::Triangles, 0, 0);
     let corners = corners.expect("every scene has triangles");
     let vertices = match cleansed {
@@ -175,11 +179,8 @@ pub(crate) fn triangles_of<'a>(
     geometry(vk::GeometryTypeKHR::TRIANGLES, data)
 }
 
-fn instances_of<'a>(instance: &Buffer) -> vk::AccelerationStructureGeometryKHR<'a> {
-    let at = vk::DeviceOrHostAddressConstKHR {
-        device_address: instance.address(),
-    };
-    let instances = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(at);
+fn instances_of<'a>(instance: &Buffer) -> Geometry<'a> {
+    let instances = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(at(instance));
     let data = vk::AccelerationStructureGeometryDataKHR { instances };
     geometry(vk::GeometryTypeKHR::INSTANCES, data)
 }
@@ -214,8 +215,8 @@ impl Structure {
     fn new(
         rays: &Arc<RayTracing>,
         what: &str,
-        info: vk::AccelerationStructureBuildGeometryInfoKHR<'_>,
-        flags: &[vk::BuildAccelerationStructureFlagsKHR],
+        info: Info<'_>,
+        flags: &[Flags],
         primitives: u32,
     ) -> Result<Self> {
         let gpu = &rays.gpu;
@@ -269,12 +270,7 @@ impl Structure {
     }
 
     /// Records a build of what `info` describes, or an update in place.
-    fn record(
-        &self,
-        commands: vk::CommandBuffer,
-        info: vk::AccelerationStructureBuildGeometryInfoKHR<'_>,
-        primitives: u32,
-    ) {
+    fn record(&self, commands: vk::CommandBuffer, info: Info<'_>, primitives: u32) {
         let rays = &self.rays;
         let at = self.scratch.address();
         let scratch_data = vk::DeviceOrHostAddressKHR {
@@ -283,7 +279,7 @@ impl Structure {
         let mut info = info
             .dst_acceleration_structure(self.vk)
             .scratch_data(scratch_data);
-        if info.mode == vk::BuildAccelerationStructureModeKHR::UPDATE {
+        if info.mode == Mode::UPDATE {
             info = info.src_acceleration_structure(self.vk);
         }
         let range =

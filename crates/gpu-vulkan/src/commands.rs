@@ -2,6 +2,7 @@
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
+use crate::memory::Buffer;
 use ash::vk;
 use backend::Result;
 use std::sync::Arc;
@@ -51,13 +52,9 @@ impl Commands {
         }
         let flags = vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT;
         let info = vk::CommandBufferBeginInfo::default().flags(flags);
+        let buffer = self.buffers[self.begun];
         // SAFETY: the buffer was reset with its pool.
-        unsafe {
-            self.gpu
-                .vk
-                .begin_command_buffer(self.buffers[self.begun], &info)
-        }
-        .map_err(failed("recording"))?;
+        unsafe { self.gpu.vk.begin_command_buffer(buffer, &info) }.map_err(failed("recording"))?;
         self.begun += 1;
         Ok(())
     }
@@ -78,24 +75,25 @@ impl Commands {
         &self.buffers[..self.begun]
     }
 
+    /// Copies regions, if any, from one buffer to another.
+    pub(crate) fn copy(&self, [from, to]: [&Buffer; 2], regions: &[vk::BufferCopy]) {
+        if regions.is_empty() {
+            return;
+        }
+        let vk = &self.gpu.vk;
+        // SAFETY: the command buffer is being recorded; both buffers live until it is done, and hold the bytes.
+        unsafe { vk.cmd_copy_buffer(self.vk(), from.vk, to.vk, regions) };
+    }
+
     /// What `before` writes, here or in earlier submissions to the queue, comes before what `after` does with it.
     pub fn barrier(&self, before: Reach, after: Reach) {
+        let (vk, none) = (&self.gpu.vk, vk::DependencyFlags::empty());
         let memory = [vk::MemoryBarrier::default()
             .src_access_mask(before.writes)
             .dst_access_mask(after.reads | after.writes)];
-        let none = vk::DependencyFlags::empty();
+        let (before, after) = (before.stages, after.stages);
         // SAFETY: the buffer is being recorded.
-        unsafe {
-            self.gpu.vk.cmd_pipeline_barrier(
-                self.vk(),
-                before.stages,
-                after.stages,
-                none,
-                &memory,
-                &[],
-                &[],
-            );
-        }
+        unsafe { vk.cmd_pipeline_barrier(self.vk(), before, after, none, &memory, &[], &[]) };
     }
 }
 

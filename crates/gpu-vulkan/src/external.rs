@@ -152,16 +152,11 @@ impl Timeline {
 
 impl Gpu {
     fn check_exports(&self, what: &str, name: &CStr, is_able: fn(&Self) -> bool) -> Result<()> {
-        match self.exporting.contains(&name) && is_able(self) {
-            true => Ok(()),
-            false => {
-                let name = name.to_string_lossy();
-                Err(BackendError::rejected(
-                    what,
-                    format!("the device exports none by {name}"),
-                ))
-            }
+        if self.exporting.contains(&name) && is_able(self) {
+            return Ok(());
         }
+        let why = format!("the device exports none by {}", name.to_string_lossy());
+        Err(BackendError::rejected(what, why))
     }
 
     /// The first of the allowed memory types that is device-local, else the first of all.

@@ -4,13 +4,12 @@ use crate::external;
 use crate::instance::Host;
 use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
-use crate::pipeline_cache::PipelineCache;
+use crate::pipelines::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::{Options, device_door};
-use shaders::Packets;
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -23,8 +22,8 @@ pub struct Gpu {
     queues: [QueueSet<Arc<Queue>>; 2],
     /// Scenes so far that took queues.
     taken: AtomicUsize,
-    /// Families whose queues share all buffers.
-    pub(crate) families: Vec<u32>,
+    /// Families whose queues share all buffers, the computing one first.
+    pub families: Vec<u32>,
     /// Who it is.
     pub adapter: AdapterInfo,
     pub(crate) limits: Limits,
@@ -106,20 +105,9 @@ impl Gpu {
         self.queues[before % self.queues.len()].clone()
     }
 
-    /// The family of queues that compute.
-    pub(crate) fn computing_family(&self) -> u32 {
-        self.queues[0].compute.family
-    }
-
     /// Whether a driver on the host's cores does the work.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
-    }
-
-    /// How invocations search together here.
-    pub(crate) fn packets(&self) -> Option<Packets> {
-        let subgroups = self.extras.subgroups.map(|size| (size, size));
-        Packets::for_device(subgroups, self.is_software())
     }
 }
 

@@ -1,12 +1,13 @@
-//! The instance, and what Vulkan offers on this machine.
+//! The way into Vulkan: the loader, the instance, and what it offers on this machine.
 
 use crate::limits::Limits;
-use crate::loader;
 use crate::queues::Queues;
 use crate::validation::{EXTENSIONS, LAYER, is_on, listen};
-use ash::{Entry, Instance, vk};
+use ash::{Entry, Instance, StaticFn, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::Validation;
+use host::NVIDIA_LIBRARIES;
+use libloading::{Library, Symbol};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,13 +17,13 @@ pub struct Host {
     pub instance: Instance,
     /// Keeps the loader's library open.
     entry: Entry,
-    pub(crate) is_validated: bool,
+    /// Whether the validation layer watches.
+    pub is_validated: bool,
 }
 
-/// The instances without the layer and with it, shared by all and kept until the process
-/// ends. With the last instance the loader would unload the drivers, and one of
-/// them (NVIDIA's) leaves every thread that destroyed a device a farewell to
-/// run at its end, which must still be there by then.
+/// The instances without the layer and with it, shared by all and kept until the process ends. With the last instance
+/// the loader would unload the drivers, and one of them (NVIDIA's) leaves every thread that destroyed a device a
+/// farewell to run at its end, which must still be there by then.
 static HOSTS: Mutex<[Option<Arc<Host>>; 2]> = Mutex::new([None, None]);
 
 impl Host {
@@ -48,8 +49,7 @@ impl Host {
     }
 
     fn make(validated: bool) -> Result<Self> {
-        let entry =
-            loader::open().map_err(|e| BackendError::NoDevice(format!("no Vulkan loader: {e}")))?;
+        let entry = open_loader()?;
         let app = vk::ApplicationInfo::default()
             .application_name(c"abvh")
             .api_version(vk::API_VERSION_1_2);
@@ -167,4 +167,45 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         kind,
         limits,
     }
+}
+
+/// The version of the interface between loader and drivers which is asked for: the first with a way to name it.
+const INTERFACE: u32 = 2;
+
+type Negotiate = unsafe extern "system" fn(*mut u32) -> vk::Result;
+
+/// Opens the system's loader, else a driver itself; says why there is no loader, if no driver answers either.
+///
+/// Containers of data centres often hold NVIDIA's driver without a loader. Its library answers
+/// `vk_icdGetInstanceProcAddr`, as the [interface between loader and drivers] has it.
+///
+/// [interface between loader and drivers]: https://github.com/KhronosGroup/Vulkan-Loader/blob/main/docs/LoaderDriverInterface.md
+fn open_loader() -> Result<Entry> {
+    // SAFETY: the loader is the system's own; the entry keeps its library open.
+    let loader = unsafe { Entry::load() };
+    loader.or_else(|why| {
+        let mut drivers = NVIDIA_LIBRARIES.iter().filter_map(|name| open_driver(name));
+        let none = || BackendError::NoDevice(format!("no Vulkan loader: {why}"));
+        drivers.next().ok_or_else(none)
+    })
+}
+
+fn open_driver(name: &str) -> Option<Entry> {
+    // SAFETY: a driver's initialisers are made to be run by any program.
+    let library = unsafe { Library::new(name) }.ok()?;
+    // SAFETY: the names and types are those of the interface.
+    let entry = unsafe {
+        if let Ok(negotiate) = library.get(b"vk_icdNegotiateLoaderICDInterfaceVersion\0") {
+            let (negotiate, mut version): (Symbol<'_, Negotiate>, _) = (negotiate, INTERFACE);
+            negotiate(&raw mut version).result().ok()?;
+        }
+        let get: Symbol<'_, vk::PFN_vkGetInstanceProcAddr> =
+            library.get(b"vk_icdGetInstanceProcAddr\0").ok()?;
+        Entry::from_static_fn(StaticFn {
+            get_instance_proc_addr: *get,
+        })
+    };
+    // Drivers leave threads and handlers behind that must find it until the process ends.
+    std::mem::forget(library);
+    Some(entry)
 }

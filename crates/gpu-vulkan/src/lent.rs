@@ -126,9 +126,6 @@ impl VulkanDevice {
     }
 
     /// A run of positions, if it came from external memory. Waits for it.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`]; likewise below.
     pub fn read_points(&mut self, run: &Range<usize>) -> Result<Option<Vec<Point>>> {
         if !self.lent.points.runs.contains(run) {
             return Ok(None);
@@ -242,9 +239,6 @@ impl VulkanDevice {
 
     /// Has semaphores that were given reach their second values once all is done that was submitted so far, and what was lent
     /// is read.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`].
     pub fn signal(&mut self) -> Result<()> {
         if self.lent.steps.iter().all(|step| step.is_signalled) {
             return Ok(());

@@ -54,30 +54,25 @@ impl Limits {
     /// # Errors
     /// [`backend::BackendError::Limit`]; likewise below.
     pub(crate) fn admit(&self, what: &str, bytes: u64) -> Result<()> {
-        let limits = [
+        for (name, most) in [
             ("maxStorageBufferRange", self.storage_range),
             ("maxMemoryAllocationSize", self.allocation),
-        ];
-        let mut all = limits.into_iter();
-        all.try_for_each(|(name, most)| {
-            refuse_above(|| format!("{what} (bytes, {name})"), bytes, most)
-        })
+        ] {
+            refuse_above(|| format!("{what} (bytes, {name})"), bytes, most)?;
+        }
+        Ok(())
     }
 
     /// Refuses a device that one of the kernels asked for does not fit.
     pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
         for kernel in KERNELS.iter().filter(|k| asked(k)) {
             let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
-            refuse_above(
-                || about("maxPerStageDescriptorStorageBuffers"),
-                u64::from(storage_buffers(kernel.bindings)),
-                u64::from(self.storage_buffers),
-            )?;
-            refuse_above(
-                || about("maxComputeWorkGroupInvocations"),
-                u64::from(kernel.workgroup[0]),
-                u64::from(self.workgroup),
-            )?;
+            let buffers = || about("maxPerStageDescriptorStorageBuffers");
+            let (need, most) = (storage_buffers(kernel.bindings), self.storage_buffers);
+            refuse_above(buffers, need.into(), most.into())?;
+            let threads = || about("maxComputeWorkGroupInvocations");
+            let (need, most) = (kernel.workgroup[0], self.workgroup);
+            refuse_above(threads, need.into(), most.into())?;
         }
         Ok(())
     }

@@ -284,22 +284,8 @@ impl Buffer {
         unsafe { self.gpu.vk.get_buffer_device_address(&info) }
     }
 
-    /// `spare` if it holds as many bytes, else a new one.
-    pub(crate) fn fitting(
-        gpu: &Arc<Gpu>,
-        what: &str,
-        bytes: u64,
-        place: BufferUse,
-        spare: Option<Self>,
-    ) -> Result<Self> {
-        match spare.filter(|b| b.bytes >= bytes) {
-            Some(buffer) => Ok(buffer),
-            None => Self::new(gpu, what, bytes, place),
-        }
-    }
-
     /// What the device has written, for buffers of [`BufferUse::Readback`].
-    pub(crate) fn read<T: Pod>(&self, count: usize) -> &[T] {
+    pub fn read<T: Pod>(&self, count: usize) -> &[T] {
         let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice);
         let bytes = bytes.expect("readback buffers are mapped");
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])

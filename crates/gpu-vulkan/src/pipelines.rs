@@ -1,11 +1,14 @@
-//! A kernel made ready, its layout read from the kernel's own bindings.
+//! A kernel made ready, its layout read from the kernel's own bindings; and compiled kernels, kept between runs.
 
 use crate::errors::{failed, refused};
 use crate::gpu::Gpu;
+use crate::instance::Host;
 use ash::vk;
 use backend::Result;
+use gpu_common::cache_file::CacheFile;
 use gpu_common::compile_door;
 use shaders::{Kernel, Kind};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A kernel ready to be bound.
@@ -44,9 +47,6 @@ pub struct Layouts {
 
 impl Layouts {
     /// Of `what`, whose stages bind one of a type by each number.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`]; likewise below.
     pub fn new(
         gpu: &Arc<Gpu>,
         what: &str,
@@ -121,10 +121,9 @@ fn compile(
     if gpu.extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
-    let cache = gpu.cache.vk();
     // SAFETY: module and layout belong to the device; all pointers outlive the call. Kernels stay within buffers whose
     // sizes follow from a checked record of the tree and a checked animation, so nobody need check their addresses.
-    let made = unsafe { gpu.vk.create_compute_pipelines(cache, &[info], None) };
+    let made = unsafe { gpu.vk.create_compute_pipelines(gpu.cache.vk, &[info], None) };
     made.map(|p| p[0]).map_err(|(_, e)| refused(kernel.name)(e))
 }
 
@@ -151,5 +150,54 @@ impl Drop for Layouts {
             vk.destroy_pipeline_layout(self.pipeline, None);
             vk.destroy_descriptor_set_layout(self.set, None);
         }
+    }
+}
+
+/// The driver's cache of pipelines, and the file that it came from. It is of use and never needed: what goes wrong with it
+/// goes unsaid.
+pub struct PipelineCache {
+    /// Its handle. Null if the driver could make none.
+    pub vk: vk::PipelineCache,
+    file: Option<CacheFile>,
+}
+
+impl PipelineCache {
+    /// The cache kept in a folder for this device and driver; without a folder, one that is not kept.
+    pub(crate) fn open(
+        host: &Host,
+        physical: vk::PhysicalDevice,
+        device: &ash::Device,
+        folder: Option<&Path>,
+    ) -> Self {
+        // SAFETY: the device belongs to the instance, which is alive.
+        let p = unsafe { host.instance.get_physical_device_properties(physical) };
+        let uuid = u128::from_be_bytes(p.pipeline_cache_uuid);
+        let name = format!(
+            "vulkan-{:x}-{:x}-{:x}-{uuid:032x}",
+            p.vendor_id, p.device_id, p.driver_version
+        );
+        let mut file = folder.map(|folder| CacheFile::new(folder, &name));
+        let data = file.as_mut().and_then(CacheFile::load).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+        // SAFETY: the device is alive and `data` outlives the call; it is what this driver gave, as its digest says.
+        let vk = unsafe { device.create_pipeline_cache(&info, None) };
+        Self {
+            vk: vk.unwrap_or_default(),
+            file,
+        }
+    }
+
+    /// Keeps what was added, and ends it.
+    pub(crate) fn close(&self, device: &ash::Device) {
+        if self.vk == vk::PipelineCache::null() {
+            return;
+        }
+        if let Some(file) = &self.file {
+            // SAFETY: device and cache are alive, and nobody compiles any more.
+            let data = unsafe { device.get_pipeline_cache_data(self.vk) };
+            data.iter().for_each(|data| file.store(data));
+        }
+        // SAFETY: the device is alive; pipelines do not need their cache once made.
+        unsafe { device.destroy_pipeline_cache(self.vk, None) };
     }
 }

@@ -152,10 +152,8 @@ impl Sender {
 
     fn room(&mut self, done: Done<'_>, bytes: u64) -> Result<Staging> {
         let spare = self.staging.take(done, most_spare(bytes))?;
-        let buffer = match spare.filter(|b| b.bytes >= bytes) {
-            Some(buffer) => buffer,
-            None => self.buffer(bytes, BufferUse::Staging)?,
-        };
+        let made = || self.buffer(bytes, BufferUse::Staging);
+        let buffer = spare.filter(|b| b.bytes >= bytes).map_or_else(made, Ok)?;
         Ok(Staging { buffer, bytes: 0 })
     }
 

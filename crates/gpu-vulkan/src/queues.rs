@@ -11,9 +11,8 @@ pub(crate) struct QueueIndex {
     pub(crate) index: u32,
 }
 
-/// One queue computes. Trees go up and vertices come back on queues of their
-/// own where the device has them: copy engines if it can, else spare queues of
-/// the computing family. Where it has neither, all share the one.
+/// One queue computes. Trees go up and vertices come back on queues of their own where the device has them: copy
+/// engines if it can, else spare queues of the computing family. Where it has neither, all share the one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QueueSet<Q> {
     pub(crate) compute: Q,
@@ -96,14 +95,7 @@ impl Queues {
 
     /// Names and values, to be shown.
     pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
-        let [
-            QueueSet {
-                compute,
-                upload,
-                readback,
-            },
-            _,
-        ] = self.sets;
+        let [compute, upload, readback] = self.sets[0].all();
         let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {

@@ -31,7 +31,7 @@ const COUNTS: u64 = size_of::<Counts>() as u64;
 impl Slot {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Ok(Self {
-            commands: Commands::new(gpu, gpu.computing_family())?,
+            commands: Commands::new(gpu, gpu.families[0])?,
             pages: Pages::new(gpu),
             marks: Marks::new(gpu),
             launched: false,
@@ -63,9 +63,6 @@ impl Slot {
 
     /// Binds a pipeline of rays with its layouts, over parameters, a driver's tree, and the buffers that `find` gives by their
     /// names in the shaders.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`].
     pub fn bind_rays<'a>(
         &mut self,
         (pipeline, layouts): (vk::Pipeline, &Layouts),
@@ -90,14 +87,8 @@ impl Slot {
     /// Ends the recording.
     pub(crate) fn end(&mut self) -> Result<()> {
         self.commands.barrier(ALL, COPIES);
-        let copy = [vk::BufferCopy::default().size(COUNTS)];
-        let (from, to) = (self.counts.vk, self.counts_back.vk);
-        // SAFETY: the command buffer is being recorded; both buffers belong to the slot.
-        unsafe {
-            self.gpu
-                .vk
-                .cmd_copy_buffer(self.commands.vk(), from, to, &copy);
-        }
+        let all = [vk::BufferCopy::default().size(COUNTS)];
+        self.commands.copy([&self.counts, &self.counts_back], &all);
         self.commands.barrier(COPIES, HOST);
         self.commands.end()
     }

@@ -21,9 +21,6 @@ const LOOKS: u32 = 400;
 
 impl Timeline {
     /// One at 0.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`]; likewise below.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Self::with(gpu, None)
     }

@@ -18,7 +18,7 @@ const PIECE: u64 = 256 << 10;
 /// Copies on one queue, ordered by a timeline of their own. Copies begin in order.
 pub struct Transfer {
     pub(crate) done: Timeline,
-    queue: Arc<Queue>,
+    pub(crate) queue: Arc<Queue>,
     /// The value of the copy begun last.
     pub last: u64,
     lanes: Vec<Lane>,
@@ -29,19 +29,6 @@ pub struct Transfer {
 struct Lane {
     commands: Commands,
     busy_until: u64,
-}
-
-/// What to copy: so many bytes from the beginning of one buffer to a place in another.
-#[derive(Clone, Copy)]
-pub struct Copy<'a> {
-    /// From the beginning of this.
-    pub from: &'a Buffer,
-    /// To this.
-    pub to: &'a Buffer,
-    /// From this byte of it on.
-    pub to_at: u64,
-    /// How many.
-    pub bytes: u64,
 }
 
 impl Transfer {
@@ -55,14 +42,15 @@ impl Transfer {
         })
     }
 
-    /// Starts a copy after some moment, if one is given. Returns the value of
-    /// the timeline that says it is finished. Never waits.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`].
-    pub fn start(&mut self, copy: Copy<'_>, after: Option<Moment>) -> Result<u64> {
-        let regions = pieces(&(0..copy.bytes), copy.to_at);
-        self.start_regions([copy.from, copy.to], &regions, after)
+    /// Starts to copy so many bytes from the beginning of one buffer to a place in another, after some moment, if one is
+    /// given. Returns the value of the timeline that says it is finished. Never waits.
+    pub fn start(
+        &mut self,
+        buffers: [&Buffer; 2],
+        (to_at, bytes): (u64, u64),
+        after: Option<Moment>,
+    ) -> Result<u64> {
+        self.start_regions(buffers, &pieces(&(0..bytes), to_at), after)
     }
 
     /// Likewise, of bytes of one buffer to the same place in another.
@@ -78,16 +66,14 @@ impl Transfer {
 
     fn start_regions(
         &mut self,
-        [from, to]: [&Buffer; 2],
+        buffers: [&Buffer; 2],
         regions: &[vk::BufferCopy],
         after: Option<Moment>,
     ) -> Result<u64> {
         if regions.is_empty() && after.is_none() {
             return Ok(self.last);
         }
-        self.start_recorded(after.as_slice(), |gpu, commands| {
-            copy(gpu, commands, [from, to], regions);
-        })
+        self.start_recorded(after.as_slice(), |commands| commands.copy(buffers, regions))
     }
 
     /// Likewise, each copy after those before it, and all after some moments.
@@ -96,24 +82,20 @@ impl Transfer {
         copies: &[([&Buffer; 2], Vec<vk::BufferCopy>)],
         after: &[Moment],
     ) -> Result<u64> {
-        self.start_recorded(after, |gpu, commands| {
+        self.start_recorded(after, |commands| {
             for (buffers, regions) in copies {
                 commands.barrier(COPIES, COPIES);
-                copy(gpu, commands, *buffers, regions);
+                commands.copy(*buffers, regions);
             }
         })
     }
 
-    fn start_recorded(
-        &mut self,
-        after: &[Moment],
-        record: impl FnOnce(&Gpu, &Commands),
-    ) -> Result<u64> {
+    fn start_recorded(&mut self, after: &[Moment], record: impl FnOnce(&Commands)) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
         commands.begin()?;
-        record(&self.gpu, commands);
+        record(commands);
         commands.barrier(COPIES, HOST);
         commands.end()?;
         let value = self.last + 1;
@@ -141,20 +123,9 @@ impl Transfer {
         Ok(self.lanes.len() - 1)
     }
 
-    /// Copies, and waits until it is done.
-    pub(crate) fn carry(&mut self, copy: Copy<'_>) -> Result<()> {
-        let value = self.start(copy, None)?;
-        self.done.wait(value)
-    }
-}
-
-fn copy(gpu: &Gpu, commands: &Commands, [from, to]: [&Buffer; 2], regions: &[vk::BufferCopy]) {
-    if !regions.is_empty() {
-        // SAFETY: the command buffer is being recorded; both buffers hold the bytes.
-        unsafe {
-            gpu.vk
-                .cmd_copy_buffer(commands.vk(), from.vk, to.vk, regions);
-        }
+    /// Waits until all copies are done.
+    pub(crate) fn wait(&self) -> Result<()> {
+        self.done.wait(self.last)
     }
 }
 
@@ -166,17 +137,6 @@ fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
             .size(PIECE.min(bytes.end - at))
     };
     bytes.clone().step_by(PIECE as usize).map(region).collect()
-}
-
-impl Transfer {
-    pub(crate) fn queue(&self) -> &Arc<Queue> {
-        &self.queue
-    }
-
-    /// Waits until all copies are done.
-    pub(crate) fn wait(&self) -> Result<()> {
-        self.done.wait(self.last)
-    }
 }
 
 impl Drop for Transfer {
@@ -234,12 +194,9 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
     for (data, to) in all {
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
-            road.carry(Copy {
-                from: &window,
-                to,
-                to_at: (i * most) as u64,
-                bytes: piece.len() as u64,
-            })?;
+            let place = ((i * most) as u64, piece.len() as u64);
+            road.start([&window, to], place, None)?;
+            road.wait()?;
         }
     }
     Ok(())

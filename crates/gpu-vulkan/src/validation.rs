@@ -1,6 +1,5 @@
 //! The validation layer: whether it is here, and what it says.
 
-use crate::vulkan_device::VulkanDevice;
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
 use gpu_common::Validation;
@@ -45,10 +44,10 @@ fn is_installed(entry: &Entry) -> bool {
     EXTENSIONS.into_iter().all(has)
 }
 
-/// What the layer said.
 static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-fn messages() -> MutexGuard<'static, Vec<String>> {
+/// What the layer has said so far, in this process.
+pub(crate) fn messages() -> MutexGuard<'static, Vec<String>> {
     MESSAGES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -67,18 +66,6 @@ pub(crate) fn listen(entry: &Entry, instance: &Instance) -> Result<()> {
     let made = unsafe { utils.create_debug_utils_messenger(&info, None) };
     made.map(drop)
         .map_err(|e| BackendError::NoDevice(format!("no debug messenger: {e}")))
-}
-
-impl VulkanDevice {
-    /// Whether the validation layer watches.
-    pub fn is_validated(&self) -> bool {
-        self.gpu.host.is_validated
-    }
-
-    /// What the validation layer has said so far, in this process.
-    pub fn validation_messages(&self) -> Vec<String> {
-        messages().clone()
-    }
 }
 
 /// Called by the layer for each message.

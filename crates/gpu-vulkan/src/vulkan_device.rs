@@ -9,7 +9,8 @@ use crate::pipelines::Pipeline;
 use crate::pool::{LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
 use crate::timeline::{Batch, Moment, Timeline, submit};
-use crate::transfer::{Copy, Transfer, Windows, load};
+use crate::transfer::{Transfer, Windows, load};
+use crate::validation::messages;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
@@ -52,9 +53,6 @@ pub struct VulkanDevice {
 
 impl VulkanDevice {
     /// The device of a backend of that name, for one scene: others may take it besides.
-    ///
-    /// # Errors
-    /// See [`backend::BackendError`].
     pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
         let queues = gpu.take_queues();
         Ok(Self {
@@ -79,7 +77,7 @@ impl VulkanDevice {
 
     /// Whether copies up and down each have a queue of their own.
     pub fn has_queues_for_copies(&self) -> bool {
-        let [up, back] = [&self.upload, &self.readback].map(Transfer::queue);
+        let [up, back] = [&self.upload.queue, &self.readback.queue];
         let is_own = |queue| !Arc::ptr_eq(queue, &self.compute);
         is_own(up) && is_own(back) && !Arc::ptr_eq(up, back)
     }
@@ -148,7 +146,10 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn forms(&self) -> (Option<Packets>, bool) {
-        (self.gpu.packets(), self.gpu.extras.has_least_of_64_bits)
+        let extras = self.gpu.extras;
+        let subgroups = extras.subgroups.map(|size| (size, size));
+        let packets = Packets::for_device(subgroups, self.gpu.is_software());
+        (packets, extras.has_least_of_64_bits)
     }
 
     fn clock(&self) -> Clock {
@@ -202,6 +203,10 @@ impl GpuDevice for VulkanDevice {
 
     fn buffers_made(&self) -> u64 {
         self.gpu.memory.made()
+    }
+
+    fn complaints(&self) -> Vec<String> {
+        messages().clone()
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {
@@ -299,8 +304,11 @@ impl GpuDevice for VulkanDevice {
     ) -> Result<Option<PositionsCopy>> {
         let to = positions.map(|(_, bytes)| {
             let spare = self.spares.pop().map(|points| points.buffer);
-            let what = "vertices for the builder";
-            Buffer::fitting(&self.gpu, what, bytes, BufferUse::Readback, spare)
+            let made = || {
+                let what = "vertices for the builder";
+                Buffer::new(&self.gpu, what, bytes, BufferUse::Readback)
+            };
+            spare.filter(|b| b.bytes >= bytes).map_or_else(made, Ok)
         });
         let to = to.transpose()?;
         slot.end()?;
@@ -308,14 +316,10 @@ impl GpuDevice for VulkanDevice {
         let Some(((from, bytes), buffer)) = positions.zip(to) else {
             return Ok(None);
         };
-        let copy = Copy {
-            from,
-            to: &buffer,
-            to_at: 0,
-            bytes,
-        };
         let ready = self.first_part.at(ticket.0);
-        let done_at = self.readback.start(copy, Some(ready))?;
+        let done_at = self
+            .readback
+            .start([from, &buffer], (0, bytes), Some(ready))?;
         Ok(Some(PositionsCopy { buffer, done_at }))
     }
 

@@ -82,17 +82,6 @@ impl WgpuDevice {
         }
     }
 
-    /// What wgpu refused so far on this device and, if it was opened with validation, what the layer below it called an error.
-    /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole.
-    #[must_use]
-    pub fn validation_messages(&self) -> Vec<String> {
-        let mut messages = self.gpu.faults.messages();
-        if self.gpu.is_validated {
-            messages.extend(layer_messages());
-        }
-        messages
-    }
-
     /// What was asked of wgpu since the device was opened.
     #[must_use]
     pub fn call_counts(&self) -> CallCounts {
@@ -163,6 +152,16 @@ impl GpuDevice for WgpuDevice {
 
     fn buffers_made(&self) -> u64 {
         self.call_counts().buffers
+    }
+
+    /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole. Where the layer
+    /// is not installed, it has nothing to say.
+    fn complaints(&self) -> Vec<String> {
+        let mut messages = self.gpu.faults.messages();
+        if self.gpu.is_validated {
+            messages.extend(layer_messages());
+        }
+        messages
     }
 
     fn upload(&mut self, all: &[(&[u8], &Buffer)]) -> Result<()> {

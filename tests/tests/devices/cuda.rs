@@ -2,10 +2,11 @@
 
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
-use crate::external::{self, Shared, SharedRays};
-use crate::lent_rays::find_what_the_hosts_do;
-use crate::other_device::{Exported, Importer, When};
-use crate::sheets::see_as_of_the_host;
+use crate::external::{OFFSET, Shared, SharedRays, words};
+use crate::lent::{OnHost, Sheets, bits, find_what_the_hosts_do, see_as_of_the_host, sheet};
+use crate::other_device::{Exported, Importer};
+use crate::scenes::camera;
+use abvh::{Error, Query, Ray, Source, Update};
 use libloading::Library;
 use std::ffi::{c_int, c_uint, c_void};
 use std::os::fd::{IntoRawFd, OwnedFd};
@@ -61,10 +62,6 @@ pub(crate) struct Cuda(&'static Library);
 #[derive(Clone, Copy)]
 pub(crate) struct Memory(u64, u64);
 
-/// A semaphore that was imported.
-#[derive(Clone, Copy)]
-pub(crate) struct Semaphore(Handle);
-
 /// Calls a function of the library by its name and its arguments' types.
 macro_rules! call {
     ($cuda:expr, $name:ident($($argument:expr => $type:ty),* $(,)?)) => {{
@@ -104,13 +101,29 @@ pub(crate) fn absent() -> Option<String> {
 }
 
 impl Cuda {
+    fn import_semaphore(&self, fd: OwnedFd) -> Handle {
+        let import = Import::<[u64; 0]> {
+            kind: TIMELINE_FD,
+            fd: fd.into_raw_fd() as u64,
+            ..Import::default()
+        };
+        let mut semaphore = null_mut();
+        done!(
+            self,
+            cuImportExternalSemaphore(
+                &raw mut semaphore => *mut Handle, &raw const import => *const Import<[u64; 0]>,
+            )
+        );
+        semaphore
+    }
+
     /// Has the stream wait for a value, or reach it.
-    fn order(&self, semaphore: Semaphore, value: u64, waits: bool) {
+    fn order(&self, semaphore: Handle, value: u64, waits: bool) {
         let params = Value {
             value,
             ..Value::default()
         };
-        let (semaphores, params) = ([semaphore.0], ptr::from_ref(&params));
+        let (semaphores, params) = ([semaphore], ptr::from_ref(&params));
         let semaphores = semaphores.as_ptr();
         if waits {
             done!(
@@ -128,11 +141,42 @@ impl Cuda {
             );
         }
     }
+
+    /// Begins to write; memory of the host that is not pinned is read before this returns.
+    fn begin_to_write(&self, to: Memory, at: u64, bytes: &[u8]) {
+        done!(
+            self,
+            cuMemcpyHtoDAsync_v2(
+                to.0 + at => u64, bytes.as_ptr() => *const u8, bytes.len() => usize, null_mut() => Handle,
+            )
+        );
+    }
+
+    /// Begins to fill all with what is no vertex, again and again.
+    fn spoil(&self, memory: Memory) {
+        for _ in 0..500 {
+            done!(
+                self,
+                cuMemsetD8Async(memory.0 => u64, 0xff => u8, memory.1 as usize => usize, null_mut() => Handle)
+            );
+        }
+    }
+
+    /// Waits ten seconds at most; says whether the value was reached.
+    fn reaches(&self, semaphore: Handle, value: u64) -> bool {
+        self.order(semaphore, value, true);
+        let begun = Instant::now();
+        while call!(self, cuStreamQuery(null_mut() => Handle)) == NOT_READY {
+            if begun.elapsed() > Duration::from_secs(10) {
+                return false;
+            }
+        }
+        true
+    }
 }
 
 impl Importer for Cuda {
     type Memory = Memory;
-    type Semaphore = Semaphore;
 
     fn open(uuid: [u8; 16]) -> Self {
         let cuda = library().unwrap();
@@ -176,43 +220,9 @@ impl Importer for Cuda {
         Memory(at, exported.size)
     }
 
-    fn import_semaphore(&self, fd: OwnedFd) -> Semaphore {
-        let import = Import::<[u64; 0]> {
-            kind: TIMELINE_FD,
-            fd: fd.into_raw_fd() as u64,
-            ..Import::default()
-        };
-        let mut semaphore = null_mut();
-        done!(
-            self,
-            cuImportExternalSemaphore(
-                &raw mut semaphore => *mut Handle, &raw const import => *const Import<[u64; 0]>,
-            )
-        );
-        Semaphore(semaphore)
-    }
-
-    fn write(&self, to: Memory, at: u64, bytes: &[u8], when: Option<When<Semaphore>>) {
-        if let Some((semaphore, [wait, _])) = when {
-            self.order(semaphore, wait, true);
-            for _ in 0..500 {
-                done!(
-                    self,
-                    cuMemsetD8Async(to.0 => u64, 0xff => u8, to.1 as usize => usize, null_mut() => Handle)
-                );
-            }
-        }
-        // Memory of the host that is not pinned is read before the call returns.
-        done!(
-            self,
-            cuMemcpyHtoDAsync_v2(
-                to.0 + at => u64, bytes.as_ptr() => *const u8, bytes.len() => usize, null_mut() => Handle,
-            )
-        );
-        match when {
-            Some((semaphore, [_, signal])) => self.order(semaphore, signal, false),
-            None => done!(self, cuCtxSynchronize()),
-        }
+    fn write(&self, to: Memory, at: u64, bytes: &[u8]) {
+        self.begin_to_write(to, at, bytes);
+        done!(self, cuCtxSynchronize());
     }
 
     fn read(&self, from: Memory, bytes: usize) -> Vec<u8> {
@@ -222,17 +232,6 @@ impl Importer for Cuda {
             cuMemcpyDtoH_v2(read.as_mut_ptr() => *mut u8, from.0 => u64, bytes => usize)
         );
         read
-    }
-
-    fn reaches(&self, semaphore: Semaphore, value: u64) -> bool {
-        self.order(semaphore, value, true);
-        let begun = Instant::now();
-        while call!(self, cuStreamQuery(null_mut() => Handle)) == NOT_READY {
-            if begun.elapsed() > Duration::from_secs(10) {
-                return false;
-            }
-        }
-        true
     }
 }
 
@@ -244,6 +243,44 @@ pub(crate) fn rays_and_answers_are_shared_with_cuda() {
     find_what_the_hosts_do(SharedRays::<Cuda>::new);
 }
 
+/// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
 pub(crate) fn steps_and_cuda_wait_for_each_other() {
-    external::wait_for_each_other::<Cuda>();
+    let mut shared = Shared::<Cuda>::open(Update::Async);
+    let mut expected = OnHost::open(Update::Async);
+    let semaphore = shared.tracer.external_semaphore().unwrap();
+    let imported = shared.other.import_semaphore(semaphore.fd().unwrap());
+    let height = |frame: u64| 0.25 + 0.05 * frame as f32;
+    let mut before = None;
+    for frame in 0..20 {
+        let (buffer, bytes) = &shared.memory[0];
+        let (points, offset) = (sheet(height(frame)), OFFSET);
+        shared.other.order(imported, 2 * frame, true);
+        shared.other.spoil(*bytes);
+        shared.other.begin_to_write(*bytes, OFFSET, words(&points));
+        shared.other.order(imported, 2 * frame + 1, false);
+        let mut step = shared.tracer.step(0.0);
+        step.vertices(shared.sheets[0], Source::External { buffer, offset })
+            .unwrap();
+        step.synchronize(&semaphore, 2 * frame + 1, 2 * frame + 2)
+            .unwrap();
+        let query = step.trace(&camera(), Query::Closest);
+        let query = query.unwrap();
+        let done = step.submit().unwrap();
+        assert!(shared.other.reaches(imported, 2 * frame));
+        if let Some((done, query)) = before.replace((done, query)) {
+            let seen = bits(shared.tracer.hits(done, query).unwrap());
+            let host = expected.see([Some((height(frame - 1), false)), None]);
+            assert!(seen == host, "{frame}");
+        }
+    }
+    assert!(shared.other.reaches(imported, 40));
+    let mut step = shared.tracer.step(0.0);
+    for values in [[39, 40], [41, 41], [42, 41]] {
+        let said = step.synchronize(&semaphore, values[0], values[1]);
+        assert!(matches!(said, Err(Error::Device(_))), "{values:?} {said:?}");
+    }
+    step.trace(&[Ray::new([0.0; 3], [1.0; 3])], Query::Any)
+        .unwrap();
+    let said = step.synchronize(&semaphore, 41, 42);
+    assert_eq!(said, Err(Error::TooLate));
 }

@@ -1,24 +1,32 @@
 //! Vertices, rays and answers in memory that another device shares, and a semaphore that tells when they are there.
 
-use crate::lent_rays::{Found, LentRays, find_what_the_hosts_do, found};
-use crate::other_device::{Exported, Importer, OtherDevice};
-use crate::scenes::camera;
-use crate::sheets::{
-    self, Moved, Sheets, bits, see_as_of_the_host, sheet, stay_while_another_is_replaced,
+use crate::lent::{
+    Found, LentRays, Moved, OnHost, Sheets, find_what_the_hosts_do, found, see_as_of_the_host,
+    sheet, stay_while_another_is_replaced, triangles, two_sheets,
 };
+use crate::opened;
+use crate::other_device::{Exported, Importer, OtherDevice};
+use crate::scenes::{go, hits, open, rays, stand};
 use abvh::external_memory::{ExternalBuffer, ExternalRays};
 use abvh::{Device, Error, MeshId, Point, Query, Ray, Scene, Source, Step, Tracer, Update};
+use backend::{Backend, Hits, QueryKind, Rays, Ticket};
+use geom::{Animation, PointBuffer};
+use gpu_vulkan::external::ExternalMemory;
+use gpu_vulkan::memory::Buffer;
+use gpu_vulkan::timeline::Timeline;
+use gpu_vulkan::{VulkanBackend, VulkanDevice};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 fn tracer(scene: Scene, update: Update) -> Tracer {
     let builder = Tracer::builder().device(Device::Vulkan(None)).threads(2);
     builder.update(update).build(scene).unwrap()
 }
 
-/// Why memory, and why a semaphore, cannot be shared here.
-pub(crate) fn lacks() -> [Option<String>; 2] {
-    let mut tracer = tracer(Scene::new(), Update::Auto);
-    let (memory, semaphore) = (tracer.external_buffer(16), tracer.external_semaphore());
-    [memory.err(), semaphore.err()].map(|lack| lack.map(|e| e.to_string()))
+/// Why memory cannot be shared here.
+pub(crate) fn lacks() -> Option<String> {
+    let memory = tracer(Scene::new(), Update::Auto).external_buffer(16);
+    memory.err().map(|e| e.to_string())
 }
 
 fn import<O: Importer>(other: &O, buffer: &ExternalBuffer) -> O::Memory {
@@ -32,17 +40,17 @@ fn import<O: Importer>(other: &O, buffer: &ExternalBuffer) -> O::Memory {
 
 /// Two sheets, and memory that another device shares: for the vertices of each, after some bytes that are none.
 pub(crate) struct Shared<O: Importer> {
-    other: O,
-    tracer: Tracer,
-    sheets: [MeshId; 2],
-    memory: [(ExternalBuffer, O::Memory); 2],
+    pub(crate) other: O,
+    pub(crate) tracer: Tracer,
+    pub(crate) sheets: [MeshId; 2],
+    pub(crate) memory: [(ExternalBuffer, O::Memory); 2],
 }
 
-const OFFSET: u64 = 20;
+pub(crate) const OFFSET: u64 = 20;
 
 impl<O: Importer> Sheets for Shared<O> {
     fn open(update: Update) -> Self {
-        let (scene, sheets) = sheets::scene();
+        let (scene, sheets) = two_sheets();
         let mut tracer = tracer(scene, update);
         let first = tracer.external_buffer(16).unwrap();
         let other = O::open(first.device_uuid());
@@ -73,7 +81,7 @@ impl<O: Importer> Sheets for Shared<O> {
             let (points, (buffer, bytes)) = (sheet(height), &self.memory[i]);
             let source = match is_shared {
                 true => {
-                    self.other.write(*bytes, OFFSET, words(&points), None);
+                    self.other.write(*bytes, OFFSET, words(&points));
                     let offset = OFFSET;
                     Source::External { buffer, offset }
                 }
@@ -94,12 +102,7 @@ pub(crate) fn vertices_may_lie_in_external_memory() {
 }
 
 pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() {
-    let [mut found, mut expected] = stay_while_another_is_replaced::<Shared<OtherDevice>>();
-    let next = [None, Some((0.25, false))];
-    assert!(found.see(next) == expected.see(next));
-    // The device is the same, and so is its memory.
-    let [theirs, hosts] = [true, false].map(|on_device| [None, Some((0.75, on_device))]);
-    assert!(found.see(theirs) == expected.see(hosts));
+    stay_while_another_is_replaced::<Shared<OtherDevice>>();
 }
 
 /// Rays and answers in memory that another device shares.
@@ -121,7 +124,7 @@ impl<O: Importer> SharedRays<O> {
             let bytes = import(&other, &buffer);
             (buffer, bytes)
         });
-        other.write(memory[0].1, 0, bytemuck::cast_slice(rays), None);
+        other.write(memory[0].1, 0, bytemuck::cast_slice(rays));
         Self {
             other,
             tracer,
@@ -151,7 +154,7 @@ impl<O: Importer> LentRays for SharedRays<O> {
     fn fill_room(&mut self, byte: u8) {
         let (room, bytes) = &self.memory[1];
         let all = vec![byte; room.size() as usize];
-        self.other.write(*bytes, 0, &all, None);
+        self.other.write(*bytes, 0, &all);
     }
 
     fn room(&mut self, words: usize) -> Vec<u32> {
@@ -219,50 +222,99 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         );
     }
     let moved = [Some((0.5, false)), None];
-    assert!(own.see(moved) == open().see(moved));
+    assert!(own.see(moved) == OnHost::open(Update::Auto).see(moved));
 }
 
-/// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
-pub(crate) fn wait_for_each_other<O: Importer>() {
-    let [mut shared, mut expected] = [0; 2].map(|_| Shared::<O>::open(Update::Async));
-    let semaphore = shared.tracer.external_semaphore().unwrap();
-    let imported = shared.other.import_semaphore(semaphore.fd().unwrap());
-    let height = |frame: u64| 0.25 + 0.05 * frame as f32;
-    let mut before = None;
-    for frame in 0..20 {
-        let (buffer, bytes) = &shared.memory[0];
-        let (points, offset) = (sheet(height(frame)), OFFSET);
-        let when = (imported, [2 * frame, 2 * frame + 1]);
-        shared
-            .other
-            .write(*bytes, OFFSET, words(&points), Some(when));
-        let mut step = shared.tracer.step(0.0);
-        step.vertices(shared.sheets[0], Source::External { buffer, offset })
-            .unwrap();
-        step.synchronize(&semaphore, 2 * frame + 1, 2 * frame + 2)
-            .unwrap();
-        let query = step.trace(&camera(), Query::Closest);
-        let query = query.unwrap();
-        let done = step.submit().unwrap();
-        assert!(shared.other.reaches(imported, 2 * frame));
-        if let Some((done, query)) = before.replace((done, query)) {
-            let seen = bits(shared.tracer.hits(done, query).unwrap());
-            let host = expected.see([Some((height(frame - 1), false)), None]);
-            assert!(seen == host, "{frame}");
-        }
+/// Lets a submission go on that waits for an odd value, after what happens meanwhile. It has the next value reached.
+fn let_go(
+    backend: &mut VulkanBackend,
+    (timeline, value): (&Timeline, u64),
+    ticket: Option<Ticket>,
+    meanwhile: impl FnOnce(),
+) -> Hits {
+    backend.gpu_mut().signal().unwrap();
+    std::thread::sleep(Duration::from_millis(200));
+    let is_done = |Ticket(number)| backend.gpu().done.has_reached(number).unwrap();
+    let early = ticket.is_some_and(is_done) || timeline.has_reached(value + 1).unwrap();
+    meanwhile();
+    if !timeline.has_reached(value).unwrap() {
+        timeline.signal(value).unwrap();
     }
-    assert!(shared.other.reaches(imported, 40));
-    let mut step = shared.tracer.step(0.0);
-    for values in [[39, 40], [41, 41], [42, 41]] {
-        let said = step.synchronize(&semaphore, values[0], values[1]);
-        assert!(matches!(said, Err(Error::Device(_))), "{values:?} {said:?}");
+    assert!(!early);
+    let begun = Instant::now();
+    while !timeline.has_reached(value + 1).unwrap() {
+        assert!(begun.elapsed() < Duration::from_secs(10), "no signal");
     }
-    step.trace(&[Ray::new([0.0; 3], [1.0; 3])], Query::Any)
-        .unwrap();
-    let said = step.synchronize(&semaphore, 41, 42);
-    assert_eq!(said, Err(Error::TooLate));
+    ticket
+        .map(|ticket| hits(backend, ticket))
+        .unwrap_or_default()
 }
 
-pub(crate) fn steps_and_another_device_wait_for_each_other() {
-    wait_for_each_other::<OtherDevice>();
+/// The host's hand stands for the other device's semaphore.
+pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
+    let mut backend = opened::<VulkanDevice>().unwrap();
+    let gpu = Arc::clone(&backend.gpu().gpu);
+    let [vertices, given] = [12 * 400, 32 * 500].map(|bytes| {
+        let made = ExternalMemory::new(&gpu, bytes).unwrap();
+        Arc::new(made)
+    });
+    let other = OtherDevice::open(vertices.device_uuid());
+    let [to_vertices, to_rays] = [&vertices, &given].map(|memory| {
+        other.import(Exported {
+            fd: memory.fd().unwrap(),
+            size: memory.bytes,
+            allocation_size: memory.allocation_bytes,
+            memory_type: memory.memory_type,
+        })
+    });
+    let animation = Animation::live(sheet(0.0), &[false; 400], triangles()).unwrap();
+    let animation = Arc::new(animation);
+    open(&mut backend, &animation);
+    let arrive = |backend: &mut VulkanBackend, points: Vec<Point>| {
+        let time = animation.push(PointBuffer::from(points)).unwrap();
+        stand(backend, &animation, time);
+    };
+    let (list, closest) = (rays(500), QueryKind::Closest);
+    let [still, moved] = [0.5, 0.25].map(|height| {
+        arrive(&mut backend, sheet(height));
+        let ticket = go(&mut backend, Rays::List(&list), closest);
+        hits(&mut backend, ticket)
+    });
+    assert!(still != moved);
+    let timeline = Arc::new(Timeline::new(&gpu).unwrap());
+
+    backend.gpu_mut().synchronize(&timeline, [1, 2]).unwrap();
+    for values in [[2, 2], [1, 2], [3, 1]] {
+        assert!(backend.gpu_mut().synchronize(&timeline, values).is_err());
+    }
+    backend.gpu_mut().lend_rays(gpu_vulkan::LentRays {
+        rays: Buffer::lent(&gpu, &given, 32 * 500).unwrap(),
+        answers: None,
+    });
+    arrive(&mut backend, sheet(0.5));
+    let ticket = go(&mut backend, Rays::OnDevice(500), closest);
+    let seen = let_go(&mut backend, (&timeline, 1), Some(ticket), || {
+        other.write(to_rays, 0, bytemuck::cast_slice(&list));
+    });
+    assert!(seen == still);
+
+    let write = |height| other.write(to_vertices, 0, words(&sheet(height)));
+    let bring = |backend: &mut VulkanBackend, values| {
+        let device = backend.gpu_mut();
+        device.synchronize(&timeline, values).unwrap();
+        device.bring_points((0..400, 400), (&vertices, 0)).unwrap();
+    };
+    bring(&mut backend, [3, 4]);
+    arrive(&mut backend, sheet(0.5));
+    let ticket = go(&mut backend, Rays::List(&list), closest);
+    let seen = let_go(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
+    assert!(seen == moved);
+
+    // Nor does a step without a query leave anything unread.
+    bring(&mut backend, [5, 6]);
+    let_go(&mut backend, (&timeline, 5), None, || write(0.75));
+    write(0.25);
+    let kept = backend.gpu_mut().read_points(&(0..400)).unwrap();
+    assert!(kept == Some(sheet(0.75)));
+    assert_eq!(backend.inspect().complaints(), [""; 0]);
 }

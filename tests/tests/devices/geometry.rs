@@ -8,9 +8,9 @@ use backend::{Backend, FrameReport, Generation, Layout, Method, QueryKind, Rays}
 use bvh_layout::Topology;
 use conformance::record;
 use cpu_ref::CpuBackend;
-use geom::Animation;
+use geom::{Aabb, Animation};
 use integration::share;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// As many leaves as a chain may have: a record has 65 levels at most.
 const LEAVES: u32 = 65;
@@ -206,25 +206,34 @@ pub(crate) fn a_flat_triangle_is_counted_at_a_key_frame_though_it_vanishes_after
     }
 }
 
+/// What a refitted tree of a scene reports, and its boxes.
+fn refitted(
+    backend: &mut dyn Backend,
+    (animation, tree): &(Arc<Animation>, Topology),
+) -> (FrameReport, Vec<Aabb>) {
+    let method = laid(Layout::Fast);
+    backend.load(Arc::clone(animation), method).unwrap();
+    backend.adopt(tree, Generation(1)).unwrap();
+    stand(backend, animation, 0.7);
+    (report(backend), backend.inspect().boxes().unwrap())
+}
+
 /// So large that `preprocess` of layout `fast` waits for positions.
 pub(crate) fn large_trees_have_the_references_boxes(backend: &mut dyn Subject) {
-    let animation = swarm(600_000);
-    let tree = tree_at(&animation, 0.4);
-    let mut reference = CpuBackend::new(Some(2)).unwrap();
-    let found = |backend: &mut dyn Backend| {
-        let method = laid(Layout::Fast);
-        backend.load(Arc::clone(&animation), method).unwrap();
-        backend.adopt(&tree, Generation(1)).unwrap();
-        stand(backend, &animation, 0.7);
-        let report = report(backend);
-        let boxes = backend.inspect().boxes().unwrap();
-        (report.times, report.inactive, report.degenerate, boxes)
-    };
-    let (seen, right) = (found(backend), found(&mut reference));
-    let times = seen.0;
+    static LARGE: LazyLock<(Arc<Animation>, Topology)> = LazyLock::new(|| {
+        let animation = swarm(540_000);
+        let tree = tree_at(&animation, 0.4);
+        (animation, tree)
+    });
+    static RIGHT: LazyLock<(FrameReport, Vec<Aabb>)> =
+        LazyLock::new(|| refitted(&mut CpuBackend::new(Some(2)).unwrap(), &LARGE));
+    assert!(LARGE.1.leaf_count() > 1 << 19);
+    let ((seen, boxes), (right, right_boxes)) = (refitted(backend, &LARGE), &*RIGHT);
+    let times = seen.times;
     assert!(
         times.interpolate_ms.is_some() || times.preprocess_ms.is_none(),
         "it did not wait"
     );
-    assert!((seen.1, seen.2, seen.3) == (right.1, right.2, right.3));
+    let counts = |r: &FrameReport| (r.inactive, r.degenerate);
+    assert!(counts(&seen) == counts(right) && boxes == *right_boxes);
 }

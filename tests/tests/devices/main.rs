@@ -8,25 +8,20 @@
 mod cuda;
 #[cfg(target_os = "linux")]
 mod external;
-#[cfg(target_os = "linux")]
-mod external_timeline;
 mod frames;
 mod geometry;
-mod lent_rays;
+mod lent;
 #[cfg(target_os = "linux")]
 mod other_device;
-mod packets;
 mod pictures;
 mod queues;
-mod rasterization;
 mod rebuild;
 mod scenes;
-mod sheets;
+mod together;
 mod wgpu_calls;
 mod wgpu_encode;
 mod wgpu_lent;
 mod wgpu_module;
-mod wgpu_own;
 mod wgpu_points;
 mod wgpu_rays;
 
@@ -38,12 +33,10 @@ use integration::is_required;
 use libtest_mimic::Trial;
 use shaders::BufferName;
 use std::process::ExitCode;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A backend on a device, and what only tests ask of it.
 trait Subject: Backend {
-    /// What validation layers or wgpu said since it was opened.
-    fn complaints(&self) -> Vec<String>;
     /// Buffers made since it was opened.
     fn buffers_made(&self) -> u64;
     /// Bytes that a buffer may have.
@@ -52,28 +45,7 @@ trait Subject: Backend {
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32>;
 }
 
-/// Of a device's own.
-trait Complains {
-    fn complaints(&self) -> Vec<String>;
-}
-
-impl Complains for VulkanDevice {
-    fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
-    }
-}
-
-impl Complains for WgpuDevice {
-    fn complaints(&self) -> Vec<String> {
-        self.validation_messages()
-    }
-}
-
-impl<D: GpuDevice + Complains> Subject for ComputeBackend<D> {
-    fn complaints(&self) -> Vec<String> {
-        self.gpu().complaints()
-    }
-
+impl<D: GpuDevice> Subject for ComputeBackend<D> {
     fn buffers_made(&self) -> u64 {
         self.gpu().buffers_made()
     }
@@ -127,16 +99,16 @@ const SHARED: &[Test] = named![
 /// What kernels do, for which one device suffices.
 const OF_KERNELS: &[Test] = named![
     geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
-    rasterization::triangles_find_the_rays_that_find_them,
-    rasterization::each_ray_goes_by_itself_where_triangles_cover_too_much,
+    together::triangles_find_the_rays_that_find_them,
+    together::each_ray_goes_by_itself_where_triangles_cover_too_much,
     rebuild::trees_of_any_size_are_whole,
     rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,
     rebuild::no_tree_is_too_deep_for_the_traversal,
     rebuild::extreme_and_equal_coordinates_make_a_tree,
     rebuild::triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order,
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
-    packets::rays_together_find_what_each_finds_by_itself,
-    packets::what_lies_beside_the_picture_covers_none_of_it,
+    together::rays_together_find_what_each_finds_by_itself,
+    together::what_lies_beside_the_picture_covers_none_of_it,
 ];
 
 /// What ends with the device.
@@ -188,11 +160,8 @@ const OF_EXTERNAL_MEMORY: &[(&str, fn())] = named![
     external::vertices_of_external_memory_stay_while_another_mesh_is_replaced,
     external::rays_and_answers_may_lie_in_external_memory,
     external::misuse_of_external_memory_is_an_error,
-    external_timeline::what_is_lent_is_used_between_two_values_of_a_timeline,
+    external::what_is_lent_is_used_between_two_values_of_a_timeline,
 ];
-#[cfg(target_os = "linux")]
-const OF_EXTERNAL_SEMAPHORES: &[(&str, fn())] =
-    named![external::steps_and_another_device_wait_for_each_other];
 #[cfg(target_os = "linux")]
 const OF_CUDA: &[(&str, fn())] = named![
     cuda::vertices_of_cuda_are_traced_where_they_lie,
@@ -206,36 +175,42 @@ fn main() -> ExitCode {
         || opened::<VulkanDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
         || opened::<WgpuDevice>().map(|b| Box::new(b) as Box<dyn Subject>),
     );
-    let no_vulkan = open_vulkan().err().map(|e| e.to_string());
-    let no_wgpu = open_wgpu().err().map(|e| e.to_string());
+    let devices = [open_vulkan, open_wgpu].map(|open| Arc::new(Mutex::new(open())));
+    let [no_vulkan, no_wgpu] = devices.each_ref().map(|device| {
+        let device = lock(device);
+        device.as_ref().err().map(ToString::to_string)
+    });
     let no_rays = gpu_vulkan_rt::ray_adapters().err().map(|e| e.to_string());
     let no_queues = no_vulkan.clone().or_else(queues::lacks_queues);
+    let excused = |absent: &Option<String>, name| absent.clone().filter(|_| !is_required(name));
+    let [vulkan, wgpu] = &devices;
     let mut trials = Vec::new();
-    for (name, absent, open) in [
-        ("vulkan", &no_vulkan, open_vulkan),
-        ("wgpu", &no_wgpu, open_wgpu),
+    for (name, absent, device, open) in [
+        ("vulkan", &no_vulkan, vulkan, open_vulkan),
+        ("wgpu", &no_wgpu, wgpu, open_wgpu),
     ] {
-        let excused = absent.as_deref().filter(|_| !is_required(name));
-        let once = Arc::new(LazyLock::new(move || Mutex::new(open().unwrap())));
+        let excused = excused(absent, name);
         let own = if name == "vulkan" { OF_KERNELS } else { &[] };
         for &(law, body) in SHARED.iter().chain(own) {
-            let once = Arc::clone(&once);
+            let device = Arc::clone(device);
             let body = move || {
-                let mut subject = once.lock().unwrap_or_else(PoisonError::into_inner);
-                body(&mut **subject);
-                assert_eq!(subject.complaints(), [""; 0]);
+                let mut device = lock(&device);
+                let subject = &mut **device.as_mut().unwrap();
+                body(subject);
+                assert_eq!(subject.inspect().complaints(), [""; 0]);
             };
-            trials.push(trial(format!("{name}::{law}"), excused, body));
+            trials.push(trial(format!("{name}::{law}"), excused.as_deref(), body));
         }
         for &(law, body) in FRESH {
+            let device = Arc::clone(device);
             let body = move || {
                 body(open().unwrap());
-                assert_eq!(open().unwrap().complaints(), [""; 0]);
+                let said = lock(&device).as_mut().unwrap().inspect().complaints();
+                assert_eq!(said, [""; 0]);
             };
-            trials.push(trial(format!("{name}::{law}"), excused, body));
+            trials.push(trial(format!("{name}::{law}"), excused.as_deref(), body));
         }
     }
-    let excused = |absent: &Option<String>, name| absent.clone().filter(|_| !is_required(name));
     let mut own = vec![
         (OF_VULKAN, excused(&no_vulkan, "vulkan")),
         (OF_THREE_QUEUES, no_queues),
@@ -244,14 +219,10 @@ fn main() -> ExitCode {
     ];
     #[cfg(target_os = "linux")]
     {
-        let [memory, semaphores] = match no_vulkan {
-            Some(why) => [0; 2].map(|_| Some(why.clone())),
-            None => external::lacks(),
-        };
+        let lacks = no_vulkan.or_else(external::lacks);
         own.extend([
-            (OF_CUDA, memory.clone().or_else(cuda::absent)),
-            (OF_EXTERNAL_MEMORY, memory),
-            (OF_EXTERNAL_SEMAPHORES, semaphores),
+            (OF_CUDA, lacks.clone().or_else(cuda::absent)),
+            (OF_EXTERNAL_MEMORY, lacks),
         ]);
     }
     for (all, why) in own {
@@ -261,6 +232,10 @@ fn main() -> ExitCode {
         trials.extend(each);
     }
     libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn trial(name: String, lacks: Option<&str>, body: impl FnOnce() + Send + 'static) -> Trial {

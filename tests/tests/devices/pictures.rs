@@ -8,6 +8,9 @@ use integration::stage::colours;
 use shading::Shot;
 use std::sync::Arc;
 
+/// Pixels of a picture.
+const SIZE: [u32; 2] = [66, 62];
+
 /// The device's picture of the scene as it stands at `time` has the bytes of the host's, and shows some of it.
 fn check(
     backend: &mut dyn Subject,
@@ -63,17 +66,16 @@ pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
     let lamp = [2.0, 5.0, 3.0];
     let usual = swarm(2000);
     load(&usual, backend);
-    for camera in cameras() {
+    for camera in cameras(SIZE) {
         for (time, light) in [(0.0, lamp), (0.7, [0.1, 0.2, 0.3]), (1.0, [0.0; 3])] {
             check(backend, (&usual, time), &camera, light);
         }
     }
-    let size = [130, 126];
     for by in [1e-36, 1e-12, 1e9, 1e30] {
         let animation = scaled(by);
         load(&animation, backend);
         let eye = [0.3 * by, 0.2 * by, 3.0 * by];
-        let camera = look(eye, [0.0; 3], (50.0, size));
+        let camera = look(eye, [0.0; 3], (50.0, SIZE));
         for light in [eye, [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]] {
             check(backend, (&animation, 0.3), &camera, light);
         }
@@ -81,13 +83,13 @@ pub(crate) fn a_device_shades_as_the_host_does(backend: &mut dyn Subject) {
     let animation = mixed();
     load(&animation, backend);
     for distance in [3e-30, 3.0, 3e3, 3e30] {
-        let camera = look([0.0, 0.1 * distance, distance], [0.0; 3], (60.0, size));
+        let camera = look([0.0, 0.1 * distance, distance], [0.0; 3], (60.0, SIZE));
         check(backend, (&animation, 0.0), &camera, lamp);
     }
 }
 
 pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {
-    let (animation, camera) = (swarm(50), &cameras()[0]);
+    let (animation, camera) = (swarm(50), &cameras(SIZE)[0]);
     open_laid(backend, &animation, Layout::Bvh2);
     stand(backend, &animation, 0.0);
     let query = Query {

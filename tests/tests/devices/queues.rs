@@ -8,7 +8,7 @@ use backend::{Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Rays, Ticket}
 use gpu_common::{Options, Validation};
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use gpu_vulkan::timeline::Timeline;
-use gpu_vulkan::transfer::{Copy, Transfer};
+use gpu_vulkan::transfer::Transfer;
 use gpu_vulkan::{VulkanBackend, VulkanDevice};
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,11 +19,11 @@ pub(crate) fn required_validation_is_there_or_its_absence_is_named() {
         ..Options::default()
     };
     match VulkanBackend::new(&options) {
-        Ok(b) => assert!(b.gpu().is_validated()),
+        Ok(b) => assert!(b.gpu().gpu.host.is_validated),
         Err(e) => assert!(matches!(e, BackendError::NoDevice(_)), "{e}"),
     }
     let plain = VulkanBackend::new(&Options::default()).unwrap();
-    assert!(!plain.gpu().is_validated());
+    assert!(!plain.gpu().gpu.host.is_validated);
 }
 
 pub(crate) fn every_adapter_tells_its_limits() {
@@ -46,13 +46,8 @@ pub(crate) fn every_adapter_tells_its_limits() {
 
 /// Bars a road until the gate opens.
 fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
-    let copy = Copy {
-        from,
-        to,
-        to_at: 0,
-        bytes: 16,
-    };
-    road.start(copy, Some(gate.at(1))).unwrap();
+    let opened = Some(gate.at(1));
+    road.start([from, to], (0, 16), opened).unwrap();
 }
 
 /// Why this machine's device cannot show that copies up and down have queues of their own.

@@ -1,9 +1,8 @@
 //! Steps that go into an encoder of the program's.
 
+use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
-use crate::sheets::{Met, Sheets, bits, scene, sheet};
-use crate::wgpu_lent::{adapter, device_on};
-use crate::wgpu_own::bytes_of;
+use crate::wgpu_lent::{bytes_of, device_with};
 use crate::wgpu_points::Own;
 use abvh::own_device::{RayBuffers, required_features, useful_features};
 use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
@@ -102,7 +101,7 @@ impl Encoded {
 pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
     for update in [Update::Async, Update::Refit] {
         let mut found = Encoded::new(update);
-        let mut expected = Own::open(update);
+        let mut expected = OnHost::open(update);
         for i in 0..8 {
             let moved = [2 * i, 2 * i + 1].map(|i| [0.1 * i as f32, 1.0 + 0.2 * i as f32]);
             let steps = moved.map(|to| found.encode(to));
@@ -131,7 +130,7 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     step.trace(&camera(), Query::Closest).unwrap();
     let said = step.encode(&mut commands);
     assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
-    let mut expected = Own::open(Update::Async);
+    let mut expected = OnHost::open(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
         own.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);
@@ -162,7 +161,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     let mut own = Encoded::new(Update::Async);
     let device = |own: &Encoded| Device::from(own.own.device.clone());
     let on = |device| Tracer::builder().device(device).threads(2);
-    let build = |builder: abvh::Builder| builder.build(scene().0).unwrap();
+    let build = |builder: abvh::Builder| builder.build(two_sheets().0).unwrap();
     let is_device = |said| matches!(said, Some(Error::Device(_)));
     // No tree is there.
     let mut first = build(on(device(&own)));
@@ -191,7 +190,7 @@ pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
     let (animation, camera) = (swarm(300), camera());
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
     let features = required_features() | useful_features();
-    let (device, queue, info) = device_on(&adapter(), features, limits);
+    let (device, queue, info) = device_with(features, limits);
     let mut backend = from_device(device.clone(), queue.clone(), info).unwrap();
     open(&mut backend, &animation);
     stand(&mut backend, &animation, 0.3);

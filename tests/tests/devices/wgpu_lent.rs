@@ -1,40 +1,64 @@
 //! Devices that somebody else opened, with less than one would like, or lost on the way.
 
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm, tree_at};
+use abvh::own_device::OwnDevice;
 use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
 use gpu_common::{KernelForm, Options};
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use wgpu::{Device, Limits, Queue};
+use std::sync::{Arc, LazyLock, mpsc};
+use wgpu::util::{DeviceExt, DownloadBuffer};
+use wgpu::{Buffer, BufferUsages, Device, Limits, Queue};
 
-/// The first adapter there is.
-pub(crate) fn adapter() -> wgpu::Adapter {
-    let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
-    desc.flags = wgpu::InstanceFlags::empty();
-    let instance = wgpu::Instance::new(desc);
-    let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    all.into_iter().next().unwrap()
-}
-
-/// A device with such features as the adapter has, and such limits.
-pub(crate) fn device_on(
-    adapter: &wgpu::Adapter,
+/// A device of the first adapter there is, with such features as that has, and such limits.
+pub(crate) fn device_with(
     features: wgpu::Features,
     limits: Limits,
 ) -> (Device, Queue, wgpu::AdapterInfo) {
+    static ADAPTER: LazyLock<wgpu::Adapter> = LazyLock::new(|| {
+        let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
+        desc.flags = wgpu::InstanceFlags::empty();
+        let instance = wgpu::Instance::new(desc);
+        let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        all.into_iter().next().unwrap()
+    });
     let desc = wgpu::DeviceDescriptor {
-        required_features: features & adapter.features(),
+        required_features: features & ADAPTER.features(),
         required_limits: limits,
         ..Default::default()
     };
-    let (device, queue) = pollster::block_on(adapter.request_device(&desc)).unwrap();
-    (device, queue, adapter.get_info())
+    let (device, queue) = pollster::block_on(ADAPTER.request_device(&desc)).unwrap();
+    (device, queue, ADAPTER.get_info())
 }
 
-fn device_with(features: wgpu::Features, limits: Limits) -> (Device, Queue, wgpu::AdapterInfo) {
-    device_on(&adapter(), features, limits)
+/// Likewise, as the library takes it.
+pub(crate) fn own_device(limits: Limits) -> OwnDevice {
+    let (device, queue, info) = device_with(required_features(), limits);
+    OwnDevice {
+        device,
+        queue,
+        info,
+    }
+}
+
+pub(crate) fn filled(own: &OwnDevice, contents: &[u8], usage: BufferUsages) -> Buffer {
+    let desc = wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents,
+        usage,
+    };
+    own.device.create_buffer_init(&desc)
+}
+
+pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
+    let (said, heard) = mpsc::channel();
+    DownloadBuffer::read_buffer(&own.device, &own.queue, &buffer.slice(..), move |bytes| {
+        said.send(bytes.unwrap().to_vec()).unwrap();
+    });
+    let wait = wgpu::PollType::wait_indefinitely();
+    own.device.poll(wait).unwrap();
+    heard.recv().unwrap()
 }
 
 /// Nor does it matter which form of the kernels runs.

@@ -1,8 +1,7 @@
 //! Rays that shaders of the program's own trace.
 
-use crate::lent_rays::all_kinds;
-use crate::sheets::{Sheets, scene, sheet};
-use crate::wgpu_own::bytes_of;
+use crate::lent::{Sheets, all_kinds, sheet, two_sheets};
+use crate::wgpu_lent::bytes_of;
 use crate::wgpu_points::Own;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
@@ -164,7 +163,7 @@ pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
     let own = Own::open(Update::Async);
     let refused = |builder: abvh::Builder, warm: bool| {
         let builder = builder.device(Device::from(own.device.clone())).threads(2);
-        let mut tracer = builder.build(scene().0).unwrap();
+        let mut tracer = builder.build(two_sheets().0).unwrap();
         if warm {
             tracer.warm_up(0.0).unwrap();
         }
@@ -175,6 +174,6 @@ pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
     let woop = Tracer::builder().intersector(Intersector::Woop);
     assert!(refused(woop, true));
     assert!(refused(Tracer::builder().layout(Layout::Bvh2), true));
-    let host = Tracer::builder().device(Device::Cpu).build(scene().0);
+    let host = Tracer::builder().device(Device::Cpu).build(two_sheets().0);
     assert!(host.unwrap().scene_buffers().is_err());
 }

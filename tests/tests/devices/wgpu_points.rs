@@ -1,11 +1,10 @@
 //! Vertices that lie in buffers of a program's own.
 
-use crate::scenes::camera;
-use crate::sheets::{
-    Moved, Sheets, scene, see_as_of_the_host, sheet, stay_while_another_is_replaced,
+use crate::lent::{
+    Moved, OnHost, Sheets, see_as_of_the_host, sheet, stay_while_another_is_replaced, two_sheets,
 };
-use crate::wgpu_lent::adapter;
-use crate::wgpu_own::{filled, own_device};
+use crate::scenes::camera;
+use crate::wgpu_lent::{filled, own_device};
 use abvh::own_device::{OwnDevice, required_limits};
 use abvh::{Device, Error, MeshId, Point, Query, Source, Step, Tracer, Update};
 use wgpu::{Buffer, BufferUsages};
@@ -18,19 +17,6 @@ pub(crate) struct Own {
 }
 
 impl Own {
-    fn on(adapter: &wgpu::Adapter, update: Update) -> Self {
-        let (scene, sheets) = scene();
-        let limits = required_limits(&scene, camera().pixels()).unwrap();
-        let device = own_device(adapter, limits);
-        let builder = Tracer::builder().device(Device::from(device.clone()));
-        let tracer = builder.update(update).threads(2).build(scene).unwrap();
-        Self {
-            device,
-            tracer,
-            sheets,
-        }
-    }
-
     /// A buffer that holds points after one that is no vertex.
     pub(crate) fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
         let all = [&[[9.0; 3]], points].concat();
@@ -44,7 +30,16 @@ impl Own {
 
 impl Sheets for Own {
     fn open(update: Update) -> Self {
-        Self::on(&adapter(), update)
+        let (scene, sheets) = two_sheets();
+        let limits = required_limits(&scene, camera().pixels()).unwrap();
+        let device = own_device(limits);
+        let builder = Tracer::builder().device(Device::from(device.clone()));
+        let tracer = builder.update(update).threads(2).build(scene).unwrap();
+        Self {
+            device,
+            tracer,
+            sheets,
+        }
     }
 
     fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
@@ -75,11 +70,10 @@ pub(crate) fn vertices_may_lie_in_a_buffer_of_the_programs() {
 }
 
 pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
-    let adapter = adapter();
-    let mut own = Own::on(&adapter, Update::Auto);
+    let mut own = Own::open(Update::Auto);
     let buffer = own.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let stored = own.buffer(&sheet(0.0), BufferUsages::STORAGE);
-    let foreign = Own::on(&adapter, Update::Auto).buffer(&sheet(0.0), BufferUsages::COPY_SRC);
+    let foreign = Own::open(Update::Auto).buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let mesh = own.sheets[0];
     let mut ask = |from| own.tracer.step(0.0).vertices(mesh, Source::Wgpu(from));
     assert!(matches!(ask(buffer.slice(..)), Err(Error::Count { .. })));
@@ -93,11 +87,9 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     let submitted = traced.and_then(|_| step.submit());
     assert!(said.is_err() || submitted.is_err());
     let hits = own.see([Some((0.5, true)), None]);
-    assert!(hits == Own::open(Update::Auto).see([Some((0.5, false)), None]));
+    assert!(hits == OnHost::open(Update::Auto).see([Some((0.5, false)), None]));
 }
 
 pub(crate) fn vertices_of_a_buffer_stay_while_another_mesh_is_replaced() {
-    let [mut found, mut expected] = stay_while_another_is_replaced::<Own>();
-    let next = |on_device| [None, Some((0.25, on_device))];
-    assert!(found.see(next(true)) == expected.see(next(false)));
+    stay_while_another_is_replaced::<Own>();
 }

@@ -1,9 +1,8 @@
 //! Rays that lie in buffers of a program's own, and answers that are written there.
 
-use crate::lent_rays::{Found, LentRays, all_kinds, find_what_the_hosts_do, found, scene};
+use crate::lent::{Found, LentRays, all_kinds, find_what_the_hosts_do, flying, found};
 use crate::scenes::rays;
-use crate::wgpu_lent::adapter;
-use crate::wgpu_own::{bytes_of, filled, own_device};
+use crate::wgpu_lent::{bytes_of, filled, own_device};
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
 use abvh::{Device, Error, Intersector, Layout, Query, Ray, Scene, Tracer};
 use wgpu::{Buffer, BufferUsages};
@@ -29,14 +28,9 @@ struct Own {
 }
 
 impl Own {
-    fn on(
-        adapter: &wgpu::Adapter,
-        scene: Scene,
-        rays: &[Ray],
-        (intersector, layout): (Intersector, Layout),
-    ) -> Self {
+    fn new(scene: Scene, rays: &[Ray], (intersector, layout): (Intersector, Layout)) -> Self {
         let limits = required_limits(&scene, rays.len()).unwrap();
-        let device = own_device(adapter, limits);
+        let device = own_device(limits);
         let builder = Tracer::builder().intersector(intersector).layout(layout);
         let builder = builder.device(Device::from(device.clone())).threads(2);
         Self {
@@ -78,7 +72,7 @@ impl LentRays for Own {
 pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     let list = all_kinds();
     for how in HOW {
-        let mut own = find_what_the_hosts_do(|scene, rays| Own::on(&adapter(), scene, rays, how));
+        let mut own = find_what_the_hosts_do(|scene, rays| Own::new(scene, rays, how));
         // Hits of the host's rays lie on the device in the form of answers.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
@@ -99,7 +93,7 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
 /// A list of the host's comes in pieces, on a device that has room for no more than the list.
 pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
     let all = rays(1000).repeat(34);
-    let mut own = Own::on(&adapter(), scene(), &all, HOW[0]);
+    let mut own = Own::new(flying(), &all, HOW[0]);
     for query in [Query::Closest, Query::Any, Query::Closest] {
         let sent = found(&mut own.tracer, query, |step| step.trace(&all, query));
         assert!(sent == own.ask(query, false), "{query:?}");
@@ -109,10 +103,10 @@ pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
 /// A program may have others in every step.
 pub(crate) fn buffers_of_rays_are_let_go_of() {
     const BYTES: usize = 8 << 20;
-    let few = all_kinds();
+    let few = rays(64);
     let mut all = few.clone();
     all.resize(BYTES / size_of::<Ray>(), few[0]);
-    let mut own = Own::on(&adapter(), scene(), &all, HOW[0]);
+    let mut own = Own::new(flying(), &all, HOW[0]);
     own.count = few.len();
     let mut step = || {
         own.rays = filled(&own.device, bytemuck::cast_slice(&all), USAGE);
@@ -130,9 +124,9 @@ pub(crate) fn buffers_of_rays_are_let_go_of() {
 }
 
 pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
-    let (list, adapter) = (all_kinds(), adapter());
-    let open = || Own::on(&adapter, scene(), &list, HOW[0]);
-    let (mut own, other) = (open(), open());
+    let list = all_kinds();
+    let open = || Own::new(flying(), &list, HOW[0]);
+    let (mut own, mut other) = (open(), open());
     let all = BufferUsages::STORAGE | BufferUsages::COPY_DST;
     let [rays, copied, both] = [BufferUsages::STORAGE, BufferUsages::COPY_SRC, all]
         .map(|usage| filled(&own.device, bytemuck::cast_slice(&list), usage));
@@ -163,7 +157,7 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
     // Nothing but `trace_buffers` tells where rays lie.
     let nowhere = abvh::Rays::OnDevice(3);
     is_unsupported(own.tracer.step(0.0).trace(nowhere, Query::Closest).err());
-    let host = Tracer::builder().device(Device::Cpu).build(scene());
+    let host = Tracer::builder().device(Device::Cpu).build(flying());
     let said = (host.unwrap().step(0.0)).trace_buffers(asked, Query::Closest);
     is_unsupported(said.err());
     let foreign = RayBuffers {
@@ -174,5 +168,5 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
     step.trace_buffers(foreign, Query::Closest).unwrap();
     is_device(step.submit().err());
     // What follows is none the worse.
-    assert!(own.ask(Query::Closest, false) == open().ask(Query::Closest, false));
+    assert!(own.ask(Query::Closest, false) == other.ask(Query::Closest, false));
 }

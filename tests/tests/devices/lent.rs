@@ -1,0 +1,238 @@
+//! Vertices, rays and answers that lie in memory of a device's own: what is asked of them, whoever owns the device.
+
+use crate::scenes::{camera, rays, swarm};
+use abvh::{
+    Device, Hits, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, Tracer, Update,
+};
+use std::iter::zip;
+
+/// What a ray met: the triangle, and where.
+pub(crate) type Met = Option<(u32, [u32; 3])>;
+
+/// Where each sheet is moved to, if it is, and whether from memory of the device's.
+pub(crate) type Moved = [Option<(f32, bool)>; 2];
+
+/// A sheet of triangles, at some height and somewhat bent.
+pub(crate) fn sheet(height: f32) -> Vec<Point> {
+    let at = |i: u32| (i % 20) as f32 - 9.5;
+    let bend = |i: u32| height + 0.1 * (i as f32 * height).sin();
+    let point = |i: u32| [at(i), bend(i), at(i / 20)];
+    (0..400).map(point).collect()
+}
+
+pub(crate) fn triangles() -> Vec<[u32; 3]> {
+    let corners = (0..380).filter(|i| i % 20 != 19);
+    let both = |i: u32| [[i, i + 1, i + 20], [i + 1, i + 21, i + 20]];
+    corners.flat_map(both).collect()
+}
+
+/// Two sheets.
+pub(crate) fn two_sheets() -> (Scene, [MeshId; 2]) {
+    let mut scene = Scene::new();
+    let sheets = [0.0, 1.0].map(|height| {
+        let mesh = Mesh::streamed(&sheet(height), &triangles());
+        scene.add(mesh.unwrap())
+    });
+    (scene, sheets)
+}
+
+pub(crate) fn bits(hits: Hits<'_>) -> Vec<Met> {
+    let hit = |ray| {
+        let hit = hits.closest(ray)?;
+        let numbers = [hit.t, hit.u, hit.v].map(f32::to_bits);
+        Some((hit.mesh.index() as u32 * 1000 + hit.triangle, numbers))
+    };
+    (0..hits.len()).map(hit).collect()
+}
+
+/// Two sheets on a device, whose vertices may lie in memory of its own.
+pub(crate) trait Sheets: Sized {
+    fn open(update: Update) -> Self;
+    fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]);
+    /// Begins a step in which sheets are moved.
+    fn moved(&mut self, moved: Moved) -> Step<'_>;
+
+    /// What a camera sees after sheets were moved.
+    fn see(&mut self, moved: Moved) -> Vec<Met> {
+        let mut step = self.moved(moved);
+        let query = step.trace(&camera(), Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        bits(self.traced().0.hits(done, query).unwrap())
+    }
+}
+
+/// Two sheets on the host's cores. All that moves them lies there, too.
+pub(crate) struct OnHost(Tracer, [MeshId; 2]);
+
+impl Sheets for OnHost {
+    fn open(update: Update) -> Self {
+        let (scene, sheets) = two_sheets();
+        let builder = Tracer::builder().device(Device::Cpu).update(update);
+        Self(builder.threads(2).build(scene).unwrap(), sheets)
+    }
+
+    fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]) {
+        (&mut self.0, self.1)
+    }
+
+    fn moved(&mut self, moved: Moved) -> Step<'_> {
+        let mut step = self.0.step(0.0);
+        for (mesh, moved) in zip(self.1, moved) {
+            if let Some((height, _)) = moved {
+                let points = sheet(height);
+                step.vertices(mesh, Source::Host(&points)).unwrap();
+            }
+        }
+        step
+    }
+}
+
+const STEPS: [Moved; 10] = [
+    [Some((0.5, true)), None],
+    [None, None],
+    [Some((0.75, true)), Some((1.5, false))],
+    [Some((0.25, false)), Some((1.75, true))],
+    [None, Some((2.0, false))],
+    [Some((1.25, true)), Some((0.75, true))],
+    [None, Some((2.25, true))],
+    // One vertex is outlying.
+    [Some((-1e9, true)), None],
+    [Some((f32::NAN, true)), Some((1.0, true))],
+    [Some((0.5, false)), None],
+];
+
+/// Moved step by step, they see what is seen on the host.
+pub(crate) fn see_as_of_the_host<S: Sheets>() {
+    for update in [Update::Async, Update::Rebuild, Update::DeviceRebuild] {
+        let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
+        for moved in STEPS {
+            let is_same = found.see(moved) == expected.see(moved);
+            assert!(is_same, "{update:?} {moved:?}");
+        }
+    }
+}
+
+/// Vertices of the device's stay while another mesh is replaced, even where no query has seen them yet; so does its memory.
+pub(crate) fn stay_while_another_is_replaced<S: Sheets>() {
+    let (mut found, mut expected) = (one_replaced::<S>(), one_replaced::<OnHost>());
+    let moved = [None, Some((0.25, false)), Some((0.75, true))];
+    for moved in moved.map(|second| [None, second]) {
+        assert!(found.see(moved) == expected.see(moved), "{moved:?}");
+    }
+}
+
+fn one_replaced<S: Sheets>() -> S {
+    let mut own = S::open(Update::Auto);
+    own.see([Some((0.5, true)), Some((1.0, true))]);
+    let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
+    let (tracer, [first, _]) = own.traced();
+    let replacement = tracer.replace(first, with).unwrap();
+    // A step that is dropped has moved it all the same.
+    drop(own.moved([None, Some((2.0, true))]));
+    own.traced().0.commit(replacement).unwrap();
+    own
+}
+
+/// A tracer, rays, and room for answers to them.
+pub(crate) trait LentRays {
+    fn tracer(&mut self) -> &mut Tracer;
+    /// What the rays find, with answers written to the room or without.
+    fn ask(&mut self, query: Query, has_room: bool) -> Found;
+    fn fill_room(&mut self, byte: u8);
+    /// As many first words of the room.
+    fn room(&mut self, words: usize) -> Vec<u32>;
+}
+
+/// `t`, `u`, `v` and triangle of each ray's hit as they are written to answers; zeros, where only any hit is sought.
+pub(crate) type Found = Vec<Option<[u32; 4]>>;
+
+/// What a query of a step finds.
+pub(crate) fn found(
+    tracer: &mut Tracer,
+    query: Query,
+    ask: impl FnOnce(&mut Step<'_>) -> abvh::Result<QueryId>,
+) -> Found {
+    let mut step = tracer.step(0.5);
+    let asked = ask(&mut step).unwrap();
+    let done = step.submit().unwrap();
+    let hits = tracer.hits(done, asked).unwrap();
+    let answer = |ray| match query {
+        Query::Any => hits.is_hit(ray).then_some([0; 4]),
+        _ => hits.closest(ray).map(|hit| {
+            let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
+            [t, u, v, hit.triangle]
+        }),
+    };
+    (0..hits.len()).map(answer).collect()
+}
+
+/// Triangles that fly about.
+pub(crate) fn flying() -> Scene {
+    let swarm = swarm(300);
+    let keys = (0..3).map(|key| swarm.key(key).unwrap().to_vec());
+    let mut scene = Scene::new();
+    scene.add(Mesh::keyframes(keys.collect::<Vec<_>>(), swarm.triangles()).unwrap());
+    scene
+}
+
+/// In which no ray can hit anything.
+fn nothing() -> Scene {
+    let mut nothing = Scene::new();
+    let nowhere = [[f32::NAN; 3]; 3];
+    nothing.add(Mesh::fixed(&nowhere, &[[0, 1, 2]]).unwrap());
+    nothing
+}
+
+/// Some of which can hit nothing, and some that start far away.
+pub(crate) fn all_kinds() -> Vec<Ray> {
+    let mut all = rays(1000);
+    let spoil: [fn(&mut Ray); 12] = [
+        |ray| ray.direction = [0.0, -0.0, 0.0],
+        |ray| ray.direction[1] = f32::NAN,
+        |ray| ray.direction[2] = f32::INFINITY,
+        |ray| ray.origin[0] = f32::NAN,
+        |ray| ray.origin[1] = f32::NEG_INFINITY,
+        |ray| ray.t_min = f32::NAN,
+        |ray| ray.t_max = -f32::NAN,
+        |ray| (ray.t_min, ray.t_max) = (1.5, 0.5),
+        |ray| (ray.t_min, ray.t_max) = (-0.0, 0.0),
+        |ray| (ray.t_min, ray.t_max) = (f32::INFINITY, f32::NEG_INFINITY),
+        // Valid, and seen by exact arithmetic alone.
+        |ray| (ray.origin, ray.direction) = ([-1e30, 0.01, 0.02], [1.0, 0.0, 0.0]),
+        |ray| (ray.origin, ray.direction) = ([0.1, 3e38, 0.0], [0.0, -1.0, 1e-30]),
+    ];
+    for (i, ray) in all.iter_mut().enumerate() {
+        if i % 3 == 0 {
+            spoil[i / 3 % spoil.len()](ray);
+        }
+    }
+    all
+}
+
+/// They find and have written what rays of the host find; nor is what stood in the room taken for hits. Gives the last of them,
+/// which sought closest hits among triangles.
+pub(crate) fn find_what_the_hosts_do<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
+    let list = all_kinds();
+    let [_, last] = [(nothing(), false), (flying(), true)].map(|(scene, hits_some)| {
+        let mut lent = open(scene, &list);
+        for query in [Query::Any, Query::Closest] {
+            let expected = found(lent.tracer(), query, |step| step.trace(&list, query));
+            assert_eq!(expected.iter().flatten().count() > 100, hits_some);
+            lent.fill_room(7);
+            for has_room in [false, true] {
+                let seen = lent.ask(query, has_room);
+                assert!(seen == expected, "{query:?} {has_room}");
+            }
+            let miss = [f32::INFINITY.to_bits(), 0, 0, u32::MAX];
+            if query == Query::Any {
+                let met = lent.room(list.len()).into_iter().map(|word| word != 0);
+                assert!(met.eq(expected.iter().map(Option::is_some)));
+            } else {
+                let words: Vec<_> = expected.iter().map(|hit| hit.unwrap_or(miss)).collect();
+                assert!(lent.room(4 * list.len()) == words.as_flattened());
+            }
+        }
+        lent
+    });
+    last
+}

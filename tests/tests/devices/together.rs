@@ -1,0 +1,225 @@
+//! Rays of a picture that search together, down the tree or triangle by triangle, find what each finds by itself.
+
+use crate::Subject;
+use crate::scenes::{
+    SHADOWED, SQUARE, apart, cameras, check_picture, laid, look, numbers, open_laid, positions,
+    see, swarm, tree_at,
+};
+use backend::{Generation, Layout, Rays};
+use bvh_layout::Topology;
+use conformance::record;
+use geom::{Animation, Camera, Point};
+use shaders::BufferName;
+use std::sync::Arc;
+
+/// Small triangles before and behind a few that cover much of the picture.
+fn layers() -> Arc<Animation> {
+    let swarm = swarm(3800);
+    let mut corners = positions(&swarm, 0.0);
+    for (sheet, z) in [0.9_f32, 0.4, -0.2, -0.8].into_iter().enumerate() {
+        let edge = 0.3 * (1 + sheet) as f32;
+        corners.extend([[-edge, -edge, z], [edge, -edge, z], [0.0, edge, z]]);
+    }
+    // Without area, though rounding may see some.
+    let mut number = numbers(3);
+    let mut whole = || std::array::from_fn::<_, 3, _>(|_| (256.0 * number()).round() / 256.0);
+    for _ in 0..60 {
+        let (at, d): (Point, Point) = (whole(), whole());
+        corners.extend([0.0_f32, 1.0, 3.0].map(|k| std::array::from_fn(|i| at[i] + k * d[i])));
+    }
+    apart(vec![corners])
+}
+
+/// Forty leaves one below the other, and below them all others, halved again and again: wide nodes at three levels.
+fn comb(animation: &Animation) -> Topology {
+    let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
+    let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
+    record(animation.triangle_count(), &order, split)
+}
+
+pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
+    let (moving, still) = ([(0.0, 1), (0.3, 2), (1.0, 3)], [(0.0, 1), (0.0, 2)]);
+    for (animation, moments) in [(swarm(4000), &moving[..]), (layers(), &still[..])] {
+        backend
+            .load(Arc::clone(&animation), laid(Layout::Fast))
+            .unwrap();
+        for &(time, generation) in moments {
+            let tree = match generation {
+                2 => comb(&animation),
+                _ => tree_at(&animation, time),
+            };
+            backend.adopt(&tree, Generation(generation)).unwrap();
+            let before = backend.device_bytes().unwrap().tree;
+            for camera in cameras(SQUARE) {
+                check_picture(backend, (&animation, time), &camera);
+            }
+            // What is covered takes room from the first time on, so packets were there.
+            let grown = backend.device_bytes().unwrap().tree - before;
+            assert!(generation > 1 || grown >= 32 * animation.live_count() as u64);
+        }
+    }
+}
+
+/// Columns and rows of what covers all of the picture: see cover.wgsl.
+const EVERYWHERE: u32 = 0xffff_0000;
+
+/// How many lanes of the wide tree, and how many triangles, cover all of the last picture.
+fn everywhere(backend: &mut dyn Subject, animation: &Animation, tree: &Topology) -> [usize; 2] {
+    let treelets = tree.to_treelets(animation.static_parts());
+    let lanes = treelets.wide.as_ref().unwrap().lanes;
+    let words = backend.words(BufferName::Covers, 4 * (lanes + 2 * tree.leaf_count()));
+    let rows: Vec<_> = words.chunks_exact(4).collect();
+    let count = |rows: &[&[u32]], step| {
+        let covers = |row: &&&[u32]| row[0] == EVERYWHERE && row[1] == EVERYWHERE;
+        rows.iter().step_by(step).filter(covers).count()
+    };
+    [count(&rows[..lanes], 1), count(&rows[lanes..], 2)]
+}
+
+pub(crate) fn what_lies_beside_the_picture_covers_none_of_it(backend: &mut dyn Subject) {
+    let animation = swarm(4000);
+    let tree = tree_at(&animation, 0.0);
+    open_laid(backend, &animation, Layout::Fast);
+    // A few of those astride the eye's plane reach into what is seen from amid; past all of them none does.
+    let amid = cameras(SQUARE)[1];
+    let past = look([0.0, 3.0, 0.0], [0.0, 3.0, -5.0], (40.0, SQUARE));
+    check_picture(backend, (&animation, 0.0), &amid);
+    let [_, triangles] = everywhere(backend, &animation, &tree);
+    assert!((1..astride(&animation, &amid) / 8).contains(&triangles));
+    check_picture(backend, (&animation, 0.0), &past);
+    assert!(astride(&animation, &past) > 100);
+    assert_eq!(everywhere(backend, &animation, &tree), [0, 0]);
+}
+
+/// Triangles with corners before and behind the eye.
+fn astride(animation: &Animation, camera: &Camera) -> usize {
+    let vertices = positions(animation, 0.0);
+    let ahead = camera.ray(camera.width / 2, camera.height / 2).direction;
+    let depth = |v: &u32| -> f32 {
+        let p = vertices[*v as usize];
+        (0..3).map(|i| (p[i] - camera.eye[i]) * ahead[i]).sum()
+    };
+    let is_astride = |corners: &&[u32; 3]| {
+        let depths = corners.each_ref().map(depth);
+        depths.iter().any(|&d| d < 0.0) && depths.iter().any(|&d| d > 0.0)
+    };
+    animation.triangles().iter().filter(is_astride).count()
+}
+
+/// Of each camera's picture.
+const PIXELS: usize = 130 * 126;
+
+/// Triangles of a few pixels, every third of them there twice; slivers; some without area, though rounding may see some; and two
+/// that cover half of the picture.
+fn dust() -> Arc<Animation> {
+    let mut number = numbers(5);
+    let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
+    let mut corners: Vec<Point> = Vec::new();
+    for t in 0..4500 {
+        let (at, b, c) = (point(1.0), point(0.02), point(0.02));
+        let third = match t % 9 {
+            1 => std::array::from_fn(|i| 3.0 * b[i]),
+            2 => std::array::from_fn(|i| 12.0 * b[i] + 0.01 * c[i]),
+            _ => c,
+        };
+        let beside = |d: Point| std::array::from_fn(|i| at[i] + d[i]);
+        let triangle = [at, beside(b), beside(third)];
+        for _ in 0..1 + u32::from(t % 3 == 0) {
+            corners.extend(triangle);
+        }
+    }
+    for z in [0.3_f32, -0.9] {
+        corners.extend([[-1.0, -0.7, z], [1.0, -0.8, z], [0.1, 1.0, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust, and so many splinters aslant, which take many tiles and few pixels.
+fn splinters(count: u32) -> Arc<Animation> {
+    let mut number = numbers(17);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [0.6 * number(), 0.6 * number(), number()];
+        corners.extend([[x, y, z], [x + 0.8, y + 0.4, z], [x + 0.8, y + 0.401, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust, and so many triangles of a size that face the eye.
+fn panes(count: u32, size: f32) -> Arc<Animation> {
+    let mut number = numbers(23);
+    let mut corners = positions(&dust(), 0.0);
+    for _ in 0..count {
+        let [x, y, z] = [number(), number(), number()];
+        corners.extend([[x, y, z], [x + size, y, z], [x, y + size, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Dust before and behind so many sheets, each across most of the picture.
+fn sheets(count: u32) -> Arc<Animation> {
+    let mut corners = positions(&dust(), 0.0);
+    for sheet in 0..count {
+        let z = 0.8 - 1.6 * sheet as f32 / count as f32;
+        corners.extend([[-2.0, -1.5, z], [2.0, -1.4, z], [0.0, 2.0, z]]);
+    }
+    apart(vec![corners])
+}
+
+/// Whether the last picture was seen by rasterization alone, as the visibility buffer says itself.
+fn told_all(backend: &mut dyn Subject) -> bool {
+    backend.words(BufferName::Visibility, 2 * PIXELS + 2)[2 * PIXELS..] == [u32::MAX; 2]
+}
+
+pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
+    let dust = dust();
+    open_laid(backend, &dust, Layout::Fast);
+    let before = backend.device_bytes().unwrap().tree;
+    for camera in cameras(SQUARE) {
+        check_picture(backend, (&dust, 0.0), &camera);
+        assert!(told_all(backend), "{camera:?}");
+    }
+    // Of the tree's memory tiles take no more than packets would, but for the list; what is seen is the frames'.
+    let (grown, live) = (
+        backend.device_bytes().unwrap().tree - before,
+        dust.live_count(),
+    );
+    let tiles = live + PIXELS / 4;
+    assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
+    // A swarm that moves, of which some are inactive at times, refitted.
+    let swarm = swarm(9000);
+    open_laid(backend, &swarm, Layout::Fast);
+    let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
+    for (time, camera) in [0.0, 0.3, 1.0]
+        .into_iter()
+        .zip([&far, &far, &cameras(SQUARE)[0]])
+    {
+        check_picture(backend, (&swarm, time), camera);
+    }
+}
+
+pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
+    // More tests than it takes to go down the tree, of large triangles, others, and small ones; more tiles than there is room
+    // for; more large triangles than are listed.
+    let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
+    let others = [splinters(800), sheets(5000)];
+    for animation in tests.into_iter().chain(others) {
+        open_laid(backend, &animation, Layout::Fast);
+        check_picture(backend, (&animation, 0.0), &cameras(SQUARE)[0]);
+        let triangles = animation.triangle_count();
+        assert!(!told_all(backend), "{triangles} triangles");
+    }
+    // They are tried again after a while, and then there is less to cover.
+    let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
+    let mut tried = (0..1000).map(|_| {
+        see(backend, Rays::Camera(&away), SHADOWED);
+        told_all(backend)
+    });
+    assert_eq!(tried.position(|told| told), Some(63));
+    drop(tried);
+    // Of another scene, at once.
+    let dust = dust();
+    open_laid(backend, &dust, Layout::Fast);
+    check_picture(backend, (&dust, 0.0), &cameras(SQUARE)[0]);
+    assert!(told_all(backend));
+}
