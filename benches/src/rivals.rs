@@ -13,6 +13,7 @@ use self::bvh::Bvh;
 use self::obvhs::Obvhs;
 use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
+use rayon::ThreadPool;
 
 /// Another crate's tree, with triangles in the crate's own form. Memory is reused where the crate allows it.
 pub trait Rival: Send + Sync {
@@ -20,10 +21,14 @@ pub trait Rival: Send + Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a build uses more than one thread.
-    fn builds_in_parallel(&self) -> bool;
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
 
     /// Whether a refit uses more than one thread; `None` if no tree can take new positions and keep its shape.
-    fn refits_in_parallel(&self) -> Option<bool>;
+    fn refits_in_parallel(&self) -> Option<bool> {
+        None
+    }
 
     /// Takes triangles, outside of what is measured. They replace those of a tree that is refitted next.
     fn take(&mut self, triangles: &[Triangle]);
@@ -63,6 +68,14 @@ pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
         Box::new(Parry::default()),
     ];
     all.iter_mut().for_each(|rival| rival.take(triangles));
+    all
+}
+
+/// Likewise, with a tree each.
+#[must_use]
+pub fn built_rivals(triangles: &[Triangle], pool: &ThreadPool) -> Vec<Box<dyn Rival>> {
+    let mut all = rivals(triangles);
+    pool.install(|| all.iter_mut().for_each(|rival| rival.build()));
     all
 }
 
@@ -107,8 +120,7 @@ mod tests {
         assert!(blocked.contains(&0) && blocked.contains(&1));
         let [start, middle] = [mesh.start(), mesh.middle()].map(|pose| mesh.triangles(pose));
         for threads in [1, 2] {
-            for mut tree in rivals(&middle) {
-                pool(threads).install(|| tree.build());
+            for mut tree in built_rivals(&middle, &pool(threads)) {
                 // Built anew, or refitted to the start.
                 tree.take(&start);
                 match tree.refits_in_parallel() {

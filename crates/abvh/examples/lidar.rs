@@ -13,13 +13,10 @@ const COLUMNS: usize = 512;
 /// Heights of waves that go on with time, over 40 by 40 metres.
 fn ground(time: f32) -> Vec<Point> {
     let vertex = |i: u32| {
-        let [x, z] =
-            [i % (SIDE + 1), i / (SIDE + 1)].map(|j| 40.0 * (j as f32 / SIDE as f32 - 0.5));
-        [
-            x,
-            0.5 * (0.4 * x + time).sin() + 0.5 * (0.3 * z - time).cos(),
-            z,
-        ]
+        let place = [i % (SIDE + 1), i / (SIDE + 1)];
+        let [x, z] = place.map(|j| 40.0 * (j as f32 / SIDE as f32 - 0.5));
+        let height = 0.5 * (0.4 * x + time).sin() + 0.5 * (0.3 * z - time).cos();
+        [x, height, z]
     };
     (0..(SIDE + 1) * (SIDE + 1)).map(vertex).collect()
 }
@@ -36,15 +33,9 @@ fn triangles() -> Vec<[u32; 3]> {
 /// Beams from 3 metres above, with directions of unit length, so that `t` is a distance.
 fn beams() -> Vec<Ray> {
     let beam = |i: usize| {
-        let (turn, down) = (
-            (i / BEAMS) as f32 / COLUMNS as f32 * TAU,
-            0.1 + 0.05 * (i % BEAMS) as f32,
-        );
-        let direction = [
-            turn.cos() * down.cos(),
-            -down.sin(),
-            turn.sin() * down.cos(),
-        ];
+        let turn = (i / BEAMS) as f32 / COLUMNS as f32 * TAU;
+        let (sin, cos) = (0.1 + 0.05 * (i % BEAMS) as f32).sin_cos();
+        let direction = [turn.cos() * cos, -sin, turn.sin() * cos];
         Ray {
             t_max: 120.0,
             ..Ray::new([0.0, 3.0, 0.0], direction)
@@ -66,11 +57,8 @@ fn main() -> Result<(), Error> {
         let hits = tracer.hits(done, scan)?;
         let met: Vec<f32> = hits.distances().filter(|t| t.is_finite()).collect();
         let mean = met.iter().sum::<f32>() / met.len() as f32;
-        println!(
-            "scan {i}: {} of {} beams came back, mean distance {mean:.2} m",
-            met.len(),
-            beams.len()
-        );
+        let (met, all) = (met.len(), beams.len());
+        println!("scan {i}: {met} of {all} beams came back, mean distance {mean:.2} m");
     }
     Ok(())
 }

@@ -2,40 +2,22 @@
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
-use abvh::{Camera, Error, Mesh, Point, Query, Scene, Tracer};
+use abvh::{Camera, Error, Mesh, Query, Scene, Tracer};
 
 fn main() -> Result<(), Error> {
+    let square = |r: f32| [[-r, -r], [r, -r], [r, r], [-r, r]].map(|[x, z]| [x, 0.0, z]);
     // A pyramid that stretches.
-    let pyramid = |height: f32| -> Vec<Point> {
-        vec![
-            [-1.0, 0.0, -1.0],
-            [1.0, 0.0, -1.0],
-            [1.0, 0.0, 1.0],
-            [-1.0, 0.0, 1.0],
-            [0.0, height, 0.0],
-        ]
-    };
+    let pyramid = |height: f32| [&square(1.0)[..], &[[0.0, height, 0.0]]].concat();
     let sides = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
     let mut scene = Scene::new();
     let figure = scene.add(Mesh::keyframes(vec![pyramid(1.0), pyramid(2.0)], &sides)?);
-    let ground = [
-        [-9.0, 0.0, -9.0],
-        [9.0, 0.0, -9.0],
-        [9.0, 0.0, 9.0],
-        [-9.0, 0.0, 9.0],
-    ];
-    scene.add(Mesh::fixed(&ground, &[[0, 1, 2], [0, 2, 3]])?);
+    scene.add(Mesh::fixed(&square(9.0), &[[0, 1, 2], [0, 2, 3]])?);
     let mut tracer = Tracer::builder().build(scene)?;
 
     let size = [64, 48];
-    let eyes = [
-        [5.0, 3.0, 0.3],
-        [0.3, 3.0, 5.0],
-        [-5.0, 3.0, 0.3],
-        [0.3, 3.0, -5.0],
-    ];
-    let cameras =
-        eyes.map(|eye| Camera::look_at(eye, [0.0, 0.5, 0.0], [0.0, 1.0, 0.0], 40.0, size));
+    let (target, up) = ([0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
+    let cameras = [[5.0, 0.3], [0.3, 5.0], [-5.0, 0.3], [0.3, -5.0]]
+        .map(|[x, z]| Camera::look_at([x, 3.0, z], target, up, 40.0, size));
     for time in [0.0, 0.5, 1.0] {
         let mut step = tracer.step(time);
         let mut views = Vec::new();
@@ -47,10 +29,8 @@ fn main() -> Result<(), Error> {
             let middle = (size[1] / 2 * size[0] + size[0] / 2) as usize;
             let hits = tracer.hits(done, view)?;
             if let Some(hit) = hits.closest(middle).filter(|hit| hit.mesh == figure) {
-                println!(
-                    "time {time}: camera {i} sees side {} at {:.3}",
-                    hit.triangle, hit.t
-                );
+                let (side, t) = (hit.triangle, hit.t);
+                println!("time {time}: camera {i} sees side {side} at {t:.3}");
             }
         }
     }

@@ -6,12 +6,8 @@ use abvh::{Camera, Error, Matrix, Mesh, Point, Query, Scene, Tracer};
 
 /// An upright rectangle of two triangles.
 fn panel(x: [f32; 2], y: [f32; 2], z: f32) -> Vec<Point> {
-    vec![
-        [x[0], y[0], z],
-        [x[1], y[0], z],
-        [x[0], y[1], z],
-        [x[1], y[1], z],
-    ]
+    let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
+    corners.map(|[i, j]| [x[i], y[j], z]).to_vec()
 }
 
 /// Opens a door by an angle in radians, about its hinge at `x = -1, z = 0`.
@@ -26,10 +22,8 @@ fn open(angle: f32) -> Matrix {
 
 fn main() -> Result<(), Error> {
     let triangles = [[0, 1, 2], [2, 1, 3]];
-    let (wall, door) = (
-        panel([-5.0, 5.0], [-5.0, 5.0], -2.0),
-        panel([-1.0, 1.0], [0.0, 2.0], 0.0),
-    );
+    let wall = panel([-5.0, 5.0], [-5.0, 5.0], -2.0);
+    let door = panel([-1.0, 1.0], [0.0, 2.0], 0.0);
     let lift = [-2.0, 0.0].map(|y| panel([-1.0, 1.0], [y, y + 2.0], -1.0));
     let names = ["wall", "lift", "door"];
     let mut scene = Scene::new();
@@ -40,10 +34,8 @@ fn main() -> Result<(), Error> {
 
     let (eye, target) = ([0.0, 1.0, 5.0], [0.0, 1.0, 0.0]);
     let camera = Camera::look_at(eye, target, [0.0, 1.0, 0.0], 40.0, [640, 480]);
-    let cursor = [400, 200];
-    let ray = camera
-        .expect("the eye is not at its target")
-        .ray(cursor[0], cursor[1]);
+    let [x, y] = [400, 200];
+    let ray = camera.expect("the eye is not at its target").ray(x, y);
     for (i, under) in ["door", "door", "wall", "lift", "lift"].iter().enumerate() {
         let time = i as f64 / 4.0;
         let mut step = tracer.step(time);
@@ -54,10 +46,8 @@ fn main() -> Result<(), Error> {
         let hit = hits.closest(0).expect("the wall is behind everything");
         let name = names[hit.mesh.index()];
         let [x, y, z] = [0, 1, 2].map(|i| ray.origin[i] + hit.t * ray.direction[i]);
-        println!(
-            "time {time}: triangle {} of the {name} at ({x:.3}, {y:.3}, {z:.3})",
-            hit.triangle
-        );
+        let triangle = hit.triangle;
+        println!("time {time}: triangle {triangle} of the {name} at ({x:.3}, {y:.3}, {z:.3})");
         assert_eq!(name, *under);
         let expected = match name {
             "wall" => -2.0,

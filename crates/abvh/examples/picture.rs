@@ -13,11 +13,8 @@ fn sheet(time: f32) -> Vec<Point> {
     let along = |i: u32| 4.0 * i as f32 / (SIDE - 1) as f32 - 2.0;
     let vertex = |v: u32| {
         let [x, z] = [along(v % SIDE), along(v / SIDE)];
-        [
-            x,
-            1.0 + 0.25 * (3.0 * (x * x + z * z).sqrt() - time).sin(),
-            z,
-        ]
+        let height = 1.0 + 0.25 * (3.0 * (x * x + z * z).sqrt() - time).sin();
+        [x, height, z]
     };
     (0..SIDE * SIDE).map(vertex).collect()
 }

@@ -6,12 +6,7 @@ use abvh::{Error, Matrix, Mesh, Point, Query, Ray, Scene, Tracer};
 
 /// A bar of two triangles along the x axis.
 fn bar(from: f32, to: f32) -> [Point; 4] {
-    [
-        [from, -0.1, 0.0],
-        [to, -0.1, 0.0],
-        [from, 0.1, 0.0],
-        [to, 0.1, 0.0],
-    ]
+    [[from, -0.1], [to, -0.1], [from, 0.1], [to, 0.1]].map(|[x, y]| [x, y, 0.0])
 }
 
 /// A turn about the z axis at a point on the x axis.
@@ -36,10 +31,8 @@ fn main() -> Result<(), Error> {
         step.poses(arm, &[turn(0.0, 0.0), turn(0.02 * i as f32, 1.0)])?;
         let hand = step.trace(&watch, Query::Any)?;
         let done = step.submit()?;
-        println!(
-            "step {i}: the hand is there: {}",
-            tracer.hits(done, hand)?.is_hit(0)
-        );
+        let is_there = tracer.hits(done, hand)?.is_hit(0);
+        println!("step {i}: the hand is there: {is_there}");
     }
     Ok(())
 }

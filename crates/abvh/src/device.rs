@@ -27,7 +27,11 @@ impl Device {
     /// Opens it, with so many threads where it is the host.
     pub(crate) fn open(&self, threads: usize) -> Result<Box<dyn Backend>> {
         let (name, adapter) = match self {
-            Self::Auto => return best(threads),
+            Self::Auto => {
+                let best = backends::open_best((None, threads), Ok::<_, BackendError>);
+                let (opened, _) = best.map_err(|vain| Error::NoDevice(vain.why))?;
+                return Ok(opened);
+            }
             Self::Cpu => ("cpu", None),
             #[cfg(feature = "vulkan")]
             Self::Vulkan(adapter) => ("vulkan", adapter.as_deref()),
@@ -37,13 +41,6 @@ impl Device {
             Self::Own(device) => return device.open(),
         };
         let known = backends::known(name).expect("a device has a backend");
-        let opened = known.open(adapter, threads);
-        opened.map_err(Error::NoDevice)
+        known.open(adapter, threads).map_err(Error::NoDevice)
     }
-}
-
-fn best(threads: usize) -> Result<Box<dyn Backend>> {
-    let best = backends::open_best((None, threads), Ok::<_, BackendError>);
-    let (opened, _) = best.map_err(|vain| Error::NoDevice(vain.why))?;
-    Ok(opened)
 }

@@ -4,7 +4,7 @@ use backend::DeviceKind;
 use backends::Known;
 use host::NVIDIA_LIBRARIES;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What [`doctor`] found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -72,27 +72,32 @@ impl Facts {
         let nodes = nodes.into_iter().map(|node| (node.clone(), may_use(&node)));
         let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
         let folders = FOLDERS.map(PathBuf::from).into_iter();
-        let mut folders = folders.chain(std::env::split_paths(&own));
-        let has = |folder: &Path| {
-            NVIDIA_LIBRARIES
-                .iter()
-                .any(|name| folder.join(name).exists())
-        };
+        let folders = folders.chain(std::env::split_paths(&own));
+        let mut files = folders.flat_map(|folder| NVIDIA_LIBRARIES.map(|name| folder.join(name)));
         Self {
             adapters: adapters(),
             nodes: nodes.collect(),
-            has_nvidia_library: folders.any(|folder| has(&folder)),
+            has_nvidia_library: files.any(|file| file.exists()),
         }
     }
 
     fn diagnose(&self) -> Diagnosis {
-        let listed = self.adapters.as_deref().unwrap_or_default();
-        let gpus = listed.iter().filter(|(_, is_gpu)| *is_gpu);
-        let gpus: Vec<String> = gpus.map(|(name, _)| name.clone()).collect();
-        if !gpus.is_empty() {
-            let problems = Vec::new();
-            return Diagnosis { gpus, problems };
-        }
+        let gpus = self.listed(true);
+        let problems = match gpus.is_empty() {
+            true => self.problems(),
+            false => Vec::new(),
+        };
+        Diagnosis { gpus, problems }
+    }
+
+    /// Names of GPUs, or of what is none.
+    fn listed(&self, gpus: bool) -> Vec<String> {
+        let listed = self.adapters.as_deref().unwrap_or_default().iter();
+        let listed = listed.filter(|(_, is_gpu)| *is_gpu == gpus);
+        listed.map(|(name, _)| name.clone()).collect()
+    }
+
+    fn problems(&self) -> Vec<Problem> {
         let mut problems = Vec::new();
         let mut say = |what: String, mend: &str| {
             let mend = mend.to_owned();
@@ -103,20 +108,17 @@ impl Facts {
                 why.clone(),
                 "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)",
             ),
-            Ok(listed) => {
-                let names: Vec<&str> = listed.iter().map(|(name, _)| name.as_str()).collect();
-                let names = names.join(", ");
-                let what = format!("no GPU is listed, only drivers on the host's cores: {names}");
-                say(
-                    what,
-                    "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
-                );
-            }
+            Ok(_) => say(
+                format!(
+                    "no GPU is listed, only drivers on the host's cores: {}",
+                    self.listed(false).join(", ")
+                ),
+                "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
+            ),
         }
         for (node, _) in self.nodes.iter().filter(|(_, may_use)| !may_use) {
-            let what = format!("{} may not be used by this user", node.display());
             say(
-                what,
+                format!("{} may not be used by this user", node.display()),
                 "join the group that owns it (`ls -l` shows it, mostly `render` or `video`), or pass it to the container with --device",
             );
         }
@@ -125,21 +127,18 @@ impl Facts {
             .iter()
             .any(|(node, _)| node.ends_with("nvidiactl"));
         if has_nvidia && !self.has_nvidia_library {
-            let what = format!("NVIDIA's driver is here without {}", NVIDIA_LIBRARIES[0]);
             say(
-                what,
+                format!("NVIDIA's driver is here without {}", NVIDIA_LIBRARIES[0]),
                 "start the container with NVIDIA_DRIVER_CAPABILITIES=graphics,compute, or install the driver's graphics libraries",
             );
         }
         if self.nodes.is_empty() {
-            let what =
-                format!("no GPU is visible: neither {NODES}/renderD* nor {NVIDIA_NODE} exists");
             say(
-                what,
+                format!("no GPU is visible: neither {NODES}/renderD* nor {NVIDIA_NODE} exists"),
                 "pass a GPU to the container or virtual machine (docker run --gpus all, or --device /dev/dri)",
             );
         }
-        Diagnosis { gpus, problems }
+        problems
     }
 }
 
@@ -182,37 +181,24 @@ mod tests {
     fn each_lack_has_its_mend() {
         let none = || Err("no Vulkan loader".to_owned());
         let software = || Ok(vec![("llvmpipe".to_owned(), false)]);
-        for (adapters, nodes, library, says) in [
-            (none(), &[][..], false, "docker run --gpus all"),
+        let (nvidia, render) = ("/dev/nvidiactl", "/dev/dri/renderD128");
+        let capabilities = "NVIDIA_DRIVER_CAPABILITIES=graphics,compute";
+        let lists = "only drivers on the host's cores: llvmpipe";
+        for (adapters, nodes, says) in [
+            (none(), &[][..], "docker run --gpus all"),
+            (software(), &[], lists),
+            (software(), &[(nvidia, true)], capabilities),
             (
                 software(),
-                &[],
-                false,
-                "only drivers on the host's cores: llvmpipe",
-            ),
-            (
-                software(),
-                &[("/dev/nvidiactl", true)],
-                false,
-                "NVIDIA_DRIVER_CAPABILITIES=graphics,compute",
-            ),
-            (
-                software(),
-                &[("/dev/dri/renderD128", false)],
-                false,
+                &[(render, false)],
                 "renderD128 may not be used by this user",
             ),
-            (
-                none(),
-                &[("/dev/dri/renderD128", true)],
-                false,
-                "mesa-vulkan-drivers",
-            ),
+            (none(), &[(render, true)], "mesa-vulkan-drivers"),
         ] {
-            let found = problems(adapters, nodes, library);
+            let found = problems(adapters, nodes, false);
             assert!(found.contains(says), "{found}");
         }
-        let found = problems(software(), &[("/dev/nvidiactl", true)], true);
+        let found = problems(software(), &[(nvidia, true)], true);
         assert!(!found.contains("CAPABILITIES"), "{found}");
     }
 }

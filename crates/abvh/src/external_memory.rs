@@ -137,14 +137,11 @@ impl ExternalRays<'_> {
         };
         let is_same = |to: &ExternalBuffer| Arc::ptr_eq(&to.0, &self.rays.0);
         apart(!self.answers.is_some_and(is_same))?;
-        let lent = LentRays {
+        let answers = self.answers.map(|to| lent(to, query.answer_bytes()));
+        gpu.lend_rays(LentRays {
             rays: lent(self.rays, size_of::<Ray>())?,
-            answers: self
-                .answers
-                .map(|to| lent(to, query.answer_bytes()))
-                .transpose()?,
-        };
-        gpu.lend_rays(lent);
+            answers: answers.transpose()?,
+        });
         Ok(())
     }
 }
@@ -168,11 +165,11 @@ impl Loaded {
         mesh: usize,
         (buffer, offset): (&ExternalBuffer, u64),
     ) -> Result<()> {
-        let all = self.animation.vertex_count();
-        let run = self.joined.range_of(mesh);
-        let brought = self
-            .exporter()?
-            .bring_points((run, all), (&buffer.0, offset));
+        let run = (
+            self.joined.range_of(mesh),
+            self.joined.animation.vertex_count(),
+        );
+        let brought = self.exporter()?.bring_points(run, (&buffer.0, offset));
         brought.map_err(Error::of_backend)?;
         self.driver.forget_key_frames();
         self.joined.is_on_device(mesh);
@@ -181,7 +178,7 @@ impl Loaded {
 
     /// Takes over what `before`, which differs by one mesh, has on its device alone.
     pub(crate) fn follow_external(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
+        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
             let Some(gpu) = before.vulkan() else {
                 return Ok(());

@@ -20,6 +20,7 @@
 //! ```
 
 use crate::loaded::Loaded;
+use crate::pictures::shade;
 use crate::tracer::moment;
 use crate::{Error, Point, Result, Tracer};
 use geom::Camera;
@@ -34,7 +35,7 @@ impl Tracer {
     /// [`Error::Device`].
     pub fn prepare_frames(&mut self, shot: (&Camera, Point), wanted: Wanted) -> Result<bool> {
         let loaded = &mut self.current;
-        let shades = wanted.pixels && loaded.is_shaded_on_device()?;
+        let shades = wanted.pixels && loaded.host_colours()?.is_none();
         loaded.driver.prepare(shading::query(shot));
         Ok(shades)
     }
@@ -58,8 +59,11 @@ impl Tracer {
         self.current.finish_all(&mut self.last)?;
         self.keep_from(u64::MAX);
         let Self { current, last, .. } = self;
-        let shades_here = wanted.pixels && !current.is_shaded_on_device()?;
-        let most = match shades_here && current.joined.is_live() {
+        let colours = match wanted.pixels {
+            true => current.host_colours()?,
+            false => None,
+        };
+        let most = match colours.is_some() && current.joined.is_live {
             // Later frames would take its vertices away.
             true => 1,
             false => current.driver.most_under_way(),
@@ -67,8 +71,11 @@ impl Tracer {
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
             let mut record = loaded.take((wanted, &mut answers), last)?;
-            if shades_here {
-                loaded.shade_frame(moment(frame.time), shot, &mut answers)?;
+            if let Some(colours) = &colours {
+                let Answers { hits, pixels } = &mut answers;
+                let joined = &loaded.joined;
+                let time = joined.time_of_last(moment(frame.time));
+                shade((&joined.animation, time), colours, shot, (hits, pixels))?;
             }
             record.frame = frame;
             on_frame(&record, &mut answers)

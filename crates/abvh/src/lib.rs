@@ -29,13 +29,10 @@
 //! [accuracy](guide::accuracy), and the calls of [other libraries](guide::migration).
 
 mod device;
-mod disposal;
 mod doctor;
 mod error;
 #[cfg(feature = "vulkan")]
 pub mod external_memory;
-#[cfg(feature = "files")]
-mod files;
 pub mod frames;
 #[cfg(doc)]
 pub mod guide;

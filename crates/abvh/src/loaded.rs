@@ -1,10 +1,10 @@
 //! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
 
-use crate::motion::{CurrentVertices, Joined};
-use crate::pictures::RenderState;
+use crate::mesh::Colour;
+use crate::motion::Joined;
 use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
-use geom::{Animation, Camera};
+use geom::{Camera, KeyFrame};
 use pipeline::{
     Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update, Wanted,
 };
@@ -18,28 +18,28 @@ pub(crate) type Asked = (Option<Camera>, QueryKind);
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
     pub(crate) joined: Joined,
-    pub(crate) animation: Arc<Animation>,
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
     /// One query of each kind so far.
     pub(crate) asked: Vec<Asked>,
     /// Trees of the scenes before it.
     trees_before: u64,
-    frames: u64,
     /// Submissions that were not seen to be done, the oldest first.
     under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
-    pub(crate) results: VecDeque<(QueryId, Answer)>,
-    /// Since the first picture.
-    pub(crate) render_state: Option<RenderState>,
+    pub(crate) results: VecDeque<Answer>,
+    /// Since the first picture: colours of all triangles where the host shades; the device has its own.
+    pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
 /// Where what a query found is kept.
-#[derive(Clone, Copy)]
 pub(crate) struct Answer {
+    query: QueryId,
     pub(crate) ticket: Ticket,
     /// Among the queries of its submission.
     pub(crate) place: usize,
+    /// Of a picture that the host shaded.
+    pub(crate) pixels: Option<Vec<u8>>,
 }
 
 impl Loaded {
@@ -49,28 +49,26 @@ impl Loaded {
         mut options: DriverOptions,
         builders: BuilderThreads,
     ) -> Result<Self> {
-        let (mut joined, animation) = Joined::of(meshes)?;
+        let mut joined = Joined::of(meshes)?;
+        let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, whatever time a step has.
-        options.time_range = match joined.is_live() {
+        options.time_range = match joined.is_live {
             true => [0.0, f64::MAX],
             false => options.time_range.map(|time| time.min(animation.end())),
         };
-        let (of_driver, threads) = (Arc::clone(&animation), builders.clone());
-        let driver = Driver::new(backend, of_driver, options, threads);
+        let driver = Driver::new(backend, animation, options, builders.clone());
         let mut driver = driver.map_err(Error::of_driver)?;
-        joined.prepare(&animation, driver.backend())?;
+        joined.prepare(driver.backend())?;
         Ok(Self {
             driver,
             joined,
-            animation,
             update: options.update,
             builders,
             asked: Vec::new(),
             trees_before: 0,
-            frames: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
-            render_state: None,
+            host_colours: None,
         })
     }
 
@@ -110,10 +108,10 @@ impl Loaded {
     }
 
     /// Where meshes stand, with what no query has seen yet.
-    fn settle(&mut self) -> Result<CurrentVertices> {
-        let (backend, time) = (self.driver.backend(), self.joined.time);
-        self.joined.tell(&self.animation, backend, time)?;
-        self.joined.current_vertices(&self.animation)
+    fn settle(&mut self) -> Result<KeyFrame> {
+        let time = self.joined.time;
+        self.joined.tell(self.driver.backend(), time)?;
+        self.joined.newest()
     }
 
     /// Begins queries, in one submission if the device can.
@@ -131,9 +129,13 @@ impl Loaded {
             self.finish(last)?;
         }
         let ticket = self.start(time, queries)?;
-        for (place, &id) in ids.iter().enumerate() {
-            self.results.push_back((id, Answer { ticket, place }));
-        }
+        let answers = ids.iter().enumerate().map(|(place, &query)| Answer {
+            query,
+            ticket,
+            place,
+            pixels: None,
+        });
+        self.results.extend(answers);
         Ok(())
     }
 
@@ -149,10 +151,10 @@ impl Loaded {
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.release_points();
         let backend = self.driver.backend();
-        let submissions = self.results.iter().filter(|(_, answer)| answer.place == 0);
+        let submissions = self.results.iter().filter(|answer| answer.place == 0);
         // This one comes after all of them.
         backend.keep(submissions.count() + 1);
-        let time = self.joined.tell(&self.animation, backend, time)?;
+        let time = self.joined.tell(backend, time)?;
         let index = self.frames;
         let begun = self.driver.begin(Frame { index, time }, queries);
         self.frames += 1;
@@ -239,29 +241,23 @@ impl Loaded {
 
     /// Drops results of steps before one; says whether any are left.
     pub(crate) fn keep_from(&mut self, step: u64) -> bool {
-        let is_old = |(query, _): &(QueryId, Answer)| query.step.0 < step;
-        while self.results.front().is_some_and(is_old) {
-            self.results.pop_front();
-        }
-        if let Some(state) = &mut self.render_state {
-            state.keep_from(step);
-        }
+        self.results.retain(|answer| answer.query.step.0 >= step);
         !self.results.is_empty()
     }
 }
 
-/// Where the answer to a query of a step is, and the scene that it was traced in: the one in use, or a former one.
+/// The scene that a step's query was traced in, current or former, and the place of its answer among the results.
 pub(crate) fn find<'t>(
     current: &'t mut Loaded,
     former: &'t mut [Loaded],
     step: StepId,
     query: QueryId,
-) -> Result<(&'t mut Loaded, Answer)> {
-    let is_asked = |(id, _): &&(QueryId, Answer)| *id == query && query.step == step;
+) -> Result<(&'t mut Loaded, usize)> {
+    let is_asked = |answer: &Answer| answer.query == query && query.step == step;
     let mut all = std::iter::once(current).chain(former);
     let found = all.find_map(|loaded| {
-        let (_, answer) = *loaded.results.iter().find(is_asked)?;
-        Some((loaded, answer))
+        let at = loaded.results.iter().position(is_asked)?;
+        Some((loaded, at))
     });
     found.ok_or(Error::NoResult)
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Triangles, and how they move.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// None where its motion has them.
+    /// Empty where its motion has them.
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<Motion>,
     pub(crate) colours: Arc<[Colour]>,
@@ -28,7 +28,8 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        Self::new(triangles, vertices.len(), Motion::Fixed(vertices.to_vec()))
+        let motion = Motion::Keys(vec![vertices.to_vec()]);
+        Self::new(triangles, vertices.len(), motion)
     }
 
     /// A mesh that goes through key frames, one position a vertex each. Time is measured in them: at time `k + a` it stands
@@ -134,6 +135,18 @@ impl Mesh {
         Ok(self)
     }
 
+    /// The mesh of a file (`.obj`, `.ply`, `.gltf` or `.glb`), or of a folder or a pattern of files that are key frames, with
+    /// its motion and colours; `demo:NAME` makes one. Key frames that take much memory are read while they are played.
+    ///
+    /// # Errors
+    /// [`Error::KeyFrame`], with the file and the place in it.
+    #[cfg(feature = "files")]
+    pub fn open(name: &str) -> Result<Self> {
+        let found = scene::open(name, &scene::Options::default());
+        let found = found.map_err(|e| Error::KeyFrame(e.to_string()))?;
+        Ok(Self::from(&found))
+    }
+
     /// How many vertices it has.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
@@ -155,6 +168,18 @@ impl Mesh {
         match &*self.motion {
             Motion::Animated(animation) => Some(animation),
             _ => None,
+        }
+    }
+}
+
+/// A scene that was read by other options than [`Mesh::open`] has. The crate promises nothing: it may change with each version.
+#[cfg(feature = "files")]
+impl From<&scene::Scene> for Mesh {
+    fn from(scene: &scene::Scene) -> Self {
+        let mesh = Self::animated(Arc::clone(&scene.animation));
+        Self {
+            colours: Arc::clone(&scene.colours),
+            ..mesh
         }
     }
 }

@@ -15,8 +15,7 @@ pub type Matrix = [[f32; 4]; 3];
 /// How a mesh moves.
 #[derive(Clone, Debug)]
 pub(crate) enum Motion {
-    Fixed(Vec<Point>),
-    /// One at least.
+    /// One at least; with no other it is fixed.
     Keys(Vec<Vec<Point>>),
     /// Key frames that may be read while they are played, with triangles.
     Animated(Arc<Animation>),
@@ -34,7 +33,7 @@ impl Motion {
         match self {
             Self::Keys(keys) => &keys[0],
             Self::Animated(animation) => animation.first(),
-            Self::Fixed(rest) | Self::Streamed(rest) | Self::Rigid { rest, .. } => rest,
+            Self::Streamed(rest) | Self::Rigid { rest, .. } => rest,
         }
     }
 
@@ -56,7 +55,6 @@ impl Motion {
 
     pub(crate) fn is_fixed(&self) -> bool {
         match self {
-            Self::Fixed(_) => true,
             Self::Keys(keys) => keys.len() == 1,
             Self::Animated(animation) => animation.key_count() == 1,
             Self::Streamed(_) | Self::Rigid { .. } => false,
@@ -69,26 +67,13 @@ impl Motion {
     }
 }
 
-/// Where all meshes of a scene stand.
-pub(crate) struct CurrentVertices {
-    newest: KeyFrame,
-    /// The first vertex of each mesh.
-    starts: Vec<usize>,
-}
-
-impl CurrentVertices {
-    /// A copy of its own: steps to come use that memory again.
-    pub(crate) fn detached(self) -> Self {
-        let newest = Arc::new(self.newest.to_vec().into());
-        Self { newest, ..self }
-    }
-}
-
 /// A scene's meshes in one list of vertices and one of triangles.
 pub(crate) struct Joined {
-    pub(crate) motions: Vec<Arc<Motion>>,
-    /// Of each mesh: one for all its triangles, or one each.
-    colours: Vec<Arc<[Colour]>>,
+    pub(crate) animation: Arc<Animation>,
+    /// Without their triangles, which the animation has.
+    pub(crate) meshes: Vec<Mesh>,
+    /// Whether vertices arrive while the scene is traced.
+    pub(crate) is_live: bool,
     /// The first vertex of each mesh; one more entry ends them.
     vertices: Vec<usize>,
     /// Likewise of triangles.
@@ -110,7 +95,7 @@ pub(crate) struct Joined {
 
 impl Joined {
     /// Joins meshes, and makes an animation of them.
-    pub(crate) fn of(meshes: Vec<Mesh>) -> Result<(Self, Arc<Animation>)> {
+    pub(crate) fn of(mut meshes: Vec<Mesh>) -> Result<Self> {
         let starts = |count: fn(&Mesh) -> usize| {
             let ends = meshes.iter().scan(0, |end, mesh| {
                 *end += count(mesh);
@@ -124,125 +109,96 @@ impl Joined {
             let why = format!("all meshes have {all} vertices, more than can be numbered");
             return Err(Error::Mesh(why));
         }
-        let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
-            let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
-            mesh.triangles().iter().map(moved)
-        });
+        let is_live = is_live(&meshes);
         let alone = match &*meshes {
             [only] => only.animation().cloned(),
             _ => None,
         };
-        let all = match alone {
-            Some(_) => Vec::new(),
-            None => all.collect(),
+        let animation = match alone {
+            Some(animation) => animation,
+            None => {
+                let all = meshes.iter().zip(&vertices).flat_map(|(mesh, &first)| {
+                    let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
+                    mesh.triangles().iter().map(moved)
+                });
+                Arc::new(joined(&meshes, is_live, all.collect())?)
+            }
         };
-        let looks = meshes.into_iter().map(|mesh| (mesh.motion, mesh.colours));
-        let (motions, colours): (Vec<_>, Vec<_>) = looks.unzip();
-        let mut joined = Self {
+        for mesh in &mut meshes {
+            mesh.triangles = Vec::new();
+        }
+        Ok(Self {
+            animation,
+            is_live,
             vertices,
             triangles,
             next: PointBuffer::default(),
-            is_fresh: vec![true; motions.len()],
+            is_fresh: vec![true; meshes.len()],
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             returned: Vec::new(),
-            motions,
-            colours,
+            meshes,
             is_told: true,
             time: 0.0,
             blended: Some(0.0),
-        };
-        let animation = match alone {
-            Some(animation) => animation,
-            None if joined.is_live() => Arc::new(joined.live(all)?),
-            None => Arc::new(joined.keyed(all)?),
-        };
-        Ok((joined, animation))
-    }
-
-    fn keyed(&self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
-        let counts = self.motions.iter().map(|motion| motion.key_count());
-        let frame = |key: usize| {
-            let each = self.motions.iter().flat_map(|motion| motion.key(key));
-            each.copied().collect::<Vec<_>>()
-        };
-        let frames = (0..counts.max().unwrap_or(1)).map(frame);
-        Animation::new(frames.collect(), triangles).map_err(Error::of_keys)
-    }
-
-    fn live(&mut self, triangles: Vec<[u32; 3]>) -> Result<Animation> {
-        let all = self.motions.iter();
-        let marks = all.flat_map(|m| std::iter::repeat_n(m.is_fixed(), m.first().len()));
-        let marks: Vec<bool> = marks.collect();
-        let all = self.motions.iter();
-        let first: Vec<Point> = all.flat_map(|m| m.first()).copied().collect();
-        Animation::live(first, &marks, triangles).map_err(Error::of_keys)
-    }
-
-    /// Whether vertices arrive while the scene is traced: steps bring them, or they are read beside those of other meshes.
-    pub(crate) fn is_live(&self) -> bool {
-        let is_alone = self.motions.len() == 1;
-        let is_read = |motion: &Motion| {
-            let is_animated = matches!(motion, Motion::Animated(_));
-            is_animated && !motion.is_fixed() && !is_alone
-        };
-        let mut all = self.motions.iter();
-        all.any(|motion| motion.is_live() || is_read(motion))
-    }
-
-    /// Where meshes stand, but for what no query has seen yet.
-    pub(crate) fn current_vertices(&self, animation: &Animation) -> Result<CurrentVertices> {
-        let newest = animation.key(animation.key_count() - 1);
-        Ok(CurrentVertices {
-            newest: newest.map_err(Error::of_reading)?,
-            starts: self.vertices.clone(),
         })
     }
 
-    /// Puts meshes that steps move, but for one, where they stand in another scene.
-    pub(crate) fn move_to(&mut self, other: &CurrentVertices, but: usize) {
-        for mesh in (0..self.motions.len()).filter(|&mesh| mesh != but) {
-            if self.motions[mesh].is_live() {
-                let from = &other.newest[other.starts[mesh]..];
-                set(self.vertices_of(mesh), |v| from[v]);
+    /// Where meshes stand, but for what no query has seen yet.
+    pub(crate) fn newest(&self) -> Result<KeyFrame> {
+        let last = self.animation.key_count() - 1;
+        self.animation.key(last).map_err(Error::of_reading)
+    }
+
+    /// Where the last step, which had this time, stands in the animation.
+    pub(crate) fn time_of_last(&self, time: f64) -> f64 {
+        match self.is_live {
+            true => self.animation.end(),
+            false => time,
+        }
+    }
+
+    /// Puts meshes that steps move, but for one, where they stand in another scene, which differs by that one.
+    pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
+        for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
+            if self.meshes[mesh].motion.is_live() {
+                let first = match mesh < but {
+                    true => self.vertices[mesh],
+                    // As far from the end.
+                    false => other.len() - (self.next.len() - self.vertices[mesh]),
+                };
+                set(self.vertices_of(mesh), |v| other[first + v]);
             }
         }
     }
 
     /// Takes the scene apart into the meshes that it was made of, once that is called for.
-    pub(crate) fn parts(&self, animation: &Arc<Animation>) -> impl FnOnce() -> Vec<Mesh> + use<> {
+    pub(crate) fn parts(&self) -> impl FnOnce() -> Vec<Mesh> + use<> {
         let [vertices, triangles] = [&self.vertices, &self.triangles].map(Vec::clone);
-        let looks = self.motions.iter().cloned().zip(self.colours.clone());
-        let (looks, animation) = (looks.collect::<Vec<_>>(), Arc::clone(animation));
+        let (mut meshes, animation) = (self.meshes.clone(), Arc::clone(&self.animation));
         move || {
-            let mesh = |(i, (motion, colours)): (usize, (Arc<Motion>, Arc<[Colour]>))| {
-                let first = vertices[i] as u32;
-                let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
-                let triangles = match &*motion {
-                    Motion::Animated(_) => Vec::new(),
-                    _ => own.iter().map(|t| t.map(|v| v - first)).collect(),
-                };
-                Mesh {
-                    triangles,
-                    motion,
-                    colours,
+            for (i, mesh) in meshes.iter_mut().enumerate() {
+                if mesh.animation().is_none() {
+                    let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
+                    let first = vertices[i] as u32;
+                    mesh.triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
                 }
-            };
-            looks.into_iter().enumerate().map(mesh).collect()
+            }
+            meshes
         }
     }
 
     /// One colour a triangle.
     pub(crate) fn triangle_colours(&self) -> Arc<[Colour]> {
         let counts = self.triangles.windows(2).map(|ends| ends[1] - ends[0]);
-        if let ([only], Some(&count)) = (&*self.colours, self.triangles.last())
-            && only.len() == count
+        if let ([only], Some(&count)) = (&*self.meshes, self.triangles.last())
+            && only.colours.len() == count
         {
-            return Arc::clone(only);
+            return Arc::clone(&only.colours);
         }
-        let each = self.colours.iter().zip(counts);
-        let of_mesh = |(all, count): (&Arc<[Colour]>, usize)| match **all {
+        let each = self.meshes.iter().zip(counts);
+        let of_mesh = |(mesh, count): (&Mesh, usize)| match *mesh.colours {
             [only] => vec![only; count],
-            _ => all.to_vec(),
+            ref all => all.to_vec(),
         };
         each.flat_map(of_mesh).collect()
     }
@@ -283,50 +239,25 @@ impl Joined {
 
     /// Has key frames be read that will be played next, where not all are held.
     pub(crate) fn look_ahead(&self, times: impl Iterator<Item = f64> + Clone) {
-        for motion in &self.motions {
-            if let Motion::Animated(animation) = &**motion {
-                animation.look_ahead(times.clone());
-            }
+        for animation in self.meshes.iter().filter_map(Mesh::animation) {
+            animation.look_ahead(times.clone());
         }
     }
 
     /// Has steps to come prepared where the device reads them.
-    pub(crate) fn prepare(
-        &mut self,
-        animation: &Animation,
-        backend: &mut dyn Backend,
-    ) -> Result<()> {
-        if self.is_live() {
-            let made = backend.point_buffer(animation.vertex_count());
+    pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
+        if self.is_live {
+            let made = backend.point_buffer(self.animation.vertex_count());
             self.next = made.map_err(Error::of_backend)?;
-            self.next.copy_from_slice(animation.first());
+            self.next.copy_from_slice(self.animation.first());
         }
         Ok(())
     }
 
-    /// Sets a rigid mesh's matrices, of which there must be one a part.
-    pub(crate) fn transform(&mut self, mesh: usize, matrices: &[Matrix]) {
-        let motion = Arc::clone(&self.motions[mesh]);
-        if let Motion::Rigid {
-            rest,
-            part_of_vertex,
-            ..
-        } = &*motion
-        {
-            let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
-            set(self.vertices_of(mesh), |v| moved(matrix(v), rest[v]));
-        }
-    }
-
     /// The time in the animation at which a step at `time` stands, with all that was said of it.
-    pub(crate) fn tell(
-        &mut self,
-        animation: &Animation,
-        backend: &mut dyn Backend,
-        time: f64,
-    ) -> Result<f64> {
+    pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
-        if !self.is_live() {
+        if !self.is_live {
             return Ok(time);
         }
         if self.blended.take() != Some(time) {
@@ -334,16 +265,15 @@ impl Joined {
         }
         self.blended = Some(time);
         if std::mem::replace(&mut self.is_told, true) {
-            return Ok(animation.end());
+            return Ok(self.animation.end());
         }
-        let last = animation.at(animation.end()).map_err(Error::of_reading)?;
-        let [last, _] = last.key_frames();
-        for mesh in (0..self.motions.len()).filter(|&mesh| !self.is_fresh[mesh]) {
+        let last = self.newest()?;
+        for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
             self.next[range.clone()].copy_from_slice(&last[range]);
         }
         // A frame that was dropped has meshes that never move where they are.
-        let spare = match animation.spare_frame() {
+        let spare = match self.animation.spare_frame() {
             Some(spare) => spare,
             None => {
                 let new = backend.point_buffer(self.next.len());
@@ -352,39 +282,65 @@ impl Joined {
                 new
             }
         };
-        self.is_fresh = self.motions.iter().map(|m| m.is_fixed()).collect();
-        let pushed = animation.push(std::mem::replace(&mut self.next, spare));
+        self.is_fresh = self.meshes.iter().map(|m| m.motion.is_fixed()).collect();
+        let pushed = self
+            .animation
+            .push(std::mem::replace(&mut self.next, spare));
         pushed.map_err(Error::of_keys)
     }
 
     /// Brings key-framed meshes to `time`, with the bits that a device would blend.
     fn blend(&mut self, time: f64) -> Result<()> {
-        for mesh in 0..self.motions.len() {
-            let motion = Arc::clone(&self.motions[mesh]);
+        for mesh in 0..self.meshes.len() {
+            let motion = Arc::clone(&self.meshes[mesh].motion);
             match &*motion {
-                motion if motion.is_fixed() => (),
-                Motion::Keys(keys) => {
+                Motion::Keys(keys) if keys.len() > 1 => {
                     let pose = Pose::at(time, keys.len());
                     let [earlier, later] =
                         [0, 1].map(|after| motion.key(pose.key as usize + after));
                     set(self.vertices_of(mesh), |v| pose.blend(earlier[v], later[v]));
                 }
-                Motion::Animated(animation) => {
+                Motion::Animated(animation) if animation.key_count() > 1 => {
                     let moment = animation.at(time).map_err(Error::of_reading)?;
                     set(self.vertices_of(mesh), |v| moment.vertex(v as u32));
                 }
-                Motion::Fixed(_) | Motion::Streamed(_) | Motion::Rigid { .. } => (),
+                _ => (),
             }
         }
         Ok(())
     }
 }
 
+/// Whether vertices arrive while the scene is traced: steps bring them, or they are read beside those of other meshes.
+fn is_live(meshes: &[Mesh]) -> bool {
+    let is_read = |motion: &Motion| {
+        let is_animated = matches!(motion, Motion::Animated(_));
+        is_animated && !motion.is_fixed() && meshes.len() > 1
+    };
+    let mut all = meshes.iter().map(|mesh| &*mesh.motion);
+    all.any(|motion| motion.is_live() || is_read(motion))
+}
+
+/// One animation of all meshes, over their triangles, whose vertices are numbered through all.
+fn joined(meshes: &[Mesh], is_live: bool, triangles: Vec<[u32; 3]>) -> Result<Animation> {
+    let motions = || meshes.iter().map(|mesh| &*mesh.motion);
+    if is_live {
+        let mark = |m: &Motion| std::iter::repeat_n(m.is_fixed(), m.first().len());
+        let marks: Vec<bool> = motions().flat_map(mark).collect();
+        let first = motions().flat_map(Motion::first).copied().collect();
+        return Animation::live(first, &marks, triangles).map_err(Error::of_keys);
+    }
+    let keys = motions().map(Motion::key_count).max().unwrap_or(1);
+    let frame = |key| (motions().flat_map(|motion| motion.key(key)).copied()).collect();
+    let frames = (0..keys).map(frame).collect();
+    Animation::new(frames, triangles).map_err(Error::of_keys)
+}
+
 /// Vertices that the calling thread sets before a busy pool would take them up.
 const FEW: usize = 1 << 16;
 
 /// Sets each vertex by its number, by all threads where there are many.
-fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
+pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     let one = |(v, to): (usize, &mut Point)| *to = of(v);
     match to.len() <= FEW {
         true => to.iter_mut().enumerate().for_each(one),
@@ -395,6 +351,7 @@ fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     }
 }
 
-fn moved(m: &Matrix, v: Point) -> Point {
+/// Where a matrix brings a vertex.
+pub(crate) fn moved(m: &Matrix, v: Point) -> Point {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
 }

@@ -9,7 +9,7 @@
 //! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
 //! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
 
-use crate::loaded::{Loaded, find};
+use crate::loaded::{Answer, Loaded, find};
 use crate::motion::Joined;
 use crate::step::{Deferred, apart, check};
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
@@ -57,8 +57,8 @@ impl OwnDevice {
 /// # Errors
 /// As for [`Builder::build`](crate::Builder::build): the meshes are too large to be joined.
 pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
-    let (_, animation) = Joined::of(scene.meshes.clone())?;
-    Ok(gpu_wgpu::required_limits(&animation, rays))
+    let joined = Joined::of(scene.meshes.clone())?;
+    Ok(gpu_wgpu::required_limits(&joined.animation, rays))
 }
 
 impl Loaded {
@@ -73,13 +73,8 @@ impl Loaded {
         (mesh, index): (MeshId, usize),
         from: wgpu::BufferSlice<'_>,
     ) -> Result<()> {
-        let vertices = self.joined.range_of(index).len();
-        check(
-            mesh,
-            "bytes",
-            vertices * size_of::<Point>(),
-            from.size() as usize,
-        )?;
+        let expected = self.joined.range_of(index).len() * size_of::<Point>();
+        check(mesh, "bytes", expected, from.size() as usize)?;
         let is_copied = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
         if !is_copied || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
             let why = "a buffer of vertices needs the usage COPY_SRC and an offset of whole floats";
@@ -133,24 +128,20 @@ impl Loaded {
     }
 
     fn return_encoder(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        let lent = self
-            .wgpu()
-            .and_then(|backend| backend.gpu_mut().take_encoder());
-        if let Some(lent) = lent {
+        let backend = self.wgpu();
+        if let Some(lent) = backend.and_then(|backend| backend.gpu_mut().take_encoder()) {
             *encoder = lent;
         }
     }
 
     /// Takes over what `before`, which differs by one mesh, has on the device alone.
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
-        if before
-            .wgpu()
-            .is_some_and(|backend| backend.gpu().has_encoded())
-        {
+        let backend = before.wgpu();
+        if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
             // What it takes over must have been submitted.
             before.finish_all(&mut None)?;
         }
-        for mesh in (0..self.joined.motions.len()).filter(|&mesh| mesh != but) {
+        for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
             let Some(backend) = before.wgpu() else {
                 return Ok(());
@@ -182,13 +173,8 @@ impl RayBuffers<'_> {
         use wgpu::BufferUsages as Usage;
         apart(self.answers != Some(self.rays))?;
         let rays = (self.rays, size_of::<Ray>(), Usage::STORAGE);
-        let answers = |buffer| {
-            (
-                buffer,
-                query.answer_bytes(),
-                Usage::STORAGE | Usage::COPY_DST,
-            )
-        };
+        let written = Usage::STORAGE | Usage::COPY_DST;
+        let answers = |buffer| (buffer, query.answer_bytes(), written);
         for (buffer, bytes, usage) in [rays].into_iter().chain(self.answers.map(answers)) {
             let is_large = (bytes as u64)
                 .checked_mul(self.count as u64)
@@ -247,8 +233,7 @@ impl Step<'_> {
         let begun = self.begin_deferred();
         self.tracer.current.return_encoder(encoder);
         begun?;
-        self.tracer.end_step(self.id);
-        Ok(self.id)
+        Ok(self.end())
     }
 }
 
@@ -265,9 +250,10 @@ impl Tracer {
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Unsupported`] on another
     /// device.
     pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
-        let (loaded, answer) = find(&mut self.current, &mut self.former, step, query)?;
+        let (loaded, at) = find(&mut self.current, &mut self.former, step, query)?;
+        let Answer { ticket, place, .. } = loaded.results[at];
         let backend = loaded.wgpu().ok_or_else(no_wgpu)?;
-        let found = backend.hits_buffer(answer.ticket, answer.place);
+        let found = backend.hits_buffer(ticket, place);
         found.ok_or(Error::NoResult)
     }
 

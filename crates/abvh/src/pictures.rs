@@ -2,19 +2,10 @@
 
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
-use crate::{Error, Point, QueryId, Result, Statistics, Step, StepId, Tracer};
+use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
 use geom::{Animation, Camera};
-use pipeline::Answers;
 use shading::Shot;
 use std::sync::Arc;
-
-/// What pictures of a scene take, and what the host made of them.
-pub(crate) struct RenderState {
-    /// One a triangle, where the host shades; else the device has them.
-    colours: Option<Arc<[Colour]>>,
-    /// Pixels that the host shaded.
-    shaded: Vec<(QueryId, Vec<u8>)>,
-}
 
 impl Step<'_> {
     /// Renders what a camera sees in the light of the sky and of one point, with shadows: meshes in their
@@ -42,9 +33,23 @@ impl Step<'_> {
     /// # Errors
     /// As for [`Step::trace`].
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
-        let id = self.next_id();
+        let (id, shot) = (self.next_id(), (camera, light));
         let Tracer { current, last, .. } = &mut *self.tracer;
-        current.render((self.time, id), (camera, light), last)?;
+        let colours = current.host_colours()?;
+        current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
+        let answer = current.results.back();
+        let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
+            return Ok(id);
+        };
+        current.wait(ticket, last)?;
+        let hits = current.driver.backend().hits_of(ticket, place);
+        let (hits, mut rgba) = (hits.map_err(Error::of_backend)?, Vec::new());
+        let time = current.joined.time_of_last(self.time);
+        let scene = (&*current.joined.animation, time);
+        shade(scene, &colours, shot, (hits, &mut rgba))?;
+        if let Some(answer) = current.results.back_mut() {
+            answer.pixels = Some(rgba);
+        }
         Ok(id)
     }
 }
@@ -55,129 +60,49 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if the query is of another step, was dropped or is no picture; [`Error::Device`].
     pub fn pixels(&mut self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
-        let (loaded, answer) = find(&mut self.current, &mut self.former, step, picture)?;
-        loaded.wait(answer.ticket, &mut self.last)?;
-        loaded.pixels(picture, answer, rgba)
-    }
-}
-
-impl Loaded {
-    fn render(
-        &mut self,
-        (time, id): (f64, QueryId),
-        shot: (&Camera, Point),
-        last: &mut Option<Statistics>,
-    ) -> Result<()> {
-        let is_on_device = self.is_shaded_on_device()?;
-        self.begin(time, (&[id], &[shading::query(shot)]), last)?;
-        match self.results.back() {
-            Some(&(_, answer)) if !is_on_device => {
-                self.wait(answer.ticket, last)?;
-                self.shade((id, answer), shot)
-            }
-            _ => Ok(()),
+        let (loaded, at) = find(&mut self.current, &mut self.former, step, picture)?;
+        let ticket = loaded.results[at].ticket;
+        loaded.wait(ticket, &mut self.last)?;
+        if let Some(shaded) = &loaded.results[at].pixels {
+            rgba.clone_from(shaded);
+            return Ok(());
         }
-    }
-
-    /// Whether pictures come from the device; from the first picture on it has all that they take.
-    pub(crate) fn is_shaded_on_device(&mut self) -> Result<bool> {
-        Ok(self.render_state()?.colours.is_none())
-    }
-
-    /// What the first picture takes with it.
-    fn render_state(&mut self) -> Result<&mut RenderState> {
-        let state = match self.render_state.take() {
-            Some(state) => state,
-            None => {
-                let colours = self.joined.triangle_colours();
-                let palette = shading::palette(&colours);
-                // Without triangles nothing is traced on a device, and there is only sky.
-                let is_on_device = self.animation.live_count() > 0
-                    && self.driver.shade(&palette).map_err(Error::of_driver)?;
-                RenderState {
-                    colours: (!is_on_device).then_some(colours),
-                    shaded: Vec::new(),
-                }
-            }
-        };
-        Ok(self.render_state.insert(state))
-    }
-
-    /// Shades what a query found that is done, and that no step came after.
-    fn shade(
-        &mut self,
-        (id, Answer { ticket, place }): (QueryId, Answer),
-        (camera, light): (&Camera, Point),
-    ) -> Result<()> {
-        let at = self.time_of_last(self.joined.time);
-        let hits = self.driver.backend().hits_of(ticket, place);
-        let hits = hits.map_err(Error::of_backend)?;
-        if let Some(state) = &mut self.render_state {
-            let mut rgba = Vec::new();
-            state.shade((&self.animation, at), (camera, light), (hits, &mut rgba))?;
-            state.shaded.push((id, rgba));
-        }
-        Ok(())
-    }
-
-    /// Likewise, of a frame at a time.
-    pub(crate) fn shade_frame(
-        &self,
-        time: f64,
-        shot: (&Camera, Point),
-        Answers { hits, pixels }: &mut Answers,
-    ) -> Result<()> {
-        let at = self.time_of_last(time);
-        let state = self.render_state.as_ref();
-        state.map_or(Ok(()), |state| {
-            state.shade((&self.animation, at), shot, (hits, pixels))
-        })
-    }
-
-    /// Where the last step stands in the animation, at a time of its own.
-    fn time_of_last(&self, time: f64) -> f64 {
-        match self.joined.is_live() {
-            true => self.animation.end(),
-            false => time,
-        }
-    }
-
-    fn pixels(&mut self, id: QueryId, answer: Answer, rgba: &mut Vec<u8>) -> Result<()> {
-        let shaded = self.render_state.iter().flat_map(|state| &state.shaded);
-        let is_there = match shaded.into_iter().find(|(shaded, _)| *shaded == id) {
-            Some((_, found)) => {
-                rgba.clone_from(found);
-                true
-            }
-            None => {
-                let backend = self.driver.backend();
-                let fetched = backend.pixels(answer.ticket, rgba);
-                fetched.map_err(Error::of_backend)?
-            }
-        };
+        let fetched = loaded.driver.backend().pixels(ticket, rgba);
+        let is_there = fetched.map_err(Error::of_backend)?;
         is_there.then_some(()).ok_or(Error::NoResult)
     }
 }
 
-impl RenderState {
-    fn shade(
-        &self,
-        (animation, time): (&Animation, f64),
-        (camera, light): (&Camera, Point),
-        (hits, rgba): (&backend::Hits, &mut Vec<u8>),
-    ) -> Result<()> {
-        let shot = Shot {
-            moment: animation.at(time).map_err(Error::of_reading)?,
-            colours: self.colours.as_deref().unwrap_or_default(),
-            camera,
-            light,
-        };
-        shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
-        Ok(())
+impl Loaded {
+    /// Colours of all triangles where the host shades; none where the device does, which has all that pictures take from the
+    /// first one on.
+    pub(crate) fn host_colours(&mut self) -> Result<Option<Arc<[Colour]>>> {
+        if let Some(known) = &self.host_colours {
+            return Ok(known.clone());
+        }
+        let colours = self.joined.triangle_colours();
+        let palette = shading::palette(&colours);
+        // Without triangles nothing is traced on a device, and there is only sky.
+        let is_on_device = self.joined.animation.live_count() > 0
+            && self.driver.shade(&palette).map_err(Error::of_driver)?;
+        let known = (!is_on_device).then_some(colours);
+        Ok(self.host_colours.insert(known).clone())
     }
+}
 
-    /// Drops pictures of steps before one.
-    pub(crate) fn keep_from(&mut self, step: u64) {
-        self.shaded.retain(|(query, _)| query.step.0 >= step);
-    }
+/// Shades what a query found in a scene as it stands at a time.
+pub(crate) fn shade(
+    (animation, time): (&Animation, f64),
+    colours: &[Colour],
+    (camera, light): (&Camera, Point),
+    (hits, rgba): (&backend::Hits, &mut Vec<u8>),
+) -> Result<()> {
+    let shot = Shot {
+        moment: animation.at(time).map_err(Error::of_reading)?,
+        colours,
+        camera,
+        light,
+    };
+    shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
+    Ok(())
 }

@@ -1,15 +1,12 @@
 //! Other triangles in a mesh's place, prepared while the scene is traced.
 
-use crate::disposal::Disposal;
-use crate::loaded::{Asked, Loaded};
-use crate::motion::CurrentVertices;
-use crate::tracer::{Builder, name};
+use crate::loaded::Loaded;
+use crate::tracer::name;
 use crate::{Error, Mesh, MeshId, Result, Tracer};
-use backend::Opener;
-use pipeline::{BuilderThreads, Pace, Update};
+use pipeline::{Pace, Update};
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
 /// A mesh that is to be another: see [`Tracer::replace`]. One that is dropped instead of [committed](Tracer::commit) is given
@@ -98,11 +95,11 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`]; [`Error::Device`] if no thread can be had.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let preparation = self.preparation(mesh.within(self.scene)?, with)?;
+        let prepare = self.preparation(mesh.within(self.scene)?, with)?;
         let is_given_up = Arc::<AtomicBool>::default();
         let heard = Arc::clone(&is_given_up);
         let thread = thread::Builder::new().name("abvh-replace".into());
-        let begun = thread.spawn(move || preparation.carry_out(&heard));
+        let begun = thread.spawn(move || prepare(&heard));
         let begun = begun.map_err(|e| Error::Device(format!("no thread to prepare it: {e}")))?;
         Ok(Replacement {
             mesh,
@@ -119,7 +116,7 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Conflict`] if another was committed since it was begun, [`Error::ForeignReplacement`],
-    /// those of [`Builder::build`]. The old mesh then stays.
+    /// those of [`Builder::build`](crate::Builder::build). The old mesh then stays.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let mesh = replacement.mesh;
         if !Arc::ptr_eq(&self.disposal, &replacement.disposal) {
@@ -136,71 +133,77 @@ impl Tracer {
         Ok(())
     }
 
-    fn preparation(&self, mesh: usize, with: Mesh) -> Result<Preparation> {
+    /// What loads the scene with another mesh and builds its first tree. It takes threads that build trees anyway: steps need
+    /// the others.
+    fn preparation(
+        &self,
+        mesh: usize,
+        with: Mesh,
+    ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
         let current = &self.current;
-        Ok(Preparation {
-            builder: self.builder.clone(),
-            device: self.device().to_owned(),
-            another: current.driver.another_backend(),
-            parts: Box::new(current.joined.parts(&current.animation)),
-            mesh,
-            with,
-            current_vertices: current.joined.current_vertices(&current.animation)?,
-            time: current.joined.time,
-            asked: current.asked.clone(),
-            builders: match current.update {
-                // They have all cores while steps wait for them.
-                Update::Refit => self
-                    .builder
-                    .builders(self.kind, Update::Async(Pace::Free))?,
-                _ => current.builders.clone(),
-            },
+        let (builder, expected) = (self.builder.clone(), self.device().to_owned());
+        // Where there is none, the device is opened once more.
+        let another = current.driver.another_backend();
+        let parts = current.joined.parts();
+        let (newest, time) = (current.joined.newest()?, current.joined.time);
+        let asked = current.asked.clone();
+        let threads = match current.update {
+            // They have all cores while steps wait for them.
+            Update::Refit => builder.builders(self.kind, Update::Async(Pace::Free))?,
+            _ => current.builders.clone(),
+        };
+        Ok(move |is_given_up: &AtomicBool| {
+            let stand = newest.to_vec();
+            // Steps to come use that memory again.
+            drop(newest);
+            let mut meshes = parts();
+            meshes[mesh] = with;
+            let update = builder.policy(&meshes);
+            let backend = match another {
+                Some(open) => open().map_err(Error::of_backend)?,
+                None => builder.open(update)?,
+            };
+            let found = name(backend.as_ref());
+            if found != expected {
+                let why = format!("{expected} cannot be opened once more, only {found}");
+                return Err(Error::Device(why));
+            }
+            let (options, shared) = (builder.options(update), threads.clone());
+            threads.install(move || {
+                let mut loaded = Loaded::new(meshes, backend, options, shared)?;
+                loaded.joined.move_to(&stand, mesh);
+                if is_given_up.load(Ordering::Relaxed) {
+                    return Err(Error::Device("it was given up".to_owned()));
+                }
+                loaded.warm_up(time, &asked)?;
+                Ok(loaded)
+            })
         })
     }
 }
 
-/// What a scene with another mesh is made of.
-struct Preparation {
-    builder: Builder,
-    /// What is to be opened once more, unless it has room for another scene.
-    device: String,
-    another: Option<Opener>,
-    /// The meshes as they are.
-    parts: Box<dyn FnOnce() -> Vec<Mesh> + Send>,
-    mesh: usize,
-    with: Mesh,
-    current_vertices: CurrentVertices,
-    time: f64,
-    asked: Vec<Asked>,
-    builders: BuilderThreads,
+/// Frees beside the steps what takes long to be freed, on threads that its owner waits for in the end. Drivers do not like a
+/// process to end meanwhile.
+#[derive(Debug, Default)]
+pub(crate) struct Disposal(Mutex<Vec<JoinHandle<()>>>);
+
+impl Disposal {
+    /// Frees what `free` owns, here if no thread is to be had.
+    pub(crate) fn begin(&self, free: impl FnOnce() + Send + 'static) {
+        let freeing = thread::Builder::new()
+            .name("abvh-dispose".into())
+            .spawn(free);
+        let mut threads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        threads.retain(|thread| !thread.is_finished());
+        threads.extend(freeing);
+    }
 }
 
-impl Preparation {
-    /// Loads the scene and builds its first tree, by threads that build trees anyway: steps need the others.
-    fn carry_out(self, is_given_up: &AtomicBool) -> Result<Loaded> {
-        let current_vertices = self.current_vertices.detached();
-        let mut meshes = (self.parts)();
-        meshes[self.mesh] = self.with;
-        let update = self.builder.policy(&meshes);
-        let backend = match self.another {
-            Some(open) => open().map_err(Error::of_backend)?,
-            None => self.builder.open(update)?,
-        };
-        let (found, expected) = (name(backend.as_ref()), self.device);
-        if found != expected {
-            let why = format!("{expected} cannot be opened once more, only {found}");
-            return Err(Error::Device(why));
+impl Drop for Disposal {
+    fn drop(&mut self) {
+        let threads = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for thread in threads.drain(..) {
+            let _ = thread.join();
         }
-        let options = self.builder.options(update);
-        let builders = self.builders.clone();
-        self.builders.install(move || {
-            let mut loaded = Loaded::new(meshes, backend, options, builders)?;
-            loaded.joined.move_to(&current_vertices, self.mesh);
-            if is_given_up.load(Ordering::Relaxed) {
-                return Err(Error::Device("it was given up".to_owned()));
-            }
-            loaded.warm_up(self.time, &self.asked)?;
-            Ok(loaded)
-        })
     }
 }

@@ -16,7 +16,6 @@
 //! Answers are those of queries by [`Intersector::Watertight`](crate::Intersector::Watertight), bit for bit. Extreme rays
 //! start very far away, or where some vertex is (see [`accuracy`](crate::guide::accuracy)). Queries answer them, too.
 
-use crate::loaded::Loaded;
 use crate::own_device::no_wgpu;
 use crate::{Error, Result, Tracer};
 use gpu_wgpu::{SHADER_MODULE, traced_scene};
@@ -43,16 +42,6 @@ impl SceneBuffers {
     }
 }
 
-impl Loaded {
-    fn scene_buffers(&mut self) -> Result<SceneBuffers> {
-        let backend = self.wgpu().ok_or_else(no_wgpu)?;
-        let found = traced_scene(backend).map_err(Error::of_backend)?;
-        let why = "shaders trace by `watertight` and layout `fast`, after a step with a query or one that was encoded";
-        let found = found.ok_or_else(|| Error::Device(why.into()));
-        found.map(SceneBuffers)
-    }
-}
-
 impl Tracer {
     /// The scene as the last step leaves it that had a query or was [encoded](crate::Step::encode), for commands that come
     /// after that step and before the next. The buffers are mostly the same as before: compare, to bind them anew if not.
@@ -61,6 +50,10 @@ impl Tracer {
     /// [`Error::Unsupported`] on another device; [`Error::Device`] before there was such a step, or by another intersector or
     /// layout.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
-        self.current.scene_buffers()
+        let backend = self.current.wgpu().ok_or_else(no_wgpu)?;
+        let found = traced_scene(backend).map_err(Error::of_backend)?;
+        let why = "shaders trace by `watertight` and layout `fast`, after a step with a query or one that was encoded";
+        let found = found.ok_or_else(|| Error::Device(why.into()));
+        found.map(SceneBuffers)
     }
 }

@@ -1,9 +1,10 @@
 //! One moment of a scene: where meshes are, and what is asked of it.
 
-use crate::motion::Motion;
+use crate::motion::{Motion, moved, set};
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
 use backend::{QueryKind, Rays};
 use geom::Camera;
+use std::sync::Arc;
 
 /// What to look for along each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,31 +115,18 @@ impl Step<'_> {
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.may_stream(mesh)?;
         let current = &mut self.tracer.current;
-        #[cfg_attr(
-            not(any(feature = "vulkan", feature = "wgpu")),
-            expect(
-                clippy::infallible_destructuring_match,
-                reason = "there is no other source"
-            )
-        )]
-        let vertices = match source {
-            Source::Host(vertices) => vertices,
-            #[cfg(feature = "wgpu")]
-            Source::Wgpu(from) => return current.bring_points((mesh, index), from),
-            #[cfg(feature = "vulkan")]
-            Source::External { buffer, offset } => {
-                return current.bring_external(index, (buffer, offset));
+        match source {
+            Source::Host(vertices) => {
+                let expected = current.joined.range_of(index).len();
+                check(mesh, "vertices", expected, vertices.len())?;
+                current.joined.vertices_of(index).copy_from_slice(vertices);
+                Ok(())
             }
-        };
-        let joined = &mut current.joined;
-        check(
-            mesh,
-            "vertices",
-            joined.motions[index].first().len(),
-            vertices.len(),
-        )?;
-        joined.vertices_of(index).copy_from_slice(vertices);
-        Ok(())
+            #[cfg(feature = "wgpu")]
+            Source::Wgpu(from) => current.bring_points((mesh, index), from),
+            #[cfg(feature = "vulkan")]
+            Source::External { buffer, offset } => current.bring_external(index, (buffer, offset)),
+        }
     }
 
     /// The place of a streamed mesh's vertices, to be written all: where the device can, it reads them there, so nothing
@@ -153,7 +141,7 @@ impl Step<'_> {
 
     fn may_stream(&self, mesh: MeshId) -> Result<usize> {
         let index = self.may_move(mesh)?;
-        match &*self.tracer.current.joined.motions[index] {
+        match &*self.tracer.current.joined.meshes[index].motion {
             Motion::Streamed(_) => Ok(index),
             _ => {
                 let what = "vertices";
@@ -169,12 +157,19 @@ impl Step<'_> {
     pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
         let index = self.may_move(mesh)?;
         let joined = &mut self.tracer.current.joined;
-        let &Motion::Rigid { parts, .. } = &*joined.motions[index] else {
+        let motion = Arc::clone(&joined.meshes[index].motion);
+        let Motion::Rigid {
+            rest,
+            part_of_vertex,
+            parts,
+        } = &*motion
+        else {
             let what = "matrices";
             return Err(Error::Motion { mesh, what });
         };
-        check(mesh, "matrices", parts, matrices.len())?;
-        joined.transform(index, matrices);
+        check(mesh, "matrices", *parts, matrices.len())?;
+        let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
+        set(joined.vertices_of(index), |v| moved(matrix(v), rest[v]));
         Ok(())
     }
 
@@ -228,8 +223,13 @@ impl Step<'_> {
         self.begin_deferred()?;
         #[cfg(feature = "vulkan")]
         self.tracer.current.signal()?;
-        self.tracer.end_step(self.id);
-        Ok(self.id)
+        Ok(self.end())
+    }
+
+    /// Drops results of all steps but this one and the one before.
+    pub(crate) fn end(self) -> StepId {
+        self.tracer.keep_from(self.id.0 - 1);
+        self.id
     }
 
     pub(crate) fn begin_deferred(&mut self) -> Result<()> {

@@ -1,7 +1,7 @@
 //! A scene on a device, with the trees that follow its motion.
 
-use crate::disposal::Disposal;
 use crate::loaded::{Answer, Loaded, find};
+use crate::replacement::Disposal;
 use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
 use backend::{Backend, DeviceKind, Method, Query};
 use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
@@ -289,8 +289,8 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
     pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        let (loaded, answer) = find(&mut self.current, &mut self.former, step, query)?;
-        let Answer { ticket, place } = answer;
+        let (loaded, at) = find(&mut self.current, &mut self.former, step, query)?;
+        let Answer { ticket, place, .. } = loaded.results[at];
         loaded.wait(ticket, &mut self.last)?;
         let found = loaded.driver.backend().hits_of(ticket, place);
         Ok(Hits {
@@ -308,11 +308,6 @@ impl Tracer {
 
     pub(crate) fn begin(&mut self, time: f64, asked: (&[QueryId], &[Query<'_>])) -> Result<()> {
         self.current.begin(time, asked, &mut self.last)
-    }
-
-    /// Drops results of all steps but this one and the one before.
-    pub(crate) fn end_step(&mut self, id: StepId) {
-        self.keep_from(id.0.saturating_sub(1));
     }
 
     /// Drops results of steps before one, and scenes that have no others.

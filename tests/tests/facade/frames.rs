@@ -2,9 +2,9 @@
 
 use crate::pictures::{LAMP, shown};
 use crate::pool::{self, Pooled};
-use crate::{Demo, demo, of_keys, seen, still};
+use crate::{Demo, demo, of_keys, scene_of, seen, still};
 use abvh::frames::{Frame, Wanted};
-use abvh::{Device, Error, Mesh, Point, Query, Scene, Source, Tracer, Update};
+use abvh::{Device, Error, Mesh, Point, Query, Source, Tracer, Update};
 use integration::stage::{camera, colours};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,11 +22,7 @@ fn sequence(demo: &Demo) -> Mesh {
 
 /// A mesh above the ground that goes up and down.
 fn sail(height: f32) -> [Point; 3] {
-    [
-        [-0.5, height, -0.5],
-        [0.5, height, -0.5],
-        [0.0, height, 0.5],
-    ]
+    [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, z]| [x, height, z])
 }
 
 fn all_frames() -> Vec<Frame> {
@@ -46,10 +42,9 @@ pub(crate) fn as_steps(device: &Device) {
         pixels: true,
     };
     for is_alone in [true, false] {
-        let mut scene = Scene::new();
-        scene.add(sequence(&demo));
-        let moved =
-            (!is_alone).then(|| scene.add(Mesh::streamed(&sail(0.0), &[[0, 1, 2]]).unwrap()));
+        let (mut scene, _) = scene_of([sequence(&demo)]);
+        let moved = Mesh::streamed(&sail(0.0), &[[0, 1, 2]]).unwrap();
+        let moved = (!is_alone).then(|| scene.add(moved));
         let mut tracer = pool::tracer(scene, device);
         if let Some(sail_id) = moved {
             let mut step = tracer.step(0.0);
@@ -88,22 +83,17 @@ pub(crate) fn as_steps(device: &Device) {
 /// Alone and beside others, one of which is replaced.
 pub(crate) fn read(device: &Device) {
     let demo = demo("demo:collide:3000");
-    let mut held = of_keys(&demo, &demo.keys, device);
-    let mut scene = Scene::new();
-    scene.add(sequence(&demo));
-    let mut alone = pool::tracer(scene, device);
-    let far = |x: f32| sail(0.0).map(|p| [p[0] + x, p[1] - 900.0, p[2]]);
-    let mut scene = Scene::new();
-    scene.add(sequence(&demo));
-    let other = scene.add(Mesh::fixed(&far(0.0), &[[0, 1, 2]]).unwrap());
+    let mut held = of_keys(&demo, device);
+    let mut alone = pool::tracer(scene_of([sequence(&demo)]).0, device);
+    let far = |y: f32| Mesh::fixed(&sail(y), &[[0, 1, 2]]).unwrap();
+    let (scene, [_, other]) = scene_of([sequence(&demo), far(-900.0)]);
     let mut beside = pool::tracer(scene, device);
     for (i, time) in TIMES.into_iter().enumerate() {
         let expected = still(&mut held, time, &demo.rays);
         assert!(still(&mut alone, time, &demo.rays) == expected, "{time}");
         assert!(still(&mut beside, time, &demo.rays) == expected, "{time}");
         if i == 3 {
-            let with = Mesh::fixed(&far(5.0), &[[0, 1, 2]]).unwrap();
-            let replacement = beside.replace(other, with).unwrap();
+            let replacement = beside.replace(other, far(-800.0)).unwrap();
             beside.commit(replacement).unwrap();
         }
     }
@@ -123,7 +113,7 @@ fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &
     let again = tracer.step(12.0).trace(&demo.rays, Query::Closest);
     assert!(again.is_err());
     fails.store(false, Ordering::Relaxed);
-    let expected = still(&mut of_keys(demo, &demo.keys, device), 12.0, &demo.rays);
+    let expected = still(&mut of_keys(demo, device), 12.0, &demo.rays);
     assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
 }
 
@@ -137,8 +127,8 @@ pub(crate) fn unreadable(device: &Device) {
             true => Err(format!("key frame {key} is gone")),
             false => Ok(keys[key].clone()),
         };
-        let mut scene = Scene::new();
-        scene.add(Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap());
+        let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles);
+        let (mut scene, _) = scene_of([mesh.unwrap()]);
         if !is_alone {
             scene.add(Mesh::fixed(&sail(-900.0), &[[0, 1, 2]]).unwrap());
         }
@@ -162,7 +152,7 @@ pub(crate) fn unreadable(device: &Device) {
 /// Nor does a range of time that is odd, or threads without end.
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
-    let mut usual = of_keys(&demo, &demo.keys, device);
+    let mut usual = of_keys(&demo, device);
     let expected = TIMES.map(|time| still(&mut usual, time, &demo.rays));
     for update in [
         Update::Lockstep(0),
@@ -171,8 +161,8 @@ pub(crate) fn policies(device: &Device) {
         Update::Rebuild,
     ] {
         for time_range in [[0.0, f64::INFINITY], [f64::NAN, -7.0]] {
-            let mut scene = Scene::new();
-            scene.add(Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap());
+            let mesh = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
+            let (mut scene, _) = scene_of([mesh]);
             let streamed = Mesh::streamed(&sail(-900.0), &[[0, 1, 2]]).unwrap();
             let sail_id = time_range[0].is_nan().then(|| scene.add(streamed));
             let builder = Tracer::builder().update(update).builder_threads(1);
@@ -193,9 +183,8 @@ pub(crate) fn policies(device: &Device) {
 /// By a backend of the program's own.
 pub(crate) fn on_backend(device: &Device) {
     let demo = demo("demo:twist:2000");
-    let mut usual = of_keys(&demo, &demo.keys, device);
-    let mut scene = Scene::new();
-    scene.add(Mesh::open("demo:twist:2000").unwrap());
+    let mut usual = of_keys(&demo, device);
+    let (scene, _) = scene_of([Mesh::open("demo:twist:2000").unwrap()]);
     let backend = Box::new(cpu_ref::CpuBackend::new(Some(2)).unwrap());
     let mut tracer = Tracer::builder().build_on(backend, scene).unwrap();
     assert!(still(&mut tracer, 1.5, &demo.rays) == still(&mut usual, 1.5, &demo.rays));

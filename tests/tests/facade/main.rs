@@ -2,7 +2,6 @@
 //!
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
-mod cameras;
 mod frames;
 mod oracle;
 mod pictures;
@@ -10,8 +9,8 @@ mod pool;
 mod replace;
 
 use abvh::{
-    Device, Error, Hits, Intersector, Mesh, Point, Query, Ray, Replacement, Scene, Source, Step,
-    Tracer, Update,
+    Device, Error, Hit, Hits, Intersector, Mesh, MeshId, Point, Query, Ray, Replacement, Scene,
+    Source, Step, Tracer, Update,
 };
 use geom::Animation;
 use integration::stage::pixels;
@@ -27,7 +26,7 @@ const LAWS: [(&str, Law); 19] = [
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
-    ("cameras_of_a_step_find_what_each_does", cameras::together),
+    ("cameras_of_a_step_find_what_each_does", pictures::together),
     ("every_exact_answer_is_right", oracle::exact),
     ("pictures_are_the_hosts_byte_for_byte", pictures::shaded),
     ("meshes_keep_their_colours", pictures::replaced),
@@ -53,14 +52,20 @@ const LAWS: [(&str, Law); 19] = [
     ("replacements_that_do_not_fit_are_errors", replace::misuse),
 ];
 
-/// Likewise, of a wgpu device that the program opened.
-const OWN: (&str, Law) = (
-    "meshes_are_replaced_on_a_device_of_the_program",
-    replace::own,
-);
-
-/// Likewise, of a backend that the program opened.
-const GIVEN: (&str, Law) = ("a_backend_of_the_program_traces", frames::on_backend);
+/// Likewise, of a backend or a wgpu device that the program opened.
+const OWN: [(&str, (&str, Law)); 2] = [
+    (
+        "cpu",
+        ("a_backend_of_the_program_traces", frames::on_backend),
+    ),
+    (
+        "wgpu",
+        (
+            "meshes_are_replaced_on_a_device_of_the_program",
+            replace::own,
+        ),
+    ),
+];
 
 /// Whatever a program holds may go to another thread.
 const _: () = {
@@ -78,12 +83,8 @@ fn main() {
     for (name, device) in devices {
         let absent = Tracer::builder().device(device.clone()).build(Scene::new());
         let absent = absent.err().map(|e| e.to_string());
-        let own = match name {
-            "cpu" => Some(GIVEN),
-            "wgpu" => Some(OWN),
-            _ => None,
-        };
-        for (law, holds) in LAWS.into_iter().chain(own) {
+        let own = OWN.iter().filter(|(of, _)| *of == name);
+        for &(law, holds) in LAWS.iter().chain(own.map(|(_, law)| law)) {
             let (device, why) = (device.clone(), absent.clone());
             let trial = Trial::test(format!("{name}::{law}"), move || match why {
                 Some(why) => Err(why.into()),
@@ -109,9 +110,8 @@ struct Demo {
 }
 
 fn demo(name: &str) -> Demo {
-    let animation = scene::open(name, &scene::Options::default())
-        .unwrap()
-        .animation;
+    let scene = scene::open(name, &scene::Options::default()).unwrap();
+    let animation = scene.animation;
     let keys = animation.all_keys().unwrap();
     Demo {
         keys: keys.iter().map(|key| key.to_vec()).collect(),
@@ -121,20 +121,23 @@ fn demo(name: &str) -> Demo {
     }
 }
 
-/// All that a query found, as bits, whatever the mesh.
-fn bits(hits: Hits<'_>) -> Vec<[u32; 4]> {
-    let miss = [u32::MAX; 4];
-    let hit = |ray| {
-        hits.closest(ray).map_or(miss, |hit| {
-            [
-                hit.triangle,
-                hit.t.to_bits(),
-                hit.u.to_bits(),
-                hit.v.to_bits(),
-            ]
-        })
+/// All that a query found: meshes, triangles, and bits of numbers.
+type Found = Vec<[u32; 5]>;
+
+fn bits(hits: Hits<'_>) -> Found {
+    let hit = |hit: Hit| {
+        let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
+        [hit.mesh.index() as u32, hit.triangle, t, u, v]
     };
-    (0..hits.len()).map(hit).collect()
+    let rays = 0..hits.len();
+    rays.map(|ray| hits.closest(ray).map_or([u32::MAX; 5], hit))
+        .collect()
+}
+
+fn scene_of<const N: usize>(meshes: [Mesh; N]) -> (Scene, [MeshId; N]) {
+    let mut scene = Scene::new();
+    let ids = meshes.map(|mesh| scene.add(mesh));
+    (scene, ids)
 }
 
 /// What rays find in a step, after what is said in it.
@@ -143,7 +146,7 @@ fn seen(
     time: f64,
     rays: &[Ray],
     say: impl FnOnce(&mut Step<'_>) -> abvh::Result<()>,
-) -> Vec<[u32; 4]> {
+) -> Found {
     let mut step = tracer.step(time);
     say(&mut step).unwrap();
     let query = step.trace(rays, Query::Closest).unwrap();
@@ -152,14 +155,13 @@ fn seen(
 }
 
 /// Likewise, where nothing is said.
-fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<[u32; 4]> {
+fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Found {
     seen(tracer, time, rays, |_| Ok(()))
 }
 
-fn of_keys(demo: &Demo, keys: &[Vec<Point>], device: &Device) -> Pooled {
-    let mut scene = Scene::new();
-    scene.add(Mesh::keyframes(keys.to_vec(), &demo.triangles).unwrap());
-    tracer(scene, device)
+fn of_keys(demo: &Demo, device: &Device) -> Pooled {
+    let mesh = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
+    tracer(scene_of([mesh]).0, device)
 }
 
 fn streamed(device: &Device) {
@@ -176,9 +178,9 @@ fn streamed(device: &Device) {
             continue;
         }
         let demo = demo(name);
-        let mut keyed = of_keys(&demo, &demo.keys, device);
-        let mut scene = Scene::new();
-        let mesh = scene.add(Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap());
+        let mut keyed = of_keys(&demo, device);
+        let mesh = Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap();
+        let (scene, [mesh]) = scene_of([mesh]);
         let mut live = pool::build(Tracer::builder().update(update), scene, device);
         let (mut met, mut built) = (0, false);
         // To and fro, and with leaps.
@@ -186,30 +188,23 @@ fn streamed(device: &Device) {
         let there = (0..keys).step_by(stride);
         let back = there.clone().rev();
         for key in there.chain([0, keys - 1, 1]).chain(back) {
-            let mut step = live.step(0.0);
-            match key % 2 {
-                0 => step.vertices(mesh, Source::Host(&demo.keys[key])),
-                _ => step
-                    .vertices_mut(mesh)
-                    .map(|to| to.copy_from_slice(&demo.keys[key])),
-            }
-            .unwrap();
+            let (mut step, vertices) = (live.step(0.0), &demo.keys[key]);
+            let moved = match key % 2 {
+                0 => step.vertices(mesh, Source::Host(vertices)),
+                _ => (step.vertices_mut(mesh)).map(|to| to.copy_from_slice(vertices)),
+            };
+            moved.unwrap();
             let near = step.trace(&demo.rays, Query::Closest).unwrap();
             let any = step.trace(&demo.rays, Query::Any).unwrap();
             let done = step.submit().unwrap();
             let expected = still(&mut keyed, key as f64, &demo.rays);
-            assert!(
-                bits(live.hits(done, near).unwrap()) == expected,
-                "{name} at {key}"
-            );
+            let found = bits(live.hits(done, near).unwrap());
+            assert!(found == expected, "{name} at {key}");
             let found = live.hits(done, any).unwrap();
             for (ray, hit) in expected.iter().enumerate() {
-                assert_eq!(
-                    found.is_hit(ray),
-                    hit[0] != u32::MAX,
-                    "{name} at {key}: ray {ray}"
-                );
-                met += usize::from(found.is_hit(ray));
+                let is_hit = hit[0] != u32::MAX;
+                assert_eq!(found.is_hit(ray), is_hit, "{name} at {key}: ray {ray}");
+                met += usize::from(is_hit);
             }
             built |= live.statistics().unwrap().building;
         }
@@ -229,11 +224,11 @@ fn stay(device: &Device) {
         let vertices = demo.keys[key].iter();
         vertices.map(|p| [p[0], p[1], p[2] + by]).collect()
     };
+    let fixed = |vertices: &[Point]| Mesh::fixed(vertices, &demo.triangles).unwrap();
     let mesh = |vertices: &[Point]| Mesh::streamed(vertices, &demo.triangles).unwrap();
-    let mut scene = Scene::new();
-    scene.add(Mesh::fixed(&lifted(0, -0.4), &demo.triangles).unwrap());
-    let mut places = [lifted(0, 0.2), lifted(0, 0.0)];
-    let ids = [0, 1].map(|i| scene.add(mesh(&places[i])));
+    let (ground, mut places) = (lifted(0, -0.4), [lifted(0, 0.2), lifted(0, 0.0)]);
+    let meshes = [fixed(&ground), mesh(&places[0]), mesh(&places[1])];
+    let (scene, [_, ids @ ..]) = scene_of(meshes);
     let mut live = tracer(scene, device);
     for step in 0..12 {
         let moved = step % 3;
@@ -244,10 +239,7 @@ fn stay(device: &Device) {
             2 => Ok(()),
             _ => step.vertices(ids[moved], Source::Host(&places[moved])),
         });
-        let mut scene = Scene::new();
-        for vertices in [&lifted(0, -0.4), &places[0], &places[1]] {
-            scene.add(Mesh::fixed(vertices, &demo.triangles).unwrap());
-        }
+        let (scene, _) = scene_of([&ground, &places[0], &places[1]].map(|all| fixed(all)));
         let expected = still(&mut tracer(scene, device), 0.0, &demo.rays);
         assert!(found == expected, "step {step}");
     }
@@ -256,7 +248,7 @@ fn stay(device: &Device) {
 /// A list that goes to a device and comes back in several parts; most of its rays can hit nothing.
 fn long_list(device: &Device) {
     let demo = demo("demo:collide:3000");
-    let mut live = of_keys(&demo, &demo.keys, device);
+    let mut live = of_keys(&demo, device);
     let mut rays = vec![Ray::new([0.0; 3], [0.0; 3]); 1_100_000];
     let starts = [0, 400_000, rays.len() - demo.rays.len()];
     for start in starts {
@@ -272,8 +264,7 @@ fn long_list(device: &Device) {
 fn anywhere(device: &Device) {
     let demo = demo("demo:collide:3000");
     let build = |mesh: Mesh| {
-        let mut scene = Scene::new();
-        let id = scene.add(mesh);
+        let (scene, [id]) = scene_of([mesh]);
         let exact = Tracer::builder().intersector(Intersector::Exact);
         (pool::build(exact, scene, device), id)
     };
@@ -298,12 +289,14 @@ fn anywhere(device: &Device) {
 
 fn misuse(device: &Device) {
     let (points, triangle) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
-    let mut other = Scene::new();
-    let foreign = other.add(Mesh::fixed(&points, &triangle).unwrap());
-    let mut scene = Scene::new();
-    let fixed = scene.add(Mesh::fixed(&points, &triangle).unwrap());
-    let cloth = scene.add(Mesh::streamed(&points, &triangle).unwrap());
-    let robot = scene.add(Mesh::rigid(&points, &triangle, &[0, 0, 3]).unwrap());
+    let made = [
+        Mesh::fixed(&points, &triangle),
+        Mesh::streamed(&points, &triangle),
+        Mesh::rigid(&points, &triangle, &[0, 0, 3]),
+    ];
+    let meshes = made.map(Result::unwrap);
+    let (_, [foreign, ..]) = scene_of(meshes.clone());
+    let (scene, [fixed, cloth, robot]) = scene_of(meshes);
     let mut tracer = tracer(scene, device);
     tracer.warm_up(f64::NAN).unwrap();
     let mut step = tracer.step(f64::NAN);
@@ -314,19 +307,14 @@ fn misuse(device: &Device) {
         expected,
         found,
     };
-    assert_eq!(
-        step.vertices(foreign, host),
-        Err(Error::ForeignMesh(foreign))
-    );
+    let refused = Err(Error::ForeignMesh(foreign));
+    assert_eq!(step.vertices(foreign, host), refused);
     for mesh in [fixed, robot] {
         let what = "vertices";
         assert_eq!(step.vertices(mesh, host), Err(Error::Motion { mesh, what }));
     }
-    let few = Source::Host(&points[1..]);
-    assert_eq!(
-        step.vertices(cloth, few),
-        Err(count(cloth, "vertices", 3, 2))
-    );
+    let few = step.vertices(cloth, Source::Host(&points[1..]));
+    assert_eq!(few, Err(count(cloth, "vertices", 3, 2)));
     assert_eq!(step.poses(robot, &[]), Err(count(robot, "matrices", 4, 0)));
     let query = step.trace(&[], Query::Any).unwrap();
     assert_eq!(step.vertices(cloth, host), Err(Error::TooLate));

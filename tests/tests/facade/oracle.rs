@@ -1,8 +1,9 @@
 //! `exact` against the oracle, which shares no code with any device: every ray, without exception.
 
 use crate::pool::{self, Pooled};
+use crate::scene_of;
 use abvh::{
-    Device, Hit, Hits, Intersector, Matrix, Mesh, MeshId, Point, Query, Ray, Scene, Source, Tracer,
+    Device, Hit, Hits, Intersector, Matrix, Mesh, MeshId, Point, Query, Ray, Source, Tracer,
 };
 use conformance::oracle::Oracle;
 use conformance::stage::vertices;
@@ -60,13 +61,15 @@ impl Stage {
         let (rest, triangles) = (put(demo.first(), place), demo.triangles());
         let half = rest.len() / 2;
         let parts: Vec<u32> = (0..rest.len()).map(|v| u32::from(v > half)).collect();
-        let mut scene = Scene::new();
-        scene.add(Mesh::fixed(&rest, triangles).unwrap());
-        let robot = scene.add(Mesh::rigid(demo.first(), triangles, &parts).unwrap());
-        let cloth = scene.add(Mesh::streamed(&rest, triangles).unwrap());
         let keys = demo.all_keys().unwrap();
         let keys: Vec<_> = keys.iter().map(|key| put(key, place)).collect();
-        scene.add(Mesh::keyframes(keys.clone(), triangles).unwrap());
+        let meshes = [
+            Mesh::fixed(&rest, triangles),
+            Mesh::rigid(demo.first(), triangles, &parts),
+            Mesh::streamed(&rest, triangles),
+            Mesh::keyframes(keys.clone(), triangles),
+        ];
+        let (scene, [_, robot, cloth, _]) = scene_of(meshes.map(Result::unwrap));
         let exact = Tracer::builder().intersector(Intersector::Exact);
         let first = |mesh| (mesh * rest.len()) as u32;
         let of_mesh = |first| triangles.iter().map(move |t| t.map(|v| first + v));

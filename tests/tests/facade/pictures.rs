@@ -1,7 +1,7 @@
-//! Pictures of steps.
+//! Cameras of a step, and pictures.
 
-use crate::{Demo, demo, pool};
-use abvh::{Camera, Device, Error, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
+use crate::{Demo, Found, bits, demo, of_keys, pool, scene_of};
+use abvh::{Camera, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
 use backend::{QueryKind, Rays};
 use geom::Animation;
 use integration::stage::{Stage, camera, colours};
@@ -49,9 +49,7 @@ pub(crate) fn shaded(device: &Device) {
     let live = Mesh::streamed(&demo.keys[0], &demo.triangles).unwrap();
     let keyed = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
     for (mesh, is_live) in [(live, true), (keyed, false)] {
-        let mut scene = Scene::new();
-        scene.add(floor());
-        let id = scene.add(mesh.with_colours(&own).unwrap());
+        let (scene, [_, id]) = scene_of([floor(), mesh.with_colours(&own).unwrap()]);
         let mut tracer = pool::tracer(scene, device);
         let mut earlier = None;
         for (key, vertices) in demo.keys.iter().enumerate().step_by(3) {
@@ -93,9 +91,7 @@ pub(crate) fn replaced(device: &Device) {
     let demo = demo("demo:twist:300");
     let own = colours(demo.triangles.len());
     let mesh = Mesh::fixed(&demo.keys[1], &demo.triangles).unwrap();
-    let mut scene = Scene::new();
-    scene.add(floor());
-    let id = scene.add(Mesh::fixed(&FLOOR, &[]).unwrap());
+    let (scene, [_, id]) = scene_of([floor(), Mesh::fixed(&FLOOR, &[]).unwrap()]);
     let mut tracer = pool::tracer(scene, device);
     let camera = camera(&demo.animation, [40, 30]);
     let before = picture(&mut tracer, &camera);
@@ -122,17 +118,58 @@ pub(crate) fn shown(tracer: &mut Tracer, time: f64, camera: &Camera) -> (Vec<u8>
     (rgba, hit.collect())
 }
 
+/// All that is told of a query's hits.
+fn told(hits: Hits<'_>) -> (Vec<bool>, Found) {
+    let met = (0..hits.len()).map(|ray| hits.is_hit(ray));
+    (met.collect(), bits(hits))
+}
+
+/// Cameras in one submission, beside rays of a list. Every step has another number of them, and results stay until the
+/// second step after.
+pub(crate) fn together(device: &Device) {
+    let demo = demo("demo:collide:3000");
+    let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, device));
+    let sizes = [[40, 30], [1, 1], [64, 3], [40, 30], [17, 90]];
+    let cameras = sizes.map(|size| camera(&demo.animation, size));
+    let kinds = [Query::Closest, Query::Any];
+    let all = |count: usize| (0..count).map(|i| (cameras[i % 5], kinds[i % 2]));
+    let mut asked = Vec::new();
+    for (time, count) in [3, 9, 1, 0, 17, 2, 9, 9].into_iter().enumerate() {
+        let mut step = together.step(time as f64);
+        let mut queries = Vec::new();
+        for (i, (camera, kind)) in all(count).enumerate() {
+            if i == 1 {
+                step.trace(&demo.rays, Query::Closest).unwrap();
+            }
+            queries.push(step.trace(&camera, kind).unwrap());
+        }
+        let done = step.submit().unwrap();
+        for (query, (camera, kind)) in queries.into_iter().zip(all(count)) {
+            let mut step = alone.step(time as f64);
+            let one = step.trace(&camera, kind).unwrap();
+            let one_done = step.submit().unwrap();
+            let expected = told(alone.hits(one_done, one).unwrap());
+            asked.push((time, done, query, expected));
+        }
+        asked.retain(|(of, ..)| of + 1 >= time);
+        // The one before first: nobody has looked at most of its results yet.
+        for (of, done, query, expected) in &asked {
+            if *of + 1 == time || time % 3 == 0 {
+                let found = told(together.hits(*done, *query).unwrap());
+                assert!(found == *expected, "{of} at {time}, {query:?}");
+            }
+        }
+    }
+}
+
 /// Sky alone, no pixel at all, and colours that are too few.
 pub(crate) fn odd(device: &Device) {
     let look = |size| Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, size);
     let camera = look([8, 6]).unwrap();
     let nowhere = [[f32::NAN; 3]; 3];
     let mesh = Mesh::fixed(&nowhere, &[[0, 1, 2]]).unwrap();
-    for meshes in [vec![], vec![mesh.clone()], vec![floor()]] {
-        let mut scene = Scene::new();
-        for mesh in meshes {
-            scene.add(mesh);
-        }
+    let scenes = [[mesh.clone()], [floor()]].map(|meshes| scene_of(meshes).0);
+    for scene in [Scene::new()].into_iter().chain(scenes) {
         let mut tracer = pool::tracer(scene, device);
         let rgba = picture(&mut tracer, &camera);
         assert!(rgba.len() == 8 * 6 * 4 && rgba.chunks(4).all(|pixel| pixel[3] == 255));

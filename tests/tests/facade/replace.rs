@@ -1,7 +1,7 @@
 //! New topology for a mesh while the scene is traced.
 
 use crate::pool::{self, tracer};
-use crate::{bits, demo, still};
+use crate::{Found, bits, demo, scene_of, still};
 use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
 use abvh::{
     Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
@@ -66,14 +66,12 @@ impl Stage {
 
     /// A rigid mesh, the target, a key-framed and a streamed one.
     fn scene(&self, target: Mesh) -> (Scene, Ids) {
-        let mut scene = Scene::new();
         let (low, high) = (raised(&self.keys[0], -0.5), raised(&self.keys[0], 0.8));
         let keys = self.keys.iter().map(|key| raised(key, -0.2)).collect();
-        let robot = Mesh::rigid(&low, &self.triangles, &vec![0; low.len()]);
-        let robot = scene.add(robot.unwrap());
-        let target = scene.add(target);
-        scene.add(Mesh::keyframes(keys, &self.triangles).unwrap());
-        let cloth = scene.add(Mesh::streamed(&high, &self.triangles).unwrap());
+        let robot = Mesh::rigid(&low, &self.triangles, &vec![0; low.len()]).unwrap();
+        let keyed = Mesh::keyframes(keys, &self.triangles).unwrap();
+        let cloth = Mesh::streamed(&high, &self.triangles).unwrap();
+        let (scene, [robot, target, _, cloth]) = scene_of([robot, target, keyed, cloth]);
         let ids = Ids {
             robot,
             target,
@@ -97,7 +95,7 @@ impl Stage {
     }
 
     /// Moves the target, too.
-    fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Vec<Found> {
+    fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Found {
         let mut step = tracer.step(time(i));
         let target = &self.other.0[i % self.other.0.len()];
         match kind {
@@ -128,21 +126,14 @@ fn lift(i: usize) -> abvh::Matrix {
     ]
 }
 
-/// A hit's mesh and bits.
-type Found = (Option<usize>, [u32; 4]);
-
-fn found(tracer: &mut Tracer, (step, query): (StepId, QueryId)) -> Vec<Found> {
-    let hits = tracer.hits(step, query).unwrap();
-    let mesh = |ray| hits.closest(ray).map(|hit| hit.mesh.index());
-    let meshes = (0..hits.len()).map(mesh);
-    meshes.zip(bits(hits)).collect()
+fn found(tracer: &mut Tracer, (step, query): (StepId, QueryId)) -> Found {
+    bits(tracer.hits(step, query).unwrap())
 }
 
-fn stand(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Vec<Found> {
-    let mut step = tracer.step(time);
-    let query = step.trace(rays, Query::Closest).unwrap();
-    let asked = (step.submit().unwrap(), query);
-    found(tracer, asked)
+/// Has a mesh replaced at once.
+fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
+    let replacement = tracer.replace(mesh, with).unwrap();
+    tracer.commit(replacement).unwrap();
 }
 
 /// Beside meshes of all kinds, which move on until the commit.
@@ -178,12 +169,12 @@ pub(crate) fn anew(device: &Device) {
         let mut step = fresh.step(time(i));
         step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
         step.poses(new.robot, &[lift(i - 1)]).unwrap();
-        let expected = stand(&mut fresh, time(i), &stage.rays);
-        let all = stand(&mut live, time(i), &stage.rays);
+        let expected = still(&mut fresh, time(i), &stage.rays);
+        let all = still(&mut live, time(i), &stage.rays);
         assert!(all == expected, "{after:?} at once");
         assert!(live.statistics().unwrap().generation > trees);
         for mesh in 0..4 {
-            let hits = all.iter().filter(|(met, _)| *met == Some(mesh));
+            let hits = all.iter().filter(|hit| hit[0] == mesh);
             assert!(hits.count() > 10, "mesh {mesh} is seen");
         }
         for i in i + 1..i + 5 {
@@ -198,22 +189,18 @@ pub(crate) fn anew(device: &Device) {
 pub(crate) fn motions(device: &Device) {
     let stage = Stage::new();
     let fixed = |by| Mesh::fixed(&raised(&stage.keys[0], by), &stage.triangles).unwrap();
-    let mut scene = Scene::new();
-    let target = scene.add(stage.target(false, Kind::Fixed));
-    scene.add(fixed(-0.5));
+    let (scene, [target, _]) = scene_of([stage.target(false, Kind::Fixed), fixed(-0.5)]);
     let mut live = tracer(scene, device);
-    stand(&mut live, 0.0, &stage.rays);
-    for (i, kind) in [Kind::Streamed, Kind::Keys, Kind::Fixed, Kind::Rigid]
-        .into_iter()
-        .enumerate()
-    {
-        let is_new = i % 2 == 0;
+    still(&mut live, 0.0, &stage.rays);
+    for (is_new, kind) in [
+        (true, Kind::Streamed),
+        (false, Kind::Keys),
+        (true, Kind::Fixed),
+        (false, Kind::Rigid),
+    ] {
         let mesh = stage.target(is_new, kind);
-        let replacement = live.replace(target, mesh.clone()).unwrap();
-        live.commit(replacement).unwrap();
-        let mut scene = Scene::new();
-        let same = scene.add(mesh.clone());
-        scene.add(fixed(-0.5));
+        exchange(&mut live, target, mesh.clone());
+        let (scene, [same, _]) = scene_of([mesh, fixed(-0.5)]);
         let mut fresh = tracer(scene, device);
         for at in [0.0, 1.5] {
             for (tracer, mesh) in [(&mut live, target), (&mut fresh, same)] {
@@ -228,8 +215,8 @@ pub(crate) fn motions(device: &Device) {
                 };
                 there.unwrap();
             }
-            let expected = stand(&mut fresh, at, &stage.rays);
-            let all = stand(&mut live, at, &stage.rays);
+            let expected = still(&mut fresh, at, &stage.rays);
+            let all = still(&mut live, at, &stage.rays);
             assert!(all == expected, "{kind:?} at {at}");
         }
     }
@@ -247,9 +234,7 @@ pub(crate) fn results(device: &Device) {
     let of_old = [0, 1].map(|i| stage.advance(&mut live, ids, i));
     // Twice, without a step between them.
     for is_new in [true, false] {
-        let mesh = stage.target(is_new, Kind::Streamed);
-        let replacement = live.replace(ids.target, mesh).unwrap();
-        live.commit(replacement).unwrap();
+        exchange(&mut live, ids.target, stage.target(is_new, Kind::Streamed));
     }
     for (asked, expected) in of_old.into_iter().zip(&expected) {
         assert!(found(&mut live, asked) == *expected);
@@ -293,8 +278,7 @@ pub(crate) fn own(_: &Device) {
     let before = stage.advance(&mut live, ids, 0);
     let mesh = stage.target(true, Kind::Streamed);
     let grown = mesh.triangle_count() as u32;
-    let replacement = live.replace(ids.target, mesh).unwrap();
-    live.commit(replacement).unwrap();
+    exchange(&mut live, ids.target, mesh);
     let after = stage.advance(&mut live, ids, 1);
     let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query).cloned());
     let [old, new] = buffers.map(Result::unwrap);
@@ -310,8 +294,7 @@ pub(crate) fn given_up(device: &Device) {
     let (mut live, mut twin) = (tracer(scene.clone(), device), tracer(scene, device));
     let early = live.replace(ids.target, stage.target(true, Kind::Fixed));
     drop(early.unwrap());
-    let late = live.replace(ids.target, stage.target(true, Kind::Fixed));
-    let late = late.unwrap();
+    let late = (live.replace(ids.target, stage.target(true, Kind::Fixed))).unwrap();
     while !late.is_ready() {
         std::thread::yield_now();
     }
@@ -322,8 +305,7 @@ pub(crate) fn given_up(device: &Device) {
     }
     // Nor does it stand in the way of others.
     let mesh = stage.target(true, Kind::Fixed);
-    let kept = live.replace(ids.target, mesh.clone()).unwrap();
-    live.commit(kept).unwrap();
+    exchange(&mut live, ids.target, mesh.clone());
     let (scene, new) = stage.scene(mesh);
     let expected = stage.follow(&mut tracer(scene, device), new, (3, Kind::Fixed));
     assert!(stage.follow(&mut live, ids, (3, Kind::Fixed)) == expected);
@@ -336,30 +318,25 @@ pub(crate) fn given_up(device: &Device) {
 pub(crate) fn misuse(device: &Device) {
     let (points, triangles) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let mesh = || Mesh::fixed(&points, &triangles).unwrap();
-    let mut scene = Scene::new();
-    let (one, two) = (scene.add(mesh()), scene.add(mesh()));
+    let (scene, [one, two]) = scene_of([mesh(), mesh()]);
     // Of the same scene, but another tracer.
     let (mut live, mut other) = (tracer(scene.clone(), device), tracer(scene, device));
     let foreign = Scene::new().add(mesh());
-    assert_eq!(
-        live.replace(foreign, mesh()).err(),
-        Some(Error::ForeignMesh(foreign))
-    );
+    let refused = live.replace(foreign, mesh()).err();
+    assert_eq!(refused, Some(Error::ForeignMesh(foreign)));
     let lent = other.replace(one, mesh()).unwrap();
     assert_eq!(live.commit(lent), Err(Error::ForeignReplacement(one)));
-    let both = [one, two].map(|id| live.replace(id, mesh()).unwrap());
-    let [first, second] = both;
+    let [first, second] = [one, two].map(|id| live.replace(id, mesh()).unwrap());
     live.commit(first).unwrap();
     assert_eq!(live.commit(second), Err(Error::Conflict(two)));
     // Without a triangle, and where no vertex is a number.
     let nowhere = Mesh::streamed(&[[f32::NAN; 3]; 3], &triangles).unwrap();
     for mesh in [Mesh::fixed(&[], &[]).unwrap(), nowhere] {
         for id in [one, two] {
-            let replacement = live.replace(id, mesh.clone()).unwrap();
-            live.commit(replacement).unwrap();
+            exchange(&mut live, id, mesh.clone());
         }
         let ray = [Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0])];
-        assert_eq!(still(&mut live, 0.0, &ray), [[u32::MAX; 4]]);
+        assert_eq!(still(&mut live, 0.0, &ray), [[u32::MAX; 5]]);
         let mut step = other.step(0.0);
         let query = step.trace(&ray, Query::Any).unwrap();
         let done = step.submit().unwrap();
