@@ -159,7 +159,6 @@ pub(crate) fn let_signals_wait() {
     CAME.store(WAITS, Ordering::Relaxed);
 }
 
-/// # Errors
 /// [`Stop::Signal`] if a signal came.
 pub(crate) fn check_signals() -> Result<(), Stop> {
     match CAME.load(Ordering::Relaxed) {

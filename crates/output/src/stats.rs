@@ -171,9 +171,6 @@ pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>
 }
 
 /// Writes `value` as indented JSON with a newline at the end.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| WriteError::new(path, std::io::Error::other(e)))?;
