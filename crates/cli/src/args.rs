@@ -187,7 +187,7 @@ impl SourceArgs {
         }
     }
 
-    /// Likewise for a scene over which trees are built and so many rays are traced at a time: what that takes is asked for
+    /// Likewise for a scene over which trees are built and so many rays are traced at a time. What that takes is asked for
     /// with the key frames, before any of them is there.
     pub(crate) fn options_of_run(&self, rays: usize) -> scene::Options {
         scene::Options {

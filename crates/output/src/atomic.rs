@@ -129,8 +129,8 @@ pub fn write_with(
     write().map_err(|e| WriteError::new(path, e))
 }
 
-/// Finds out before long work whether a file could be written at `path`, without touching it: there may be no such
-/// directory, no permission, a directory in the way. Removes what killed runs left beside it.
+/// Finds out before long work whether a file could be written at `path`, without touching it. There may be no such
+/// directory, no permission, or a directory in the way. Removes what killed runs left beside it.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match plain_target(path)? {
         Some(file) => {

@@ -1,7 +1,7 @@
 //! Measured points to charts; arrays, pictures, videos and rows to whole files.
 //!
-//! Every file is written beside its final name and renamed when it is whole: nobody ever reads half a file, and after an
-//! error the final name holds what it held before. What a file holds depends on what it is given and on nothing else
+//! Every file is written beside its final name and renamed when it is whole, so that nobody ever reads half a file. After
+//! an error the final name holds what it held before. What a file holds depends on what it is given and on nothing else
 //! (no clock, no thread count), so that equal results are equal bytes.
 
 mod atomic;

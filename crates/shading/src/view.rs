@@ -43,8 +43,8 @@ pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
     }
 }
 
-/// Frames the whole motion: every finite vertex of every key frame is in the picture (of key frames that are not all held,
-/// their boxes are), seen from the front, the side and a little above. The lamp hangs up and to the side, outside the
+/// Frames the whole motion, seen from the front, the side and a little above: every finite vertex of every key frame is in
+/// the picture. Of key frames that are not all held, their boxes are. The lamp hangs up and to the side, outside the
 /// bounds. Any animation will do: flat, a single point, or nothing at all.
 #[must_use]
 pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {

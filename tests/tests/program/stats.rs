@@ -65,10 +65,8 @@ fn every_field(sandbox: &Sandbox) {
 
 /// Triangles of vertices that are nowhere are counted, and the rest is seen.
 fn unhittable(sandbox: &Sandbox) {
-    for (i, fourth) in ["nan 1 0", "0 inf 0", "0 1 1e39", "0.5 0.5 0"]
-        .into_iter()
-        .enumerate()
-    {
+    let fourths = ["nan 1 0", "0 inf 0", "0 1 1e39", "0.5 0.5 0"];
+    for (i, fourth) in fourths.into_iter().enumerate() {
         sandbox.write(&format!("{i}.obj"), SQUARE.replace("0 1 0", fourth));
     }
     sandbox.write("gone.obj", "v nan 0 0\nv nan 1 0\nv nan 1 1\nf 1 2 3\n");
@@ -77,10 +75,8 @@ fn unhittable(sandbox: &Sandbox) {
         ("3.obj", 0, 1, true),
         ("gone.obj", 1, 0, false),
     ] {
-        let words = format!(
-            "render {scene} --size 32x24 --stats s.json --quiet --out {inactive}{degenerate}"
-        );
-        sandbox.does(&words);
+        let words = format!("render {scene} --size 32x24 --stats s.json --quiet");
+        sandbox.does(&format!("{words} --out {inactive}{degenerate}"));
         let frame = &sandbox.json("s.json")["frames"][0];
         let counted = frame["inactive"] == inactive && frame["degenerate"] == degenerate;
         let is_seen = frame["hits"].as_u64() > Some(0);

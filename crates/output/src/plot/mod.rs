@@ -124,7 +124,7 @@ pub struct Spread {
     pub p95: Option<f64>,
 }
 
-/// Errors of `t`, in units in the last place of the exact `t` rounded to f32: the middle one, what 999 of 1000 were less
+/// Errors of `t`, in units in the last place of the exact `t` rounded to f32. The middle one, what 999 of 1000 were less
 /// than, and the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TError {
@@ -133,7 +133,7 @@ pub struct TError {
     pub worst: Option<f64>,
 }
 
-/// Rays for which a hit is hardest to tell, counted apart from all others: how many, and how many of them got another
+/// Rays for which a hit is hardest to tell, counted apart from all others. How many, and how many of them got another
 /// closest hit than by exact arithmetic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Aimed {
