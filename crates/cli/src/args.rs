@@ -4,6 +4,7 @@ use crate::stop::Stop;
 use crate::{talk, values};
 use clap::builder::ArgPredicate;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -47,13 +48,14 @@ pub(crate) enum Command {
     Doctor,
 }
 
-/// Parses a command line. No command at all is `render`.
+/// Parses a command line. No word after the program's name is `render`.
 pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
-    let (cli, given) = read(&args.into_iter().collect::<Vec<_>>())?;
-    let Some(command) = cli.command else {
-        let (cli, _) = read(&["abvh".into(), "render".into()])?;
-        return cli.command.ok_or_else(|| Stop::bad("no command"));
-    };
+    let mut args: Vec<_> = args.into_iter().collect();
+    if args.len() < 2 {
+        args = ["abvh", "render"].map(OsString::from).to_vec();
+    }
+    let (cli, given) = matches(&args).map_err(|e| refused(&args, &e))?;
+    let command = cli.command.ok_or_else(|| Stop::bad("no command"))?;
     if let Some((_, given)) = given.subcommand() {
         idle::check(&command, given)?;
     }
@@ -61,10 +63,6 @@ pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command,
 }
 
 /// The command line, and what of it was given.
-fn read(args: &[OsString]) -> Result<(Cli, ArgMatches), Stop> {
-    matches(args).map_err(|e| refused(args, &e))
-}
-
 fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
     let width = talk::columns().unwrap_or(WIDTH).min(WIDTH);
     let given = Cli::command()
@@ -186,6 +184,16 @@ impl SourceArgs {
             allow_outside: self.allow_outside,
             key_bytes: u64::from(self.key_memory) << 20,
             ..scene::Options::default()
+        }
+    }
+
+    /// Likewise for a scene over which trees are built and so many rays are traced at a time. What that takes is asked for
+    /// with the key frames, before any of them is there.
+    pub(crate) fn options_of_run(&self, rays: usize) -> scene::Options {
+        scene::Options {
+            more_bytes: trees_bytes(0, rays),
+            triangle_bytes: TREE_BYTES,
+            ..self.options()
         }
     }
 }
@@ -329,13 +337,12 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
     value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
-mod bench;
-mod conform;
 mod idle;
+mod measure;
 mod render;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use bench::{BenchArgs, ChartArgs, MeasureArgs, RaysName};
-pub(crate) use conform::{ConformArgs, StabilityArgs, TestArgs};
+pub(crate) use measure::{BenchArgs, ChartArgs, ConformArgs, MeasureArgs};
+pub(crate) use measure::{RaysName, StabilityArgs, TestArgs};
 pub(crate) use render::RenderArgs;

@@ -10,7 +10,7 @@ use crate::conflicts::Files;
 use crate::open::{has_own_trees, makes_trees};
 use crate::stop::Stop;
 use crate::talk::Progress;
-use crate::{frames, info, memory, talk, values};
+use crate::{frames, info, talk, values};
 pub(crate) use row::{Row, frame_ms, measure};
 use scene::Scene;
 use serde_json::json;
@@ -45,19 +45,17 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
         output::write_json(file, &report)?;
     }
     if let Some(file) = &args.csv {
-        output::write_whole(file, &results::csv(&rows)?)?;
+        output::write_whole(file, results::csv(&rows)?.as_bytes())?;
     }
     let [width, height] = size;
     let cpu = cpu.as_deref().unwrap_or("unknown cpu");
     let text = results::text(&rows, args.against.as_deref());
-    talk::print(&format!(
-        "medians in ms at {width}x{height} on {cpu}\n{text}"
-    ))
+    let head = format!("medians in ms at {width}x{height} on {cpu}\n");
+    talk::print(&(head + &text))
 }
 
-/// Opens a scene that is to be measured.
 pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> {
-    let options = memory::with_run(args.source.options(), values::pixels(args.size));
+    let options = args.source.options_of_run(values::pixels(args.size));
     Ok(scene::open(spec, &options)?)
 }
 

@@ -157,9 +157,6 @@ const FASTEST_FIRST: [Intersector; 3] = [
 ];
 
 /// Settles what `ask` leaves open.
-///
-/// # Errors
-/// The backend's or the builder's.
 pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
     let (intersector, why_intersector) = settle_intersector(backend, ask)?;
     let (layout, why_layout) = layout_on(backend.device.kind, ask.method.layout);
@@ -218,10 +215,14 @@ fn settle_intersector(
         let why = "to show so small a tolerance would take too many rays".to_owned();
         return Ok((Intersector::Exact, Some(why)));
     };
-    let sample = Sample::take(backend, &run, rays)?;
+    let sample = sample(&run, rays);
+    let rays = sample.iter().map(|(_, rays)| rays.len() as u64).sum();
+    let exact = answers(backend, (&sample, run.query.kind), Intersector::Exact)?;
     let mut found = Vec::new();
     for intersector in FASTEST_FIRST {
-        let [wrong, rays] = sample.wrong(backend, intersector)?;
+        let answers = answers(backend, (&sample, run.query.kind), intersector)?;
+        let pairs = exact.iter().zip(&answers);
+        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
         // With 95 % confidence.
         let most = Rate::of(wrong, rays).map_or(1e6, |rate| rate.high);
         found.push(format!(
@@ -241,15 +242,6 @@ const MOMENTS: usize = 3;
 /// The most rays of a sample.
 const MOST: f64 = (1 << 20) as f64;
 
-/// Rays of a run and what exact arithmetic says of them. A ray is wrong where
-/// another triangle is named, or another shadow.
-struct Sample {
-    /// Times and rays.
-    sheets: Vec<(f64, Vec<Ray>)>,
-    kind: QueryKind,
-    exact: Vec<Hits>,
-}
-
 /// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be (the rule of three);
 /// with half as many again for a few that are. `None` if they are too many.
 fn needed(tolerance: f64) -> Option<usize> {
@@ -257,56 +249,34 @@ fn needed(tolerance: f64) -> Option<usize> {
     (rays <= MOST).then_some(rays.ceil() as usize)
 }
 
-impl Sample {
-    /// About `count` rays of the run, answered by `exact`.
-    fn take(backend: &mut ReusedBackend<'_>, run: &Run<'_>, count: usize) -> Result<Self, Stop> {
-        let mut rng = Rng::with_seed(0);
-        let len = run.frames.len();
-        let sheets = (0..MOMENTS).map(|i| {
-            let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
-            let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
-            (time, rays.collect())
-        });
-        let mut sample = Self {
-            sheets: sheets.collect(),
-            kind: run.query.kind,
-            exact: Vec::new(),
-        };
-        sample.exact = sample.ask(backend, Intersector::Exact)?;
-        Ok(sample)
-    }
-
-    /// How many of them, of how many, an intersector answers wrongly.
-    fn wrong(
-        &self,
-        backend: &mut ReusedBackend<'_>,
-        intersector: Intersector,
-    ) -> Result<[u64; 2], Stop> {
-        let answers = self.ask(backend, intersector)?;
-        let pairs = self.exact.iter().zip(&answers);
-        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
-        let rays = self.sheets.iter().map(|(_, rays)| rays.len() as u64).sum();
-        Ok([wrong, rays])
-    }
-
-    fn ask(
-        &self,
-        backend: &mut ReusedBackend<'_>,
-        intersector: Intersector,
-    ) -> Result<Vec<Hits>, Stop> {
-        let method = Method {
-            intersector,
-            ..Method::default()
-        };
-        let mut driver = backend.driver(method, Update::Refit)?;
-        let lists = self.sheets.iter().map(|(time, rays)| (*time, &rays[..]));
-        let answers: Result<_, _> = trace_lists(&mut driver, self.kind, lists).collect();
-        backend.put_back(driver);
-        answers
-    }
+/// About `count` rays of a run, at some of its times.
+fn sample(run: &Run<'_>, count: usize) -> Vec<(f64, Vec<Ray>)> {
+    let mut rng = Rng::with_seed(0);
+    let len = run.frames.len();
+    let at = |i: usize| {
+        let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
+        let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
+        (time, rays.collect())
+    };
+    (0..MOMENTS).map(at).collect()
 }
 
-/// A ray at random.
+fn answers(
+    backend: &mut ReusedBackend<'_>,
+    (sample, kind): (&[(f64, Vec<Ray>)], QueryKind),
+    intersector: Intersector,
+) -> Result<Vec<Hits>, Stop> {
+    let method = Method {
+        intersector,
+        ..Method::default()
+    };
+    let mut driver = backend.driver(method, Update::Refit)?;
+    let lists = sample.iter().map(|(time, rays)| (*time, &rays[..]));
+    let answers = trace_lists(&mut driver, kind, lists);
+    backend.put_back(driver);
+    answers
+}
+
 fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
     match rays {
         Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
@@ -315,7 +285,7 @@ fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
     }
 }
 
-/// Rays of which two traces say different things.
+/// Rays of which two traces name another triangle, or another shadow.
 fn differing(a: &Hits, b: &Hits) -> u64 {
     let at = |of: &Hits, i: usize| {
         let triangle = of.closest.get(i).map(|hit| hit.triangle);

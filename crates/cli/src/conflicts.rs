@@ -29,10 +29,7 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// Finds out, before any work over these scenes, whether all can be written.
-    ///
-    /// # Errors
-    /// A file that is written is one that is read, or is written twice, or cannot be written.
+    /// Finds out, before any work over these scenes, whether all can be written, and apart from each other.
     pub(crate) fn check(mut self, scenes: &[String]) -> Result<(), Stop> {
         if self.written.is_empty() && self.folders.is_empty() {
             return Ok(());
@@ -56,8 +53,7 @@ impl<'a> Files<'a> {
         Ok(())
     }
 
-    /// # Errors
-    /// A file that is written is one that is read, or is written twice.
+    /// Refuses to write a file that is read, or written twice.
     pub(crate) fn check_apart(&self) -> Result<(), Stop> {
         for (i, (option, file)) in self.written.iter().enumerate() {
             let Some(place) = place(file) else { continue };

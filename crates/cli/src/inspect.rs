@@ -8,7 +8,7 @@ use crate::bench::FOV;
 use crate::choose::{Ask, Run};
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
-use crate::{frames, memory, session, talk};
+use crate::{frames, session, talk};
 use geom::{Animation, Point};
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
@@ -40,9 +40,8 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     if let Some(tolerance) = args.reduce_keys {
         return run_reduction(args, tolerance);
     }
-    let options = memory::with_run(args.source.options(), 0);
-    let scene = scene::open(&args.scene, &options)?;
-    memory::check_trees(scene.animation.triangle_count(), 0)?;
+    let scene = scene::open(&args.scene, &args.source.options_of_run(0))?;
+    session::check_trees(scene.animation.triangle_count(), 0)?;
     let animation = &scene.animation;
     let [inactive, degenerate] = pipeline::unhittable(animation).map_err(Stop::bad)?;
     let bounds = animation.bounds();
@@ -69,7 +68,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let camera = view.camera(SIZE);
     let run = camera.as_ref().map(|camera| Run {
         frames: &frames,
-        query: view.query(camera),
+        query: shading::query((camera, view.light)),
     });
     let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
     let ask = Ask {
@@ -77,7 +76,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
         run,
         ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
     };
-    Ok(session::start_driver(animation, &ask)?.setup.auto)
+    Ok(session::start_driver(animation, &ask)?.1.auto)
 }
 
 fn text(scene: &Scene, i: &Inspection) -> String {

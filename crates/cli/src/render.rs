@@ -4,22 +4,21 @@ use crate::args::RenderArgs;
 use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::resume::{self, Earlier, manifest};
-use crate::session::{self, Ask, Session, Setup};
+use crate::session::{self, Ask, Setup};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::writer::{Lent, Outputs, Writer};
-use crate::{frames, info, inspect, memory, table, talk, values};
+use crate::{frames, info, inspect, table, talk, values};
 use abvh::Tracer;
 use abvh::frames::{Frame, Wanted};
-use geom::Camera;
+use geom::{Camera, Point};
 use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles};
 use scene::Scene;
 use serde_json::{Value, json};
 use shading::View;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
-/// Renders.
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     check_files(args)?;
     let outputs = Outputs::of(args);
@@ -33,7 +32,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let opening = session::begin(&asked);
     let rays = values::pixels(args.size);
     passed("look at files");
-    let scene = scene::open(&args.scene, &memory::with_run(args.source.options(), rays))?;
+    let scene = scene::open(&args.scene, &args.source.options_of_run(rays))?;
     passed("read the scene");
     let keys = scene.animation.whole_times();
     let all = resume::listed(args, keys)?;
@@ -43,7 +42,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     }
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
-    let query = view.query(&camera);
+    let query = shading::query((&camera, view.light));
     let run = Run {
         frames: &frames,
         query,
@@ -53,10 +52,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         ..asked
     };
     let video = video(args)?;
-    let Session {
-        traces: mut tracer,
-        setup,
-    } = session::start(&scene, &ask, opening)?;
+    let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     passed("open the device, load the scene");
     let mut wanted = outputs.wanted();
     wanted.pixels |= video.is_some();
@@ -86,7 +82,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     stop::let_signals_wait();
     let rows = trace_all(
         args,
-        (&scene, &camera, &view),
+        (&scene, &camera, view.light),
         (todo, old.len()),
         (tracer, &setup),
         (&outputs, video, wanted),
@@ -123,8 +119,7 @@ fn no_frames(
     tell(args, why)
 }
 
-/// # Errors
-/// What is written would overwrite something, or cannot be written.
+/// Refuses to write what would overwrite something, or cannot be written.
 fn check_files(args: &RenderArgs) -> Result<(), Stop> {
     let images = (!args.no_images).then(|| ("--out", args.out.clone()));
     let hits = args.hits.clone().map(|dir| ("--hits", dir));
@@ -219,11 +214,11 @@ fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
 /// Renders every frame and writes its files; one row each.
 fn trace_all(
     args: &RenderArgs,
-    (scene, camera, view): (&Scene, &Camera, &View),
+    shown @ (scene, camera, light): (&Scene, &Camera, Point),
     (todo, done): (Vec<Frame>, usize),
     (mut tracer, setup): (Tracer, &Setup),
     (outputs, video, wanted): (&Outputs, Option<Video<Lent>>, Wanted),
-    (journals, notes): (&mut [(PathBuf, Journal)], Option<&mut RunTimeline>),
+    (journals, notes): (&mut [Journal], Option<&mut RunTimeline>),
 ) -> Result<Vec<FrameStats>, Stop> {
     let progress = Progress::new(todo.len() as u64, args.quiet);
     let taken = setup.auto.iter().map(ToString::to_string);
@@ -234,13 +229,11 @@ fn trace_all(
         let all = done + todo.len();
         progress.say(&format!("{done} of {all} frames are there already"));
     }
-    let shown = (scene, camera, view.light);
     let made = (outputs, video, wanted);
     let writer = Writer::new(shown, made, (journals, notes), progress);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        let shot = (camera, view.light);
-        tracer.render_frames::<Stop>(&todo, shot, wanted, |frame, answers| {
+        tracer.render_frames::<Stop>(&todo, (camera, light), wanted, |frame, answers| {
             writer.take(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;

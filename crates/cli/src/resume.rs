@@ -18,10 +18,7 @@ pub(crate) struct Earlier {
 }
 
 impl Earlier {
-    /// Looks into the folders of a run, before anything is loaded.
-    ///
-    /// # Errors
-    /// One of them holds another run, and this one is not to overwrite it.
+    /// Looks into the folders of a run, before anything is loaded. None may hold another run that is not to be overwritten.
     pub(crate) fn look(args: &RenderArgs, outputs: &Outputs) -> Result<Self, Stop> {
         let (mut folders, mut earlier) = (Vec::new(), None);
         for folder in outputs.folders() {
@@ -93,7 +90,6 @@ impl Earlier {
         Ok(rest.is_empty().then_some(rows))
     }
 
-    /// Statistics of an earlier run, of these frames.
     pub(crate) fn stats(&self, rows: &[FrameStats]) -> Option<Value> {
         let (_, finished) = self.folders.first()?;
         Some(joined(finished.stats.clone()?, rows))
@@ -105,7 +101,7 @@ impl Earlier {
         args: &RenderArgs,
         list: &[Frame],
         (own, stats): (&Manifest, &Value),
-    ) -> Result<Vec<(PathBuf, Journal)>, Stop> {
+    ) -> Result<Vec<Journal>, Stop> {
         let shard = args.shard.map(|shard| [shard.number, shard.of]);
         let begin = |(folder, _): (PathBuf, Finished)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
@@ -113,8 +109,8 @@ impl Earlier {
                 output::clear_run(&folder)?;
             }
             own.write_to(&folder)?;
-            let journal = Journal::begin(&folder, shard, numbers(list), stats.clone())?;
-            Ok((folder, journal))
+            let (list, stats) = (numbers(list), stats.clone());
+            Ok(Journal::begin(&folder, shard, list, stats)?)
         };
         self.folders.into_iter().map(begin).collect()
     }
@@ -126,7 +122,6 @@ pub(crate) fn listed(args: &RenderArgs, key_times: usize) -> Result<Vec<Frame>, 
     frames::list(args.frames.as_ref(), args.time_range, key_times, is_demo)
 }
 
-/// The numbers of frames.
 pub(crate) fn numbers(list: &[Frame]) -> Vec<u64> {
     list.iter().map(|f| f.index).collect()
 }
@@ -162,9 +157,6 @@ pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
 }
 
 /// The manifest of a run over a motion with so many whole times.
-///
-/// # Errors
-/// A file of the scene cannot be read.
 pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, Stop> {
     let files = scene::files(&args.scene)?;
     // Where a file lies decides nothing, but how inputs are placed does.

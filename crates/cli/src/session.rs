@@ -3,26 +3,21 @@
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
 use crate::choose;
 pub(crate) use crate::choose::Ask;
-use crate::memory;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
 use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
+use host::Free;
 use output::Taken;
 use pipeline::{
     Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update, Wanted,
+    trees_bytes,
 };
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
-
-/// What traces, and what it was made from.
-pub(crate) struct Session<T> {
-    pub(crate) traces: T,
-    pub(crate) setup: Setup,
-}
 
 /// Who works how.
 #[derive(Clone, Serialize)]
@@ -67,7 +62,7 @@ pub(crate) fn start(
     scene: &Scene,
     ask: &Ask<'_>,
     opening: Opening,
-) -> Result<Session<Tracer>, Stop> {
+) -> Result<(Tracer, Setup), Stop> {
     let load = |(backend, options, threads): Taking| {
         let mut scene_of_one = abvh::Scene::new();
         scene_of_one.add(Mesh::from(scene));
@@ -81,7 +76,7 @@ pub(crate) fn start(
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
-) -> Result<Session<Driver>, Stop> {
+) -> Result<(Driver, Setup), Stop> {
     let load = |taking| driver(animation, taking);
     start_by(animation, ask, Opening::LATER, load)
 }
@@ -109,9 +104,9 @@ fn start_by<T>(
     ask: &Ask<'_>,
     opening: Opening,
     load: impl Fn(Taking) -> Result<T, Stop>,
-) -> Result<Session<T>, Stop> {
+) -> Result<(T, Setup), Stop> {
     let rays = ask.rays();
-    memory::check_trees(animation.triangle_count(), rays)?;
+    check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
         let mut backend = ReusedBackend::new(backend, animation, ask);
@@ -129,19 +124,18 @@ fn start_by<T>(
     let (traces, device, method, update, reasons) = opened;
     let [why_update, mut why_intersector, mut why_layout] = reasons;
     let threads = ask.share(device.kind, update);
-    let mut names = [method.intersector.name(), method.layout.name()];
+    let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
     if open::has_own_trees(ask.backend) {
-        names = [open::DRIVERS; 2];
+        (intersector, layout) = (open::DRIVERS, open::DRIVERS);
         why_intersector = Some("the driver has its own".to_owned());
         why_layout.clone_from(&why_intersector);
     }
     let taken = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update.name(), why_update),
-        choose::taken("intersector", names[0], why_intersector),
-        choose::taken("layout", names[1], why_layout),
+        choose::taken("intersector", intersector, why_intersector),
+        choose::taken("layout", layout, why_layout),
     ];
-    let memory = ExpectedMemory::of(animation, device.kind, (method, update), rays);
     let mut setup = Setup {
         backend: device.backend,
         adapter: device.adapter,
@@ -154,14 +148,14 @@ fn start_by<T>(
             _ => None,
         },
         predict: matches!(update, Update::Async(_)).then_some(ask.predict),
-        intersector: names[0],
-        layout: names[1],
+        intersector,
+        layout,
         auto: taken.into_iter().flatten().collect(),
-        memory,
+        memory: ExpectedMemory::of(animation, device.kind, (method, update), rays),
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
-    Ok(Session { traces, setup })
+    Ok((traces, setup))
 }
 
 /// What is asked of a backend that makes its trees itself: nothing is left to choose there.
@@ -186,6 +180,7 @@ impl Setup {
     /// So many threads of the host render.
     fn in_one_line(&self, threads: usize) -> String {
         let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
+        let lockstep = lockstep.unwrap_or_default();
         let predict = match self.predict {
             Some(false) => " without prediction",
             _ => "",
@@ -197,31 +192,27 @@ impl Setup {
         };
         let render = work(threads, ["renders, ", "render, "]);
         let build = work(self.builder_threads, ["builds", "build"]);
-        format!(
-            "{} ({}; {render}{build}), {}{}{predict}, {}, {}",
-            self.backend,
-            self.adapter,
-            self.update,
-            lockstep.unwrap_or_default(),
-            self.intersector,
-            self.layout,
-        )
+        let (backend, adapter, update) = (self.backend, &self.adapter, self.update);
+        let who = format!("{backend} ({adapter}; {render}{build})");
+        let how = format!("{}, {}", self.intersector, self.layout);
+        format!("{who}, {update}{lockstep}{predict}, {how}")
     }
 }
 
 /// Traces lists of rays one after the other, each at its time.
 pub(crate) fn trace_lists<'a>(
-    driver: &'a mut Driver,
+    driver: &mut Driver,
     kind: QueryKind,
-    lists: impl IntoIterator<Item = (f64, &'a [Ray]), IntoIter: 'a>,
-) -> impl Iterator<Item = Result<Hits, Stop>> + 'a {
-    (0..).zip(lists).map(move |(index, (time, rays))| {
+    lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
+) -> Result<Vec<Hits>, Stop> {
+    let trace = |(index, (time, rays))| {
         let rays = Rays::List(rays);
         let mut found = Answers::default();
         driver.begin(Frame { index, time }, &[Query { rays, kind }])?;
         driver.finish(Wanted::HITS, &mut found)?;
         Ok(found.hits)
-    })
+    };
+    (0..).zip(lists).map(trace).collect()
 }
 
 /// A backend that has room for the scene, what a driver is to do with it, and threads that build.
@@ -271,7 +262,7 @@ impl<'a> ReusedBackend<'a> {
             predict: self.ask.predict,
         };
         let backend = self.on(threads.render)?;
-        memory::check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
+        check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
         Ok((backend, options, threads.build))
     }
 
@@ -291,4 +282,35 @@ impl<'a> ReusedBackend<'a> {
         let backend = named.unwrap_or(self.ask.backend);
         open::bare(backend, self.ask.adapter, threads)
     }
+}
+
+/// Refuses scenes whose trees and rays the host's memory does not hold. Key frames are there already.
+pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
+    let checked = host::check(trees_bytes(triangles, rays));
+    checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
+}
+
+/// Refuses scenes that do not fit the device's memory, where its driver tells; of a device that is the host's cores,
+/// also what the host does not hold.
+fn check_device(
+    backend: &dyn Backend,
+    animation: &Animation,
+    how: (Method, Update),
+    rays: usize,
+) -> Result<(), Stop> {
+    let kind = backend.device().kind;
+    let Some(need) = ExpectedMemory::of(animation, kind, how, rays).device_bytes else {
+        return Ok(());
+    };
+    let by = "memory of the device";
+    let free = backend.free_device_bytes().map(|bytes| Free { bytes, by });
+    let on_host = match kind {
+        DeviceKind::Software => host::free(),
+        _ => None,
+    };
+    let checked = host::within(need, free).and_then(|()| host::within(need, on_host));
+    checked.map_err(|e| {
+        let (name, triangles) = (&backend.device().adapter, animation.triangle_count());
+        Stop::bad(format!("{triangles} triangles on {name}: {e}"))
+    })
 }

@@ -2,11 +2,11 @@
 
 use crate::args::StabilityArgs;
 use crate::conflicts::Files;
+use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
-use crate::subjects::{self, Subject, Tested};
 use crate::table::{grouped, table};
+use crate::talk;
 use crate::talk::Progress;
-use crate::{open, talk};
 use backend::Intersector;
 use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
 use serde::{Serialize, Serializer};
@@ -20,7 +20,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
         let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
         return Err(Stop::bad(why));
     }
-    let (mut subjects, tested) = subjects::open_all(&args.test, false)?;
+    let (mut subjects, tested) = open::open_all(&args.test, false)?;
     if let Some(file) = &args.record {
         return record_rates(args, &mut subjects, file);
     }

@@ -5,9 +5,7 @@ use backend::BackendError;
 use output::{OutputError, WriteError};
 use pipeline::PipelineError;
 use scene::SceneError;
-use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fmt::{self, Display};
-use std::io;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, Ordering};
 
@@ -121,12 +119,14 @@ const ENDS: i32 = -1;
 /// From here on, a signal ends the program with its exit code. Where nobody can listen, the system's own handlers stay, and
 /// files that are half written stay until a later run finds them.
 pub(crate) fn heed_signals() {
+    #[cfg(unix)]
     let _ = listen();
 }
 
 /// Has a thread of its own wait for signals, since a handler may do next to nothing.
 #[cfg(unix)]
-fn listen() -> io::Result<()> {
+fn listen() -> std::io::Result<()> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
     let (sender, receiver) = std::sync::mpsc::channel();
     // The thread comes first: handlers that nobody answers would swallow signals.
     std::thread::Builder::new().spawn(move || {
@@ -135,7 +135,7 @@ fn listen() -> io::Result<()> {
         }
     })?;
     let signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-    sender.send(signals).map_err(io::Error::other)
+    sender.send(signals).map_err(std::io::Error::other)
 }
 
 #[cfg(unix)]
@@ -149,17 +149,11 @@ fn answer(mut signals: signal_hook::iterator::Signals) {
     }
 }
 
-#[cfg(not(unix))]
-fn listen() -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
 /// From here on, the first signal waits for [`check_signals`].
 pub(crate) fn let_signals_wait() {
     CAME.store(WAITS, Ordering::Relaxed);
 }
 
-/// # Errors
 /// [`Stop::Signal`] if a signal came.
 pub(crate) fn check_signals() -> Result<(), Stop> {
     match CAME.load(Ordering::Relaxed) {

@@ -3,10 +3,10 @@
 use crate::args::{TraceArgs, UpdateName};
 use crate::choose::Ask;
 use crate::conflicts::Files;
-use crate::session::{self, Session};
+use crate::session;
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::{frames, memory, talk};
+use crate::{frames, talk};
 use abvh::Query;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
@@ -29,8 +29,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     };
     let opening = session::begin(&asked);
     let rays = output::read_rays(&args.rays)?;
-    let options = memory::with_run(args.source.options(), rays.len());
-    let scene = scene::open(&args.scene, &options)?;
+    let scene = scene::open(&args.scene, &args.source.options_of_run(rays.len()))?;
     let (tree_time, time) = moments(args, scene.animation.whole_times())?;
     let query = match args.any_hit {
         true => Query::Any,
@@ -40,10 +39,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         rays: rays.len(),
         ..asked
     };
-    let Session {
-        traces: mut tracer,
-        setup,
-    } = session::start(&scene, &ask, opening)?;
+    let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     if !args.quiet {
         setup.auto.iter().for_each(|t| talk::say(&t.to_string()));
     }

@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::conflicts::whole;
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
-use abvh::frames::{Answers, FrameRecord, Wanted};
+use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
 use backend::Hits;
 use geom::{Camera, Point};
 use output::{FrameStats, Journal, Planes, RunTimeline, Video};
@@ -32,8 +32,6 @@ pub(crate) struct Writer<'a> {
     light: Point,
     outputs: &'a Outputs,
     makes_video: bool,
-    /// Of the journals.
-    folders: Vec<PathBuf>,
     done: Mutex<Done<'a>>,
     video: Mutex<Option<Video<Lent>>>,
     spare: Sender<FrameBuffers>,
@@ -73,7 +71,8 @@ impl Drop for Lent {
 
 /// What is known of frames that are done.
 struct Done<'a> {
-    journals: &'a mut [(PathBuf, Journal)],
+    /// One for each folder of the outputs.
+    journals: &'a mut [Journal],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
     /// Each with its place in the run.
@@ -85,7 +84,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn new(
         (scene, camera, light): (&'a Scene, &'a Camera, Point),
         (outputs, video, wanted): (&'a Outputs, Option<Video<Lent>>, Wanted),
-        (journals, notes): (&'a mut [(PathBuf, Journal)], Option<&'a mut RunTimeline>),
+        (journals, notes): (&'a mut [Journal], Option<&'a mut RunTimeline>),
         progress: Progress,
     ) -> Self {
         let (spare, free) = channel();
@@ -106,7 +105,6 @@ impl<'a> Writer<'a> {
             light,
             outputs,
             makes_video: video.is_some(),
-            folders: journals.iter().map(|(f, _)| f.clone()).collect(),
             done: Mutex::new(Done {
                 journals,
                 notes,
@@ -120,10 +118,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Takes a frame in; waits if too many are on their way to files.
-    ///
-    /// # Errors
-    /// A signal came, or files of an earlier frame could not be written.
+    /// Takes a frame in; waits if too many are on their way to files. Fails if a signal came, or files of an earlier frame
+    /// could not be written.
     pub(crate) fn take<'s>(
         &'s self,
         scope: &Scope<'s>,
@@ -160,10 +156,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The rows of all frames, in order.
-    ///
-    /// # Errors
-    /// Files of a frame could not be written.
+    /// The rows of all frames, in order; fails if files of one could not be written.
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
         let video = self.video().take();
@@ -198,49 +191,45 @@ impl<'a> Writer<'a> {
         &self,
         place: usize,
         frame: &FrameRecord,
-        FrameBuffers {
-            answers,
-            rgba,
-            rgb,
-            planes,
-        }: &mut FrameBuffers,
+        buffers: &mut FrameBuffers,
     ) -> Result<(), Stop> {
         let begun = Instant::now();
-        let row = FrameStats::of(frame);
-        let moment = self.scene.animation.at(frame.frame.time);
+        let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let shot = Shot {
-            moment: moment.map_err(Stop::bad)?,
+            moment: self.scene.animation.at(time).map_err(Stop::bad)?,
             colours: &self.scene.colours,
             camera: self.camera,
             light: self.light,
         };
         let (images, video) = (self.outputs.images.is_some(), self.makes_video);
-        let mut pixels = &answers.pixels;
+        let hits = &buffers.answers.hits;
+        let mut pixels = &buffers.answers.pixels;
         if pixels.is_empty() && (images || video) {
-            shading::shade(&shot, &answers.hits.closest, &answers.hits.blocked, rgba);
-            pixels = rgba;
+            shading::shade(&shot, &hits.closest, &hits.blocked, &mut buffers.rgba);
+            pixels = &buffers.rgba;
         }
+        let [width, height] = [self.camera.width, self.camera.height];
         if images {
-            output::drop_alpha(pixels, rgb);
+            output::drop_alpha(pixels, &mut buffers.rgb);
         }
         if video {
-            planes.set(pixels.as_chunks::<4>().0, self.camera.width as usize);
+            let pixels = pixels.as_chunks::<4>().0;
+            buffers.planes.set(pixels, width as usize);
         }
-        let size = [self.camera.width, self.camera.height];
-        self.outputs
-            .write(frame.frame.index, size, &answers.hits, rgb)?;
-        let files = |folder| self.outputs.in_folder(frame.frame.index, folder);
-        let digests = self.folders.iter().map(|f| output::digests(&files(f)));
-        let digests = digests.collect::<Result<Vec<_>, _>>();
+        (self.outputs).write(index, [width, height], hits, &buffers.rgb)?;
+        let folders = self.outputs.folders();
+        let files = |folder| self.outputs.in_folder(index, folder);
+        let digests = folders.iter().map(|f| output::digests(&files(f)));
+        let digests: Result<Vec<_>, _> = digests.collect();
         let digests = digests.map_err(Stop::failed)?;
         let mut done = self.lock();
-        for ((_, journal), files) in done.journals.iter_mut().zip(digests) {
+        for (journal, files) in done.journals.iter_mut().zip(digests) {
             journal.add(files, &row).map_err(Stop::failed)?;
         }
         if let Some(notes) = &mut done.notes {
-            notes.wrote(frame.frame.index, [begun, Instant::now()]);
+            notes.wrote(index, [begun, Instant::now()]);
         }
-        let (time, ms) = (frame.frame.time, frame.wall_ms);
+        let ms = frame.wall_ms;
         done.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
         done.rows.push((place, row));
         Ok(())
@@ -255,11 +244,15 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
+    /// A folder has one name, though it be given by two.
     pub(crate) fn of(args: &RenderArgs) -> Self {
-        Self {
-            images: (!args.no_images).then(|| args.out.clone()),
-            hits: args.hits.clone(),
-        }
+        let images = (!args.no_images).then(|| args.out.clone());
+        let is_same = |hits: &PathBuf| images.as_deref().map(whole) == Some(whole(hits));
+        let hits = match &args.hits {
+            Some(hits) if is_same(hits) => images.clone(),
+            hits => hits.clone(),
+        };
+        Self { images, hits }
     }
 
     /// Makes the folders. Those that are new, the innermost first.
@@ -267,8 +260,7 @@ impl Outputs {
         let mut all = Vec::new();
         for dir in self.folders() {
             let above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
-            let new = above.take_while(|d| !d.exists()).map(Path::to_owned);
-            all.extend(new.collect::<Vec<_>>());
+            all.extend(above.take_while(|d| !d.exists()).map(Path::to_owned));
             output::prepare_dir(&dir).map_err(Stop::bad)?;
         }
         Ok(all)
@@ -276,15 +268,14 @@ impl Outputs {
 
     pub(crate) fn folders(&self) -> Vec<PathBuf> {
         let mut all: Vec<_> = self.images.iter().chain(&self.hits).cloned().collect();
-        all.dedup_by_key(|folder| whole(folder));
+        all.dedup();
         all
     }
 
     /// A frame's files in one of the folders.
     pub(crate) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
         let files = [self.image(frame), self.hits(frame)].into_iter().flatten();
-        let is_there = |file: &PathBuf| file.parent().map(whole) == Some(whole(folder));
-        files.filter(is_there).collect()
+        files.filter(|f| f.parent() == Some(folder)).collect()
     }
 
     /// Whether any file is written of a frame.
@@ -300,7 +291,6 @@ impl Outputs {
         }
     }
 
-    /// Writes a frame's files.
     pub(crate) fn write(
         &self,
         frame: u64,

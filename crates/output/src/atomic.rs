@@ -1,9 +1,7 @@
 //! Whole files or none.
 //!
-//! A file is written under a temporary name in its own directory and renamed
-//! over its final name. Until then the final name keeps what it had. Targets
-//! that are no plain files (devices, pipes) cannot be renamed over without
-//! destroying them; they get the finished bytes in one go instead.
+//! A file is written under a temporary name in its own directory and renamed over its final name. Targets that are no
+//! plain files (devices, pipes) cannot be renamed over without destroying them; they get the finished bytes in one go.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -108,18 +106,11 @@ impl Drop for UnfinishedName {
 }
 
 /// Writes `bytes` to `path`, all of them or none.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before, and no temporary file is left.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     write_with(path, |out| out.write_all(bytes))
 }
 
 /// Lets `fill` write a file, which appears at `path` only if `fill` succeeds.
-///
-/// # Errors
-/// [`WriteError`], also for what `fill` returns; `path` then holds what it
-/// held before, and no temporary file is left.
 pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -138,11 +129,8 @@ pub fn write_with(
     write().map_err(|e| WriteError::new(path, e))
 }
 
-/// Finds out before long work whether a file could be written at `path`, without touching it.
-/// Removes what killed runs left beside it.
-///
-/// # Errors
-/// [`WriteError`]: no such directory, no permission, a directory in the way.
+/// Finds out before long work whether a file could be written at `path`, without touching it. There may be no such
+/// directory, no permission, or a directory in the way. Removes what killed runs left beside it.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let check = || match plain_target(path)? {
         Some(file) => {
@@ -156,9 +144,6 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
 }
 
 /// Finds out before long work whether files could be made in the directory `dir`, without making it.
-///
-/// # Errors
-/// [`WriteError`]: a file in the way, no permission.
 pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
     let mut above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
     let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
@@ -172,9 +157,6 @@ pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
 
 /// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
 /// Removes what killed runs left there.
-///
-/// # Errors
-/// [`WriteError`].
 pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
@@ -222,9 +204,6 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
 }
 
 /// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
-///
-/// # Errors
-/// [`WriteError`]: the link cannot be removed.
 pub fn remove_link(path: &Path) -> Result<(), WriteError> {
     match path.is_symlink() {
         true => fs::remove_file(path).map_err(|e| WriteError::new(path, e)),

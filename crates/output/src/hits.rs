@@ -1,8 +1,7 @@
 //! Hits as `.npz` archives of plain arrays.
 //!
-//! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of
-//! 1280x720 from 15.7 to 4.7 MB, but takes 0.4 s of a core, as long as tracing
-//! it. Entries carry the zip format's earliest date, so that equal hits are equal files.
+//! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of 1280x720 from 15.7 to 4.7 MB, but takes
+//! 0.4 s of a core, as long as tracing it. Entries carry the format's earliest date, so that equal hits are equal files.
 
 use crate::WriteError;
 use crate::atomic::write_whole;
@@ -16,14 +15,9 @@ use zip::{CompressionMethod, DateTime};
 /// More than the heads of five arrays and the archive's directory take.
 const ROOM_FOR_HEADS: usize = 4096;
 
-/// Writes arrays `triangle` u32 (4294967295 = miss), `t`, `u`, `v` f32 (miss:
-/// inf, 0, 0) and, where there are shadow rays, `shadow` u8.
-///
-/// There is one hit a ray, row by row, and with shadow rays 1 where the way to the light is blocked. The shape of every
-/// array is `[height, width]` or `[rays]`.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
+/// Writes arrays `triangle` u32 (4294967295 = miss), `t`, `u`, `v` f32 (miss: inf, 0, 0), one hit a ray, row by row. Where
+/// there are shadow rays, also `shadow` u8: 1 where the way to the light is blocked. All are of shape `[height, width]` or
+/// `[rays]`.
 ///
 /// # Panics
 /// If the lengths do not match the shape.
@@ -44,9 +38,6 @@ pub fn write_hits(
 }
 
 /// Writes the one array `hit` u8 of shape (N,): 1 where a ray met anything.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
     write_archive(path, found.len(), |zip| {
         add(zip, &[found.len() as u64], "hit", found.iter().copied())

@@ -1,19 +1,129 @@
-//! Which files of a run are whole: `abvh-run.jsonl` beside them, a line for each frame that is done.
+//! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it. Which of its files are
+//! whole: `abvh-run.jsonl`, a line for each frame that is done.
 //!
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::manifest::digest_of;
-use crate::{Digest, FrameStats, OutputError, WriteError};
+use crate::{FrameStats, OutputError, WriteError, write_json};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
-use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+const MANIFEST: &str = "abvh-run.json";
+
+/// All that decides a byte of a run's pictures and hits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// That of [`crate::SCHEMA`].
+    pub schema: u32,
+    /// Of the program.
+    pub version: String,
+    /// What is rendered.
+    pub scene: SceneId,
+    /// Whole times of the motion.
+    pub key_times: usize,
+    /// By name.
+    pub options: BTreeMap<String, Value>,
+}
+
+/// What is rendered: the name of a demo or of inputs that are joined, and the files that are read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneId {
+    /// Of a scene that its files do not tell whole.
+    pub name: Option<String>,
+    /// Each with its name, in the order in which they are read.
+    pub files: Vec<NamedDigest>,
+}
+
+impl Manifest {
+    /// The one that a folder holds, if any.
+    pub fn in_folder(folder: &Path) -> Result<Option<Self>, OutputError> {
+        let file = folder.join(MANIFEST);
+        let text = match host::read(&file) {
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+            text => text.map_err(|e| OutputError::reading(&file, e))?,
+        };
+        serde_json::from_slice(&text).map(Some).map_err(|e| {
+            let no = format!("{} is no manifest of a run: {e}", file.display());
+            OutputError(format!("{no}; --overwrite starts afresh"))
+        })
+    }
+
+    /// Writes it into a folder.
+    pub fn write_to(&self, folder: &Path) -> Result<(), WriteError> {
+        write_json(&folder.join(MANIFEST), self)
+    }
+
+    /// The first thing in which two runs differ.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let (mine, theirs) = (self.named(), other.named());
+        let of = |all: &[(String, Value)], name: &str| {
+            let found = all.iter().find(|(n, _)| n == name);
+            found.map_or("absent".to_owned(), |(_, value)| value.to_string())
+        };
+        let mut names = mine.iter().chain(&theirs).map(|(name, _)| name);
+        names.find_map(|name| {
+            let [a, b] = [&mine, &theirs].map(|all| of(all, name));
+            (a != b).then(|| format!("its {name} is {a}, here it is {b}"))
+        })
+    }
+
+    /// All that it says, each with what it is called.
+    fn named(&self) -> Vec<(String, Value)> {
+        let fixed = [
+            ("schema", json!(self.schema)),
+            ("program's version", json!(self.version)),
+            ("scene", json!(self.scene.name)),
+            ("number of key times", json!(self.key_times)),
+        ];
+        let fixed = fixed.map(|(name, value)| (name.to_owned(), value));
+        // Several may have one name, in folders of their own.
+        let files = (1..).zip(&self.scene.files);
+        let files = files.map(|(i, (name, digest))| (format!("file {i}, {name}"), json!(digest)));
+        let options = self.options.iter();
+        let options = options.map(|(name, value)| (format!("--{name}"), value.clone()));
+        fixed.into_iter().chain(files).chain(options).collect()
+    }
+}
+
+/// A file by its name in a folder.
+pub type NamedDigest = (String, Digest);
+
+/// A file's length and digest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digest {
+    /// Bytes.
+    pub bytes: u64,
+    /// SHA-256, in lower-case hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Reads a regular file for its digest; refuses a pipe or a device, which may never end.
+fn digest_of(file: &Path) -> io::Result<Digest> {
+    let mut file = host::open(file)?;
+    let mut hash = Sha256::new();
+    let bytes = io::copy(&mut file, &mut hash)?;
+    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    Ok(Digest { bytes, sha256 })
+}
+
+/// What a journal says of files, or a manifest.
+pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
+    let digest = |file: &PathBuf| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let digest = digest_of(file).map_err(|e| OutputError::reading(file, e))?;
+        Ok((name.into_owned(), digest))
+    };
+    files.par_iter().map(digest).collect()
+}
+
+#[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
     /// What the run is to make, and its statistics without frames.
@@ -23,9 +133,6 @@ enum JournalLine {
         row: Box<FrameStats>,
     },
 }
-
-/// A file by its name in a folder.
-pub type NamedDigest = (String, Digest);
 
 /// What all journals of a folder say.
 #[derive(Debug, Default)]
@@ -39,9 +146,6 @@ pub struct Finished {
 
 impl Finished {
     /// Reads every journal of a folder. A line that was cut short says nothing.
-    ///
-    /// # Errors
-    /// One cannot be read.
     pub fn in_folder(folder: &Path) -> Result<Self, OutputError> {
         let mut done = Self::default();
         for file in journals(folder)? {
@@ -52,9 +156,7 @@ impl Finished {
                         done.list.extend(list);
                         done.stats = Some(stats).filter(Value::is_object).or(done.stats);
                     }
-                    Ok(JournalLine::Frame { files, row })
-                        if files.iter().all(|(n, _)| is_ours(n)) =>
-                    {
+                    Ok(JournalLine::Frame { files, row }) if are_ours(&files) => {
                         done.frames.insert(row.frame as u64, (files, *row));
                     }
                     Ok(JournalLine::Frame { .. }) | Err(_) => {}
@@ -96,10 +198,12 @@ impl Finished {
     }
 }
 
-/// Whether a name is that of a file which runs make in a folder of theirs; a journal may have been tampered with.
-fn is_ours(name: &str) -> bool {
-    let is_plain = Path::new(name).file_name() == Some(name.as_ref());
-    is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
+/// Whether names are those of files which runs make in a folder of theirs; a journal may have been tampered with.
+fn are_ours(files: &[NamedDigest]) -> bool {
+    files.iter().all(|(name, _)| {
+        let is_plain = Path::new(name).file_name() == Some(name.as_ref());
+        is_plain && (name.starts_with("frame_") || name.starts_with("hits_"))
+    })
 }
 
 fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
@@ -118,10 +222,7 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
     Ok(all)
 }
 
-/// Removes the files that the journals of a folder name, and the journals.
-///
-/// # Errors
-/// Another run is writing one of them.
+/// Removes the files that the journals of a folder name, and the journals, unless another run is writing one of them.
 pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let done = Finished::in_folder(folder)?;
     let journals = journals(folder)?;
@@ -131,12 +232,10 @@ pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let files = done.frames.values().flat_map(|(files, _)| files);
     let files = files.map(|(name, _)| folder.join(name));
     for file in files.chain(journals) {
+        let name = file.display();
         match fs::remove_file(&file) {
             Err(e) if e.kind() != ErrorKind::NotFound => {
-                return Err(OutputError(format!(
-                    "cannot remove {}: {e}",
-                    file.display()
-                )));
+                return Err(OutputError(format!("cannot remove {name}: {e}")));
             }
             _ => {}
         }
@@ -164,19 +263,6 @@ fn open_locked(path: &Path) -> Result<File, OutputError> {
     }
 }
 
-/// What a journal says of files, or a manifest.
-///
-/// # Errors
-/// One cannot be read.
-pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
-    let digest = |file: &PathBuf| {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let digest = digest_of(file).map_err(|e| OutputError::reading(file, e))?;
-        Ok((name.into_owned(), digest))
-    };
-    files.par_iter().map(digest).collect()
-}
-
 /// A journal that is being written.
 #[derive(Debug)]
 pub struct Journal {
@@ -185,10 +271,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Goes on with the journal of a folder, or of one shard of so many: what the run is to make, and its statistics.
-    ///
-    /// # Errors
-    /// Another run is writing it, or it cannot be written.
+    /// Goes on with the journal of a folder, or of one shard of so many: what the run is to make, and its statistics. Fails
+    /// if another run is writing it.
     pub fn begin(
         folder: &Path,
         shard: Option<[usize; 2]>,
@@ -211,16 +295,13 @@ impl Journal {
     }
 
     /// Says that these files of a frame are whole, with its row of the statistics.
-    ///
-    /// # Errors
-    /// The journal cannot be written.
     pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), OutputError> {
         let row = Box::new(row.clone());
         self.write(&JournalLine::Frame { files, row })
     }
 
     fn write(&mut self, line: &JournalLine) -> Result<(), OutputError> {
-        let text = serde_json::to_string(line).map_err(std::io::Error::from);
+        let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
         Ok(written.map_err(|e| WriteError::new(&self.path, e))?)
     }
@@ -229,6 +310,19 @@ impl Journal {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn digests_are_those_of_the_standard() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("abc");
+        std::fs::write(&file, b"abc").unwrap();
+        let found = digest_of(&file).unwrap();
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!((found.bytes, &found.sha256[..]), (3, expected));
+        assert!(digest_of(dir.path()).is_err());
+        #[cfg(unix)]
+        assert!(digest_of(Path::new("/dev/zero")).is_err());
+    }
 
     #[test]
     fn a_folder_has_one_writer_at_a_time() {

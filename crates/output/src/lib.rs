@@ -1,15 +1,12 @@
 //! Measured points to charts; arrays, pictures, videos and rows to whole files.
 //!
-//! Every file is written beside its final name and renamed when it is whole, so
-//! that nobody ever reads half a file. What a file holds depends on what it is
-//! given and on nothing else (no clock, no thread count), so that equal results
-//! are equal bytes.
+//! Every file is written beside its final name and renamed when it is whole, so that nobody ever reads half a file. After
+//! an error the final name holds what it held before. What a file holds depends on what it is given and on nothing else
+//! (no clock, no thread count), so that equal results are equal bytes.
 
 mod atomic;
 mod hits;
 mod journal;
-mod manifest;
-mod picture;
 pub mod plot;
 mod rays;
 mod stats;
@@ -21,13 +18,11 @@ pub use atomic::{
     remove_unfinished, write_whole, write_with,
 };
 pub use hits::{write_found, write_hits};
-pub use journal::{Finished, Journal, NamedDigest, clear_run, digests};
-pub use manifest::{Digest, Manifest, SceneId};
-pub use picture::{drop_alpha, write_png};
+pub use journal::{Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests};
 pub use rays::{read_rays, write_rays};
 pub use stats::{
     FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
     write_json,
 };
 pub use timeline::RunTimeline;
-pub use video::{Planes, Video, VideoFiles};
+pub use video::{Planes, Video, VideoFiles, drop_alpha, write_png};

@@ -171,9 +171,6 @@ pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>
 }
 
 /// Writes `value` as indented JSON with a newline at the end.
-///
-/// # Errors
-/// [`WriteError`]; `path` then holds what it held before.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| WriteError::new(path, std::io::Error::other(e)))?;
@@ -219,17 +216,17 @@ pub fn mrays(count: f64, ms: f64) -> Option<f64> {
 /// Primary and shadow rays a second over all frames, in a sentence.
 #[must_use]
 pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
-    let rate = |count: fn(&FrameStats, usize) -> f64, time: Time| {
-        let timed = || frames.iter().filter_map(|f| Some((f, time(f)?)));
-        let rays = timed().map(|(f, _)| count(f, pixels)).sum();
-        mrays(rays, timed().map(|(_, ms)| ms).sum())
+    let rate = |count: &dyn Fn(&FrameStats) -> u64, time: Time| {
+        let timed = || frames.iter().filter_map(|f| Some((count(f), time(f)?)));
+        let rays: u64 = timed().map(|(rays, _)| rays).sum();
+        mrays(rays as f64, timed().map(|(_, ms)| ms).sum())
     };
     let show = |r: Option<f64>| r.map_or("-".to_owned(), |r| format!("{r:.2}"));
-    let primary = rate(|_, pixels| pixels as f64, |f| f.trace_primary_ms);
-    let shadow = rate(|f, _| f.hits as f64, |f| f.trace_shadow_ms);
+    let pixels = pixels as u64;
+    let primary = rate(&|_| pixels, |f| f.trace_primary_ms);
+    let shadow = rate(&|f| f.hits, |f| f.trace_shadow_ms);
     if shadow.is_none() && frames.iter().any(|f| f.blocked > 0) {
-        let all: fn(&FrameStats, usize) -> f64 = |f, pixels| (pixels as u64 + f.hits) as f64;
-        let both = rate(all, |f| f.trace_primary_ms);
+        let both = rate(&|f| pixels + f.hits, |f| f.trace_primary_ms);
         return format!("rays: {} M/s, primary and shadow together\n", show(both));
     }
     let [primary, shadow] = [primary, shadow].map(show);

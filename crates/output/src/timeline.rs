@@ -42,9 +42,6 @@ impl RunTimeline {
     }
 
     /// Writes it, with such remarks on the whole.
-    ///
-    /// # Errors
-    /// [`WriteError`]; `path` then holds what it held before.
     pub fn write(&self, path: &Path, mut remarks: Value) -> Result<(), WriteError> {
         let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
         remarks["device_clock"] = json!(if aligned {

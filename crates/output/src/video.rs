@@ -1,7 +1,10 @@
-//! Frames as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from a pipe.
+//! Frames as pictures; or as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from
+//! a pipe.
 
-use crate::OutputError;
 use crate::atomic::UnfinishedFile;
+use crate::{OutputError, WriteError, write_with};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::fs::File;
@@ -17,7 +20,31 @@ mod planes;
 
 pub use planes::Planes;
 
-type Result<T> = std::result::Result<T, OutputError>;
+type Result<T, E = OutputError> = std::result::Result<T, E>;
+
+/// Fills `rgb` with the first three bytes of every four.
+pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
+    rgb.resize(rgba.len() / 4 * 3, 0);
+    let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
+    for (to, &[r, g, b, _]) in pixels.zip(rgba.as_chunks::<4>().0) {
+        *to = [r, g, b];
+    }
+}
+
+/// Writes 8-bit sRGB pixels as PNG, three bytes each, row 0 at the top.
+///
+/// # Panics
+/// If `rgb` does not hold `3 * width * height` bytes.
+pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
+    write_with(path, |out| {
+        PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
+            .write_image(rgb, width, height, ExtendedColorType::Rgb8)
+            .map_err(|e| match e {
+                ImageError::IoError(e) => e,
+                other => io::Error::other(other),
+            })
+    })
+}
 
 /// What a video is to be.
 #[derive(Clone, Copy, Debug)]
@@ -50,14 +77,13 @@ impl<F> Drop for Video<F> {
 }
 
 impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins what is wanted; `None` if nothing is.
-    ///
-    /// # Errors
-    /// There is no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
+    /// Begins what is wanted; `None` if nothing is. Fails where there is no `ffmpeg`, or a file cannot be made. Neither gets
+    /// a byte before the first frame.
     pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
         let encoded = wanted.encoded.map(Sink::encoded);
         let y4m = wanted.y4m.map(Sink::raw);
-        let sinks: Vec<Sink<Bytes>> = encoded.into_iter().chain(y4m).collect::<Result<_>>()?;
+        let sinks = encoded.into_iter().chain(y4m);
+        let sinks = sinks.collect::<Result<Vec<_>>>()?;
         if sinks.is_empty() {
             return Ok(None);
         }
@@ -90,13 +116,8 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits until all frames are written, and gives each file its name.
-    ///
-    /// # Errors
-    /// The encoder ended early, or a file cannot be written.
-    ///
-    /// # Panics
-    /// If the writing thread did.
+    /// Waits until all frames are written, and gives each file its name. Fails where the encoder ended early, or a file
+    /// cannot be written; panics if the writing thread did.
     pub fn finish(mut self) -> Result<()> {
         self.send(None);
         let ended = self.thread.take().map_or(Ok(Ok(())), JoinHandle::join);
@@ -106,24 +127,24 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
 
 fn write<F: AsRef<Planes>>(
     frames: &Receiver<Option<(usize, F)>>,
-    sinks: Vec<Sink<Bytes>>,
+    sinks: Vec<(Bytes, Sink)>,
     header: &impl Fn() -> EncoderBuilder,
 ) -> Result<()> {
     // Nothing is written for a run that fails before its first frame.
     let Ok(first) = frames.recv() else {
         return Ok(());
     };
-    let sinks = sinks.into_iter().map(|sink| sink.begin(header));
-    let mut sinks = sinks.collect::<Result<Vec<_>>>()?;
+    let begin = |(out, sink): (Bytes, Sink)| Ok((sink.begin(out, header())?, sink));
+    let mut sinks = sinks.into_iter().map(begin).collect::<Result<Vec<_>>>()?;
     let (mut next, mut early) = (0, BTreeMap::new());
     for frame in iter::once(first).chain(frames) {
         let Some((place, frame)) = frame else {
-            return sinks.into_iter().try_for_each(Sink::end);
+            return (sinks.into_iter()).try_for_each(|(out, sink)| sink.end(out));
         };
         early.insert(place, frame);
         while let Some(frame) = early.remove(&next) {
-            for sink in &mut sinks {
-                sink.frame(frame.as_ref())?;
+            for (out, sink) in &mut sinks {
+                sink.frame(out, frame.as_ref())?;
             }
             next += 1;
         }
@@ -132,20 +153,19 @@ fn write<F: AsRef<Planes>>(
     Ok(())
 }
 
+/// Where a video's bytes go. It is dropped before its sink: no encoder writes a file that is gone.
 type Bytes = Box<dyn Write + Send>;
 
 /// A video: full size (4:4:4) in a file of its own, and for the encoder the half of it that it takes (4:2:0).
-struct Sink<W> {
-    // Dropped in this order: no encoder writes a file that is gone.
-    out: W,
+struct Sink {
     is_halved: bool,
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
     name: String,
 }
 
-impl Sink<Bytes> {
-    fn raw(path: &Path) -> Result<Self> {
+impl Sink {
+    fn raw(path: &Path) -> Result<(Bytes, Self)> {
         let name = path.display().to_string();
         let cannot = |e| cannot_write(&name, e);
         let (out, file): (Bytes, _) = if path.as_os_str() == "-" {
@@ -155,57 +175,48 @@ impl Sink<Bytes> {
             let out = File::create(file.path()).map_err(cannot)?;
             (Box::new(out), Some(file))
         };
-        Ok(Self {
-            out,
+        let sink = Self {
             is_halved: false,
             encoder: None,
             file,
             name,
-        })
+        };
+        Ok((out, sink))
     }
 
-    fn encoded(path: &Path) -> Result<Self> {
+    fn encoded(path: &Path) -> Result<(Bytes, Self)> {
         let format = format_of(path)?;
         let name = path.display().to_string();
         let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(&name, e))?;
         let (encoder, pipe) = Encoder::start(format, file.path())?;
-        Ok(Self {
-            out: Box::new(pipe),
+        let sink = Self {
             is_halved: true,
             encoder: Some(encoder),
             file: Some(file),
             name,
-        })
+        };
+        Ok((Box::new(pipe), sink))
     }
 
-    fn begin(self, header: &impl Fn() -> EncoderBuilder) -> Result<Sink<y4m::Encoder<Bytes>>> {
+    fn begin(&self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
         let colours = match self.is_halved {
             true => Colorspace::C420jpeg,
             false => Colorspace::C444,
         };
-        let header = header().with_colorspace(colours);
-        let out = header.write_header(self.out);
-        Ok(Sink {
-            out: out.map_err(|e| cannot_write(&self.name, e))?,
-            is_halved: self.is_halved,
-            encoder: self.encoder,
-            file: self.file,
-            name: self.name,
-        })
+        let begun = header.with_colorspace(colours).write_header(out);
+        begun.map_err(|e| cannot_write(&self.name, e))
     }
-}
 
-impl Sink<y4m::Encoder<Bytes>> {
-    fn frame(&mut self, planes: &Planes) -> Result<()> {
-        let written = self.out.write_frame(&planes.frame(self.is_halved));
+    fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
+        let written = out.write_frame(&planes.frame(self.is_halved));
         written.map_err(|e| match self.encoder.take() {
             Some(encoder) => encoder.failed(&e.to_string()),
             None => cannot_write(&self.name, e),
         })
     }
 
-    fn end(self) -> Result<()> {
-        drop(self.out);
+    fn end(self, out: y4m::Encoder<Bytes>) -> Result<()> {
+        drop(out);
         self.encoder.map_or(Ok(()), Encoder::end)?;
         let ended = match self.file {
             Some(file) => file.finish(),
@@ -231,11 +242,9 @@ fn format_of(path: &Path) -> Result<&'static str> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let format = FORMATS.iter().find(|(name, _)| *name == ending);
     format.map(|(_, format)| *format).ok_or_else(|| {
-        let (path, known) = (path.display(), FORMATS.map(|(name, _)| format!(".{name}")));
-        let known = known.join(", ");
-        OutputError(format!(
-            "--video {path}: its name must end in one of {known}"
-        ))
+        let known = FORMATS.map(|(name, _)| format!(".{name}")).join(", ");
+        let (path, says) = (path.display(), "its name must end in one of");
+        OutputError(format!("--video {path}: {says} {known}"))
     })
 }
 
@@ -256,8 +265,7 @@ impl Encoder {
         };
         let complaints = tempfile::tempfile().map_err(cannot)?;
         let mut child = Command::new("ffmpeg")
-            .args(["-loglevel", "error", "-y", "-f", "yuv4mpegpipe"])
-            .args(["-i", "pipe:0"])
+            .args("-loglevel error -y -f yuv4mpegpipe -i pipe:0".split(' '))
             // Most players want even sizes and this format.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"])
             .args(["-f", format])

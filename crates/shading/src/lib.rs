@@ -1,10 +1,9 @@
 //! Hits in, pixels out: face normals, one colour a triangle, one lamp with shadows, a soft sky.
 //!
-//! [`frame_scene`] finds a camera and a light for a motion that
-//! nobody described, and [`shade`] turns what a trace found into 8-bit sRGB.
-//! Both are functions of their arguments alone: no clock, no chance, no thread
-//! count. The kernel `wgsl/visibility/shade.wgsl` gives the same bytes on a device. What is squared is first brought to a
-//! size near 1 by a power of two, so that no scene overflows or vanishes.
+//! [`frame_scene`] finds a camera and a light for a motion that nobody described, and [`shade`] turns what a trace found
+//! into 8-bit sRGB. Both are functions of their arguments alone: no clock, no chance, no thread count. The kernel
+//! `wgsl/visibility/shade.wgsl` gives the same bytes on a device. What is squared is first brought to a size near 1 by a
+//! power of two, so that no scene overflows or vanishes.
 
 mod light;
 mod view;
@@ -30,10 +29,8 @@ pub struct Shot<'a> {
     pub light: Point,
 }
 
-/// Fills `rgba` with three bytes of sRGB and 255 a pixel, row 0 at the top.
-///
-/// `hits` and `shadow` (1 = the way to the lamp is blocked) hold one entry a
-/// pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
+/// Fills `rgba` with three bytes of sRGB and 255 a pixel, row 0 at the top. `hits` and `shadow` (1 = the way to the lamp is
+/// blocked) hold one entry a pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
 ///
 /// # Panics
 /// If `hits`, `shadow` or the colours are fewer than the pixels or the triangles.
@@ -119,10 +116,8 @@ fn normalized_exponent(v: Vec3) -> Vec3 {
     (v * f32::from_bits((254 - e) << 23)).map(|x| cut(x, -40))
 }
 
-/// `v` at length 1, but for a few units in the last place; zero where [`normalized_exponent`] is.
-///
-/// By Newton's method from the customary guess at an inverse root: devices repeat its operations bit for bit, but need not
-/// round roots correctly.
+/// `v` at length 1, but for a few units in the last place; zero where [`normalized_exponent`] is. By Newton's method from
+/// the customary guess at an inverse root: devices repeat its operations bit for bit, but need not round roots correctly.
 fn unit(v: Vec3) -> Vec3 {
     let w = normalized_exponent(v);
     let square = w.dot(w);

@@ -2,7 +2,7 @@
 
 use backend::{Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Point};
-use glam::{DVec3, dvec3};
+use glam::{DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
 
 /// From the scene to the eye: from the front, the right and a little above.
@@ -27,21 +27,14 @@ pub struct View {
 }
 
 impl View {
-    /// The camera for a picture of `size` (width, height); `None` where none is defined
-    /// (see [`Camera::look_at`]).
+    /// The camera for a picture of `size` (width, height); `None` where [`Camera::look_at`] defines none.
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
         Camera::look_at(self.eye, self.look_at, self.up, self.fov_degrees, size)
     }
-
-    /// What each pixel shows: the closest hit of its ray, and whether the lamp shines there.
-    #[must_use]
-    pub fn query<'a>(&self, camera: &'a Camera) -> Query<'a> {
-        query((camera, self.light))
-    }
 }
 
-/// What each pixel of a camera shows in the light of a lamp: see [`View::query`].
+/// What each pixel of a camera shows in the light of a lamp: the closest hit of its ray, and whether the lamp shines there.
 #[must_use]
 pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
     Query {
@@ -50,11 +43,9 @@ pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
     }
 }
 
-/// Frames the whole motion: every finite vertex of every key frame is in the
-/// picture (of key frames that are not all held, their boxes are), seen from the front, the side and a little above. The lamp hangs
-/// up and to the side, outside the bounds.
-///
-/// Any animation will do: flat, a single point, or nothing at all.
+/// Frames the whole motion, seen from the front, the side and a little above: every finite vertex of every key frame is in
+/// the picture. Of key frames that are not all held, their boxes are. The lamp hangs up and to the side, outside the
+/// bounds. Any animation will do: flat, a single point, or nothing at all.
 #[must_use]
 pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {
     let bounds = animation.bounds();
@@ -64,9 +55,10 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     let back = unit(TO_EYE);
     let right = unit(UP.cross(back));
     let up = back.cross(right);
-    let fit = Fit::of(animation, centre, [right, up, back], [tan_x, tan_y]);
-    let (shift, distance) = fit.eye([tan_x, tan_y], size);
-    let middle = centre + (right * shift[0] + up * shift[1]);
+    let tan = dvec2(tan_x, tan_y);
+    let fit = Fit::of(animation, centre, [right, up, back], tan);
+    let (shift, distance) = fit.eye(tan, size);
+    let middle = centre + (right * shift.x + up * shift.y);
     let aside = right * -0.62 + (UP * 0.95 + back * 0.80);
     View {
         eye: narrow(middle + back * distance),
@@ -77,32 +69,31 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     }
 }
 
-/// Where the vertices touch the four sides of a view pyramid: for each axis
-/// the largest `x + z * tan` and the largest `-x + z * tan`, with `z` towards the eye.
+/// Where the vertices touch the four sides of a view pyramid: for each axis the largest `x + z * tan` and the largest
+/// `-x + z * tan`, with `z` towards the eye.
 #[derive(Clone, Copy)]
 struct Fit {
-    high: [f64; 2],
-    low: [f64; 2],
+    high: DVec2,
+    low: DVec2,
     /// The largest `z`.
     near: f64,
 }
 
 impl Fit {
     const NONE: Self = Self {
-        high: [f64::NEG_INFINITY; 2],
-        low: [f64::NEG_INFINITY; 2],
+        high: DVec2::NEG_INFINITY,
+        low: DVec2::NEG_INFINITY,
         near: f64::NEG_INFINITY,
     };
 
     /// With the camera's axes: right, up and back.
-    fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: [f64; 2]) -> Self {
+    fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: DVec2) -> Self {
         let of_point = |p: &Point| {
             let p = wide(*p) - centre;
             let [x, y, z] = axes.map(|axis| p.dot(axis));
-            let side = [x, y];
             Self {
-                high: std::array::from_fn(|i| side[i] + z * tan[i]),
-                low: std::array::from_fn(|i| -side[i] + z * tan[i]),
+                high: z * tan + dvec2(x, y),
+                low: z * tan - dvec2(x, y),
                 near: z,
             }
         };
@@ -112,9 +103,8 @@ impl Fit {
         };
         let Some(keys) = animation.held_keys() else {
             let boxes = animation.key_bounds().iter().filter(|b| !b.is_empty());
-            return boxes
-                .map(|b| of_points(&b.corners()))
-                .fold(Self::NONE, Self::max);
+            let fits = boxes.map(|b| of_points(&b.corners()));
+            return fits.fold(Self::NONE, Self::max);
         };
         let runs = keys.par_iter().flat_map(|key| key.par_chunks(1 << 14));
         runs.map(of_points).reduce(|| Self::NONE, Self::max)
@@ -122,22 +112,22 @@ impl Fit {
 
     fn max(self, other: Self) -> Self {
         Self {
-            high: std::array::from_fn(|i| self.high[i].max(other.high[i])),
-            low: std::array::from_fn(|i| self.low[i].max(other.low[i])),
+            high: self.high.max(other.high),
+            low: self.low.max(other.low),
             near: self.near.max(other.near),
         }
     }
 
-    /// The eye's shift along both axes of the picture and its way back from the
-    /// centre. Nothing is nearer to it than a part of `size`.
-    fn eye(&self, tan: [f64; 2], size: f64) -> ([f64; 2], f64) {
-        if !self.high.iter().chain(&self.low).all(|x| x.is_finite()) {
-            return ([0.0; 2], 2.0 * size);
+    /// The eye's shift along both axes of the picture and its way back from the centre. Nothing is nearer to it than a part
+    /// of `size`.
+    fn eye(&self, tan: DVec2, size: f64) -> (DVec2, f64) {
+        if !self.high.is_finite() || !self.low.is_finite() {
+            return (DVec2::ZERO, 2.0 * size);
         }
         // Inside the pyramid: x - shift <= (back - z) * tan, and likewise for -x.
-        let back = |i: usize| (self.high[i] + self.low[i]) / (2.0 * tan[i]);
-        let shift = std::array::from_fn(|i| (self.high[i] - self.low[i]) / 2.0);
-        (shift, back(0).max(back(1)).max(self.near + 0.05 * size))
+        let back = (self.high + self.low) / (2.0 * tan);
+        let shift = (self.high - self.low) / 2.0;
+        (shift, back.max_element().max(self.near + 0.05 * size))
     }
 }
 

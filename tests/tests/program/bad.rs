@@ -57,9 +57,7 @@ render vertices | 2.obj | 4 | 5
 render demo:nothing | nothing | grove
 render demo:twist:100 --frames 5..2 | --frames | 5..2
 render demo:twist:100 --frames 0..5000 | 5000
-render demo:twist:100 --size 100000x100000 | 100000x100000 | 16384
 render demo:twist:100 --eye 1,2,3 --look-at 1,2,3 | eye
-render demo:twist:100 --update refit --lockstep 1 | lockstep
 render demo:twist:100 --time-range 3..1 | --time-range | 3..1
 trace demo:twist:100 --time nan --rays rays.npy --out h.npz | --time | nan
 render demo:twist:100 --clip Walk | demo:twist:100 | Walk | .gltf
@@ -91,7 +89,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         })
     });
     let beside = BACKENDS.into_iter().map(|on| {
-        let option = format!(" --backend {}", on.name);
+        let option = format!(" --backend {}", on.0);
         on.trial("bad::input_is_refused", move |s, _| {
             refused(s, CASES, &option)
         })

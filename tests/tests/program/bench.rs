@@ -81,10 +81,8 @@ fn moving(sandbox: &Sandbox) {
     sandbox.does(&format!("bench {two} {words}"));
     let json = sandbox.json("m.json");
     let row = &json["rows"][0];
-    let one = scene::open("demo:hall:2000", &scene::Options::default())
-        .unwrap()
-        .animation;
-    let (moving, all) = (one.moving_count(), one.triangle_count());
+    let one = scene::open("demo:hall:2000", &scene::Options::default()).unwrap();
+    let [moving, all] = [one.animation.moving_count(), one.animation.triangle_count()];
     let twice = row["moving"] == 2 * moving && row["triangles"] == 2 * all;
     assert!(moving > 0 && moving * 10 < all && twice, "{row}");
 }
@@ -94,10 +92,8 @@ const SMALL: &str = "bench demo:twist:500 --backend cpu --size 16x12 --quiet";
 fn file(sandbox: &Sandbox) {
     let words = "--frames 5 --time-range 1..1.5 --update refit,async --against async --json b.json";
     let run = sandbox.does(&format!("{SMALL} {words}"));
-    says(
-        &run.stdout,
-        "geometry|wall|age|SAH|cpu: |times over those of cpu async",
-    );
+    let told = "geometry|wall|age|SAH|cpu: |times over those of cpu async";
+    says(&run.stdout, told);
     let json = sandbox.json("b.json");
     let here = json["command_line"][1] == "bench" && json["cores"].as_u64() > Some(0);
     assert!(here, "no machine");
@@ -150,9 +146,7 @@ fn random_rays(sandbox: &Sandbox) {
 fn refused(sandbox: &Sandbox) {
     let says = ["vulkan-rt", "cpu refit watertight fast"];
     sandbox.refuses(&format!("{SMALL} --frames 2 --against vulkan-rt"), &says);
-    sandbox.refuses(
-        &format!("{SMALL} --adapter nothing-like-it"),
-        &["nothing-like-it"],
-    );
+    let elsewhere = format!("{SMALL} --adapter nothing-like-it");
+    sandbox.refuses(&elsewhere, &["nothing-like-it"]);
     sandbox.refuses("bench --compare old.json new.json", &["old.json"]);
 }

@@ -1,43 +1,28 @@
 //! Backends and adapters: taken by name, left to `auto`, or not there at all.
 
-use crate::hits::array;
+use crate::files::array;
 use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::sync::LazyLock;
 
-/// A backend that a machine may lack.
+/// A backend by its name on the command line; a machine may lack it.
 #[derive(Clone, Copy)]
-pub(crate) struct Subject {
-    /// Its name on the command line.
-    pub(crate) name: &'static str,
-    /// Why it cannot run here; asked once.
-    absent: &'static LazyLock<Option<String>>,
-}
+pub(crate) struct Subject(pub(crate) &'static str);
 
 /// All but the host's.
-pub(crate) const BACKENDS: [Subject; 2] = [
-    Subject {
-        name: "vulkan",
-        absent: &NO_VULKAN,
-    },
-    Subject {
-        name: "wgpu",
-        absent: &NO_WGPU,
-    },
-];
+pub(crate) const BACKENDS: [Subject; 2] = [Subject("vulkan"), Subject("wgpu")];
+pub(crate) const HOST: Subject = Subject("cpu");
 
-pub(crate) const HOST: Subject = Subject {
-    name: "cpu",
-    absent: &NOT_ABSENT,
-};
-
-static NO_VULKAN: LazyLock<Option<String>> =
-    LazyLock::new(|| gpu_vulkan::adapters().err().map(|e| e.to_string()));
-static NO_WGPU: LazyLock<Option<String>> =
-    LazyLock::new(|| gpu_wgpu::adapters().err().map(|e| e.to_string()));
-static NOT_ABSENT: LazyLock<Option<String>> = LazyLock::new(|| None);
+/// Why those that cannot run here cannot.
+static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
+    let found = [gpu_vulkan::adapters(), gpu_wgpu::adapters()];
+    let all = BACKENDS.iter().zip(found);
+    let absent = all.filter_map(|(backend, found)| Some((backend.0, found.err()?.to_string())));
+    absent.collect()
+});
 
 impl Subject {
     /// A trial of the backend of that name, ignored, with the reason, where it is absent.
@@ -46,9 +31,9 @@ impl Subject {
         what: &str,
         body: impl FnOnce(&Sandbox, &str) + Send + 'static,
     ) -> Trial {
-        let name = format!("{what}::{}", self.name);
-        let trial = trial(&name, move |s| body(s, self.name));
-        match self.absent.as_ref() {
+        let name = format!("{what}::{}", self.0);
+        let trial = trial(&name, move |s| body(s, self.0));
+        match ABSENT.get(self.0) {
             None => trial,
             Some(why) => trial
                 .with_kind(format!("absent: {why}"))
@@ -113,6 +98,7 @@ fn info(sandbox: &Sandbox) {
     let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
     let run = sandbox.run_where("info", &nowhere).succeeds();
     assert_eq!(run.stderr, "");
+    says(&run.stdout, "auto takes|woop|bvh2|adapter 0|[cpu]");
     let mut lines = run.stdout.lines();
     assert!(lines.all(|l| l.chars().count() <= 100), "{}", run.stdout);
 }
@@ -145,9 +131,8 @@ fn without_a_loader(sandbox: &Sandbox) {
 
 /// Where graphics drivers are out of reach, the host renders, and nobody stands in for a backend that was named.
 fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
-    let variables: Vec<_> = (variables.iter())
-        .map(|&(name, value)| (name, OsStr::new(value)))
-        .collect();
+    let variables = variables.iter();
+    let variables: Vec<_> = variables.map(|&(n, v)| (n, OsStr::new(v))).collect();
     let run = |words: &str| sandbox.run_where(words, &variables);
     let info = run("info --json").parsed();
     let vulkan = entry(&info["backends"], "backend", "vulkan");

@@ -1,32 +1,37 @@
-//! What is written, and what is said, when all goes well.
+//! What is written, and what is said, when all goes well: pictures and a table, hits, reduced key frames.
 
 use crate::devices::{BACKENDS, HOST, Subject};
 use crate::sandbox::{Sandbox, says, trial};
+use geom::{Animation, Point};
+use integration::scenes::{DEMOS, REAL, Source};
 use libtest_mimic::Trial;
+use scene::keys::Reducer;
+use serde_json::json;
 use std::ffi::OsStr;
+use std::io::Cursor;
 use std::path::PathBuf;
+use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
     let memory = |on: Subject| on.trial("files::memory_is_foreseen", memory_is_foreseen);
-    let mut all: Vec<_> = BACKENDS.into_iter().chain([HOST]).map(memory).collect();
-    all.extend([
+    let reduced = |s: Source| s.trial("reduced_key_frames_come_back_bit_for_bit", reduced);
+    let backends = BACKENDS.into_iter().chain([HOST]).map(memory);
+    let scenes = DEMOS.into_iter().chain(REAL).map(reduced);
+    let others = [
         trial("files::a_render_writes_its_frames_and_a_table", table),
         trial("files::help_and_version_succeed", help),
         trial("files::a_reader_that_goes_away_is_no_crash", broken_pipe),
-    ]);
-    all
+        trial("hits::trace_repeats_render", trace_repeats_render),
+        trial("reduce::what_is_there_is_never_overwritten", kept),
+    ];
+    backends.chain(scenes).chain(others).collect()
 }
 
-const SMALL: &str = "render demo:twist:500 --size 32x24";
-
+/// `images` holds pictures to their size and pixels.
 fn table(sandbox: &Sandbox) {
-    let run = sandbox.does(&format!("{SMALL} --frames 3"));
+    let run = sandbox.does("render demo:twist:500 --size 32x24 --frames 3");
     let expected = [0, 1, 2].map(|i| PathBuf::from(format!("abvh-out/frame_000{i}.png")));
     assert_eq!(sandbox.files(), expected);
-    for path in expected {
-        let picture = image::open(sandbox.path().join(&path)).unwrap();
-        assert_eq!((picture.width(), picture.height()), (32, 24), "{path:?}");
-    }
     says(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
 }
 
@@ -73,4 +78,112 @@ fn broken_pipe(sandbox: &Sandbox) {
         let crashed = stderr.contains("panicked") || output.status.code() == Some(101);
         assert!(!crashed, "abvh {words}: {output:?}");
     }
+}
+
+/// The rays that `render` writes, traced again: with a fresh tree, and with one of another time.
+fn trace_repeats_render(sandbox: &Sandbox) {
+    let scene = "demo:collide:2000";
+    let frame = "--time-range 7.25..9 --frames 2 --size 40x30 --no-images --quiet";
+    sandbox.does(&format!(
+        "render {scene} {frame} --hits . --rays-out rays.npy"
+    ));
+    let expected = bits(sandbox, "hits_0000.npz");
+    let shape = array::<u8>(sandbox, "hits_0000.npz", "shadow").0;
+    assert_eq!(shape, [30, 40]);
+    let words = format!("trace {scene} --time 7.25 --rays rays.npy --out h.npz");
+    for options in "|--update refit --tree-time 0|--update rebuild --threads 1".split('|') {
+        sandbox.does(&format!("{words} {options}"));
+        assert!(bits(sandbox, "h.npz") == expected, "{options}");
+    }
+    sandbox.does(&format!("{words} --any-hit"));
+    let hit: Vec<u8> = array(sandbox, "h.npz", "hit").1;
+    let met = expected[0].iter().map(|&i| u8::from(i != u32::MAX));
+    assert!(met.eq(hit), "any-hit disagrees");
+}
+
+/// `triangle`, and `t`, `u`, `v` by their bits.
+fn bits(sandbox: &Sandbox, file: &str) -> [Vec<u32>; 4] {
+    let [t, u, v] = ["t", "u", "v"].map(|name| {
+        let floats = array::<f32>(sandbox, file, name).1.into_iter();
+        floats.map(f32::to_bits).collect()
+    });
+    [array(sandbox, file, "triangle").1, t, u, v]
+}
+
+/// Shape and values of one array of a file.
+pub(crate) fn array<T: npyz::Deserialize>(
+    sandbox: &Sandbox,
+    file: &str,
+    name: &str,
+) -> (Vec<u64>, Vec<T>) {
+    let mut archive = ZipArchive::new(Cursor::new(sandbox.read(file))).unwrap();
+    let array = archive.by_name(&format!("{name}.npy"));
+    let array = array.unwrap_or_else(|e| panic!("{file}, {name}: {e}"));
+    let array = npyz::NpyFile::new(array).unwrap();
+    (array.shape().to_vec(), array.into_vec().unwrap())
+}
+
+/// Those that are written are the scene's own, and all others are played as near as was promised.
+fn reduced(source: Source) {
+    let sandbox = Sandbox::new();
+    let scene = source.open();
+    let (colours, scene) = (&scene.colours, &scene.animation);
+    let bounds = scene.bounds();
+    let tolerance = 0.03 * distance(bounds.max, bounds.min);
+    let spec = source.path();
+    let words = format!("inspect {spec} --reduce-keys {tolerance} --json --reduced-out few");
+    let answer = sandbox.run(&words).parsed();
+    let kept = Reducer::new(&scene.all_keys().unwrap()).fewest(tolerance);
+    assert_eq!(answer["kept"], json!(kept));
+    let times = sandbox.json("few/times.json");
+    let folder = sandbox.path().join("few");
+    let few = scene::open(&folder.to_string_lossy(), &scene::Options::default()).unwrap();
+    assert!(few.colours == *colours, "other colours");
+    let few = few.animation;
+    assert_eq!((few.key_count(), few.end()), (kept.len(), scene.end()));
+    for (place, &key) in kept.iter().enumerate() {
+        assert_eq!(times["frames"][place]["time"], key);
+        assert_eq!(few.pose(key as f64).key as usize, place, "played at {key}");
+        for t in 0..scene.triangle_count() as u32 {
+            let [old, new] = [scene, &few].map(|a| a.at(key as f64).unwrap().corners(t));
+            let bits = |t: geom::Triangle| t.map(|p| p.map(f32::to_bits));
+            assert_eq!(bits(old), bits(new), "triangle {t} of key frame {key}");
+        }
+    }
+    for frame in 0..scene.key_count() {
+        let off = played_off(scene, &few, frame as f64);
+        assert!(off <= tolerance, "{off} off at {frame}, not {tolerance}");
+    }
+}
+
+/// The largest distance of a corner of one animation from that of the other, at the same time.
+fn played_off(a: &Animation, b: &Animation, time: f64) -> f64 {
+    let corners = |a: &Animation, t| a.at(time).unwrap().corners(t);
+    let off = |t| {
+        let pairs = corners(a, t).into_iter().zip(corners(b, t));
+        pairs.map(|(p, q)| distance(p, q)).fold(0.0, f64::max)
+    };
+    (0..a.triangle_count() as u32).map(off).fold(0.0, f64::max)
+}
+
+fn distance(found: Point, wanted: Point) -> f64 {
+    let finite = |p: Point| p[0].is_finite() && p[1].is_finite() && p[2].is_finite();
+    match (finite(found), finite(wanted)) {
+        (true, true) => {
+            let d = [0, 1, 2].map(|x| f64::from(found[x]) - f64::from(wanted[x]));
+            (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+        }
+        (false, false) => 0.0,
+        _ => f64::INFINITY,
+    }
+}
+
+fn kept(sandbox: &Sandbox) {
+    sandbox.write("file", "");
+    let words = "inspect demo:twist:200 --reduce-keys 5% --reduced-out";
+    sandbox.refuses(&format!("{words} file"), &["file"]);
+    sandbox.does(&format!("{words} few"));
+    let before = sandbox.files();
+    sandbox.refuses(&format!("{words} few"), &["few", "key_00000.ply"]);
+    assert!(sandbox.files() == before, "{:?}", sandbox.files());
 }

@@ -1,8 +1,7 @@
 //! Golden pictures: small, few, compared pixel by pixel.
 //!
-//! `ABVH_BLESS=1 cargo test -p integration --test program images` writes them anew;
-//! look at them before you commit. A picture that differs is left in the
-//! target directory, and the failure says where.
+//! `ABVH_BLESS=1 cargo test -p integration --test program images` writes them anew; look at them before you commit. A
+//! picture that differs is left in the target directory, and the failure says where.
 
 use crate::sandbox::{Sandbox, trial};
 use integration::program::target_dir;
@@ -57,9 +56,8 @@ pub(crate) fn trials() -> Vec<Trial> {
 fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
     sandbox.write("house.obj", HOUSE);
     sandbox.write("nothing.obj", NOTHING);
-    sandbox.does(&format!(
-        "render {words} --size 96x64 --update refit --quiet --out ."
-    ));
+    let how = "--size 96x64 --update refit --quiet --out .";
+    sandbox.does(&format!("render {words} {how}"));
     let new = sandbox.path().join(format!("frame_{frame:04}.png"));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden");
     let golden = folder.join(format!("{name}.png"));

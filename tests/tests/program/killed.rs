@@ -1,11 +1,12 @@
-//! A run that is killed, asked to end or out of disk at any moment leaves whole files only, and can be taken up again.
+//! A run that is killed, told to end, out of disk or bereft of input leaves whole files only, and can be taken up again.
 
-use crate::hits::array;
+use crate::files::array;
 use crate::runs::bytes;
-use crate::sandbox::{Run, Sandbox, trial};
+use crate::sandbox::{Run, SQUARE, Sandbox, trial};
 use fastrand::Rng;
 use integration::program::abvh;
 use libtest_mimic::Trial;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
@@ -14,13 +15,17 @@ pub(crate) fn trials() -> Vec<Trial> {
     let mut all = vec![
         trial("killed::final_names_are_of_whole_files", whole_or_absent),
         trial("killed::shards_resume_to_the_bytes_of_one_run", shards),
+        trial(
+            "streamed::a_file_that_vanishes_or_shrinks_ends_the_run",
+            vanishes,
+        ),
     ];
     if cfg!(unix) {
         all.push(trial("killed::signals_end_with_their_codes", signals));
         let name = "killed::a_signal_leaves_no_half_file";
         all.push(trial(name, signal_while_writing));
     }
-    all.extend(on_disks());
+    all.push(on_disk());
     all
 }
 
@@ -172,14 +177,12 @@ fn signal_while_writing(sandbox: &Sandbox) {
 }
 
 /// A disk that fills up while files are written, in a namespace of its own, where this machine lets us have one.
-fn on_disks() -> Vec<Trial> {
-    let tried = on_full_disk(Sandbox::new().path(), Path::new("true"), "");
-    let possible = tried.is_ok_and(|o| o.status.success());
+fn on_disk() -> Trial {
     let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
-    vec![match possible {
-        true => trial,
-        false => (trial.with_ignored_flag(true)).with_kind("needs leave to mount a tmpfs"),
-    }]
+    match on_full_disk(Sandbox::new().path(), Path::new("true"), "") {
+        Ok(tried) if tried.status.success() => trial,
+        _ => (trial.with_ignored_flag(true)).with_kind("needs leave to mount a tmpfs"),
+    }
 }
 
 fn full_disk(sandbox: &Sandbox) {
@@ -205,4 +208,45 @@ fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<O
     command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script]);
     command.arg(program).args(words.split_whitespace());
     command.current_dir(folder).output()
+}
+
+/// Key frames that are read while they are played.
+const KEYS: usize = 200;
+
+fn write_key(sandbox: &Sandbox, key: usize) {
+    let text = SQUARE.replace("v 0 0 0", &format!("v {} 0 0", key as f32 * 1e-3));
+    sandbox.write(&format!("keys/{key}.obj"), text);
+}
+
+/// A reader that takes nothing keeps the run from reading all files before one of them is gone.
+fn vanishes(sandbox: &Sandbox) {
+    (0..KEYS).for_each(|key| write_key(sandbox, key));
+    let words = "render keys --key-memory 0 --backend cpu --frames 0..200 --size 320x240 --quiet";
+    for (i, says) in [(0, "no such file"), (1, "the file was changed")] {
+        let says = format!("keys/199.obj: {says}");
+        let all = format!("{words} --out out{i} --y4m -");
+        let mut run = sandbox.piped(&all);
+        let reader = run.stdout.as_mut().unwrap();
+        reader.read_exact(&mut [0; 1000]).unwrap();
+        match i {
+            0 => sandbox.remove("keys/199.obj"),
+            _ => sandbox.write("keys/199.obj", "v 0 0"),
+        }
+        let mut output = run.wait_with_output().unwrap();
+        output.stdout.clear();
+        Run::of(&output, &all).fails(1, &[&says]);
+        let done = pictures(sandbox, i);
+        assert!((1..KEYS).contains(&done), "{done} pictures");
+        write_key(sandbox, 199);
+        sandbox.does(&format!("{words} --out out{i} --resume"));
+        assert_eq!(pictures(sandbox, i), KEYS);
+    }
+}
+
+/// How many there are, all of them whole.
+fn pictures(sandbox: &Sandbox, run: usize) -> usize {
+    let all = sandbox.files().into_iter();
+    let all = all.filter(|f| f.starts_with(format!("out{run}")));
+    let whole = |f: &_| drop(image::open(sandbox.path().join(f)).unwrap());
+    all.inspect(whole).count()
 }

@@ -6,19 +6,14 @@ mod chart;
 mod conform;
 mod devices;
 mod files;
-mod hits;
 mod images;
 mod killed;
 #[cfg(target_os = "linux")]
 mod linux;
 mod pages;
-mod reduce;
 mod runs;
 mod sandbox;
-mod stability;
 mod stats;
-mod streamed;
-mod timeline;
 mod video;
 
 use std::process::ExitCode;
@@ -32,18 +27,13 @@ fn main() -> ExitCode {
         conform::trials(),
         devices::trials(),
         files::trials(),
-        hits::trials(),
         images::trials(),
         killed::trials(),
-        streamed::trials(),
         #[cfg(target_os = "linux")]
         linux::trials(),
         pages::trials(),
-        reduce::trials(),
         runs::trials(),
-        stability::trials(),
         stats::trials(),
-        timeline::trials(),
         video::trials(),
     ];
     let trials = rooms.into_iter().flatten().collect();

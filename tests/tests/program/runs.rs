@@ -140,10 +140,8 @@ fn shards(sandbox: &Sandbox) {
     sandbox.does(&format!("{SMALL} --frames 7 --eye 9,9,9 --out q"));
     sandbox.refuses("merge o q", &["eye"]);
     sandbox.refuses("merge nowhere", &["no manifest"]);
-    sandbox.refuses(
-        &format!("{SMALL} --frames 2 --shard 3/2 --out few"),
-        &["shard"],
-    );
+    let beyond = format!("{SMALL} --frames 2 --shard 3/2 --out few");
+    sandbox.refuses(&beyond, &["shard"]);
 }
 
 fn empty_shard(sandbox: &Sandbox) {
@@ -211,9 +209,8 @@ fn tampered(sandbox: &Sandbox) {
     sandbox.does(&format!("{SMALL} --frames 3 --out o --overwrite"));
     assert_eq!(sandbox.text("victim"), "kept");
     for i in 1..=2 {
-        sandbox.does(&format!(
-            "{SMALL} --frames 4 --shard {i}/2 --out p --overwrite"
-        ));
+        let shard = format!("--shard {i}/2 --out p --overwrite");
+        sandbox.does(&format!("{SMALL} --frames 4 {shard}"));
     }
     sandbox.does("merge p");
     sandbox.remove("o/abvh-run.jsonl");

@@ -30,10 +30,8 @@ fn raw(sandbox: &Sandbox) {
     sandbox.does(&words);
     let file = sandbox.read("a.y4m");
     let mut decoder = y4m::decode(&file[..]).unwrap();
-    let (size, rate) = (
-        [decoder.get_width(), decoder.get_height()],
-        decoder.get_framerate(),
-    );
+    let size = [decoder.get_width(), decoder.get_height()];
+    let rate = decoder.get_framerate();
     assert_eq!((size, rate.num, rate.den), ([32, 18], 12_500, 1000));
     let pictures = pictures(sandbox);
     for picture in pictures.chunks(32 * 18 * 3) {
@@ -67,10 +65,8 @@ fn absent(sandbox: &Sandbox) {
 #[cfg(unix)]
 fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;
-    sandbox.write(
-        "bin/ffmpeg",
-        format!("#!/bin/sh\nfor last; do :; done\n{script}\n"),
-    );
+    let script = format!("#!/bin/sh\nfor last; do :; done\n{script}\n");
+    sandbox.write("bin/ffmpeg", script);
     let file = sandbox.path().join("bin/ffmpeg");
     std::fs::set_permissions(file, PermissionsExt::from_mode(0o755)).unwrap();
     let mut path = sandbox.path().join("bin").into_os_string();
@@ -82,25 +78,20 @@ fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
 #[cfg(unix)]
 fn encoded(sandbox: &Sandbox) {
     let path = encoder(sandbox, "cat > \"$last\"");
-    sandbox.does(&format!("{RUN} --out out --y4m a.y4m"));
-    let full = sandbox.read("a.y4m");
-    sandbox
-        .run_where(
-            &format!("{RUN} --no-images --video a.mp4"),
-            &[("PATH", &path)],
-        )
-        .succeeds();
-    let video = sandbox.read("a.mp4");
-    is_halved(&video, &full);
-    for threads in [1, 4] {
-        let words = format!("{RUN} --out out --overwrite --video a.mp4 --threads {threads}");
+    let encoded = |options: &str| {
+        let words = format!("{RUN} {options} --video a.mp4");
         sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
-        assert!(sandbox.read("a.mp4") == video, "{threads}");
+        sandbox.read("a.mp4")
+    };
+    sandbox.does(&format!("{RUN} --out out --y4m a.y4m"));
+    let video = encoded("--no-images");
+    is_halved(&video, &sandbox.read("a.y4m"));
+    for threads in [1, 4] {
+        let afresh = format!("--out out --overwrite --threads {threads}");
+        assert!(encoded(&afresh) == video, "{threads}");
         // Of a run whose pictures are there, all frames again.
         sandbox.remove("a.mp4");
-        let words = format!("{RUN} --out out --resume --video a.mp4");
-        sandbox.run_where(&words, &[("PATH", &path)]).succeeds();
-        assert!(sandbox.read("a.mp4") == video, "{threads}");
+        assert!(encoded("--out out --resume") == video, "{threads}");
     }
 }
 
@@ -119,10 +110,8 @@ fn is_halved(video: &[u8], full: &[u8]) {
 
 #[cfg(unix)]
 fn dies(sandbox: &Sandbox) {
-    let path = encoder(
-        sandbox,
-        "head -c 2000 > \"$last\"; echo no codec >&2; exit 3",
-    );
+    let script = "head -c 2000 > \"$last\"; echo no codec >&2; exit 3";
+    let path = encoder(sandbox, script);
     let words = format!("{RUN} --no-images --video a.webm");
     let run = sandbox.run_where(&words, &[("PATH", &path)]);
     run.fails(1, &["ffmpeg ended early", "no codec"]);

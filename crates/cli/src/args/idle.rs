@@ -20,8 +20,7 @@ const HOST: &str = "goes only with trees that the host builds";
 /// What `bench --compare` heeds beside its files.
 const COMPARED: [&str; 3] = ["compare", "fail_above", "quiet"];
 
-/// # Errors
-/// An option that was given does nothing.
+/// Refuses an option that was given and does nothing.
 pub(super) fn check(command: &Command, given: &ArgMatches) -> Result<(), Stop> {
     let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
     if let Command::Bench(args) = command

@@ -8,19 +8,10 @@ use output::Summary;
 use serde_json::Value;
 use std::path::Path;
 
-/// What is compared of every run, first what makes it slower as a whole.
-const QUANTITIES: [&str; 8] = [
-    "device_ms",
-    "wall_ms",
-    "interpolate_ms",
-    "preprocess_ms",
-    "refit_ms",
-    "trace_primary_ms",
-    "trace_shadow_ms",
-    "build_ms",
-];
-/// How many of those are of the whole.
-const WHOLE: usize = 2;
+/// What is compared of every run: what makes it slower as a whole, and its stages.
+const WHOLE: [&str; 2] = ["device_ms", "wall_ms"];
+const STAGES: &str =
+    "interpolate_ms preprocess_ms refit_ms trace_primary_ms trace_shadow_ms build_ms";
 /// What tells runs apart.
 const NAMES: &str = "scene backend update predict intersector layout rays";
 /// Standard errors beyond which a change is no noise.
@@ -71,7 +62,8 @@ fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
             continue;
         };
         let after = new.remove(i);
-        changes.extend(QUANTITIES.iter().filter_map(|q| change(&before, &after, q)));
+        let quantities = WHOLE.into_iter().chain(STAGES.split(' '));
+        changes.extend(quantities.filter_map(|q| change(&before, &after, q)));
     }
     let only_in_new = new.into_iter().map(|r| r.name).collect();
     Ok((changes, [only_in_old, only_in_new]))
@@ -79,18 +71,15 @@ fn compare(old_file: &Path, new_file: &Path) -> Result<Comparison, Stop> {
 
 fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
     let limit = 1.0 + percent / 100.0;
-    let is_slower = |c: &&Change| {
-        let is_whole = QUANTITIES[..WHOLE].contains(&c.quantity);
-        is_whole && c.beyond_noise && c.ratio > limit
-    };
+    let is_slower = |c: &&Change| WHOLE.contains(&c.quantity) && c.beyond_noise && c.ratio > limit;
     let slower = changes.iter().filter(is_slower);
     let slower = slower.map(|c| format!("{} {} {:.3} times", c.run, c.quantity, c.ratio));
-    match slower.collect::<Vec<_>>().join("; ") {
-        slower if slower.is_empty() => Ok(()),
-        slower => Err(Stop::failed(format!(
-            "slower by more than {percent} %: {slower}"
-        ))),
+    let slower = slower.collect::<Vec<_>>().join("; ");
+    if slower.is_empty() {
+        return Ok(());
     }
+    let why = format!("slower by more than {percent} %: {slower}");
+    Err(Stop::failed(why))
 }
 
 /// The runs of a file of `bench` or of `render --stats`.
@@ -212,10 +201,8 @@ mod tests {
         let run = |count, step, factor, seed| {
             let times = (0..count).map(|i| f64::from(i) * step);
             let frame = |t| json!({ "time": t, "wall_ms": factor * load(t, seed) });
-            ComparedRun {
-                name: "a b".to_owned(),
-                frames: times.map(frame).collect(),
-            }
+            let (name, frames) = ("a b".to_owned(), times.map(frame).collect());
+            ComparedRun { name, frames }
         };
         let old = run(41, 1.0, 1.0, 3.1);
         // Of other frames the load hides as little a change as that, but not one of a half.
@@ -229,10 +216,8 @@ mod tests {
             assert_eq!(c.beyond_noise, beyond_noise, "{c:?}");
             assert!(change(&old, &new, "refit_ms").is_none());
         }
-        let ratio = change(&old, &run(41, 1.0, 1.05, 7.7), "wall_ms")
-            .unwrap()
-            .ratio;
-        assert!((ratio - 1.05).abs() < 0.01, "{ratio}");
+        let slower = change(&old, &run(41, 1.0, 1.05, 7.7), "wall_ms").unwrap();
+        assert!((slower.ratio - 1.05).abs() < 0.01, "{slower:?}");
     }
 
     #[test]
@@ -246,9 +231,7 @@ mod tests {
         let rows = |update: &str, ms: [f64; 4]| {
             let frame = |(time, ms)| json!({ "time": time, "wall_ms": ms });
             let frames: Vec<Value> = (0..).zip(ms).map(frame).collect();
-            let row =
-                json!({ "scene": "s", "backend": "cpu", "update": update, "per_frame": frames });
-            json!({ "rows": [row] })
+            json!({ "rows": [{ "scene": "s", "backend": "cpu", "update": update, "per_frame": frames }] })
         };
         let old = file("old.json", rows("refit", [9.0, 1.0, 2.0, 3.0]));
         let new = file("new.json", rows("refit", [9.0, 1.5, 3.0, 4.5]));

@@ -1,8 +1,9 @@
-//! Results of a bench: as CSV (RFC 4180), for people, and every run over every other of the same scene.
+//! Results of a bench: as CSV, for people, and every run over every other of the same scene.
 
 use super::{Row, frame_ms};
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, ms, of_rows, table};
+use output::plot::csv_table;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -15,22 +16,19 @@ const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,int
 const MANY: usize = 12;
 
 /// A row a run, empty where nothing is known.
-pub(super) fn csv(rows: &[Row]) -> Result<Vec<u8>, Stop> {
-    let mut out = csv::Writer::from_writer(Vec::new());
+pub(super) fn csv(rows: &[Row]) -> Result<String, Stop> {
     let columns = || COLUMNS.split(',');
-    out.write_record(columns()).map_err(Stop::failed)?;
-    for row in rows {
-        let mut json = serde_json::to_value(row).map_err(Stop::failed)?;
+    let record = |row: &Row| -> Vec<String> {
+        let mut json = json!(row);
         json["rays"] = row.rays.unwrap_or("camera").into();
         let cell = |column: &str| match &json[column] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
             other => other.to_string(),
         };
-        out.write_record(columns().map(cell))
-            .map_err(Stop::failed)?;
-    }
-    out.into_inner().map_err(Stop::failed)
+        columns().map(cell).collect()
+    };
+    csv_table(columns(), rows.iter().map(record)).map_err(Stop::failed)
 }
 
 /// One row a run, which device each backend ran on, and how runs compare.
@@ -42,9 +40,8 @@ pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
     for row in rows {
         if let Some(warmed) = row.warm_up.filter(|warmed| !warmed.steady) {
             let (scene, name, seconds) = (&row.scene, name(row), warmed.seconds);
-            text += &format!(
-                "{scene} {name}: not to be relied on: after {seconds:.1} s of warm-up frames still changed\n"
-            );
+            text += &format!("{scene} {name}: not to be relied on: ");
+            text += &format!("after {seconds:.1} s of warm-up frames still changed\n");
         }
     }
     for of in rows.chunk_by(comparable) {
@@ -91,14 +88,12 @@ fn cells(r: &Row) -> Cells<'static> {
 }
 
 fn unless_predicted(r: &Row, what: &'static str) -> &'static str {
-    if r.setup.predict == Some(false) {
-        what
-    } else {
-        ""
+    match r.setup.predict {
+        Some(false) => what,
+        _ => "",
     }
 }
 
-/// Which rays, if not a camera's.
 fn rays(r: &Row, after: &str) -> String {
     let rays = r.rays.map(|rays| format!("{after}{rays} rays"));
     rays.unwrap_or_default()
@@ -120,28 +115,26 @@ fn comparable(a: &Row, b: &Row) -> bool {
 /// Device and host times of one run over those of another.
 fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
-    let wall = |r: &Row| r.median("wall_ms");
     let device = |r: &Row| {
         let ms = r.later_frames().iter().filter_map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
-    let [of, against] = [run, rival].map(|r| [device(r), wall(r)]);
-    [over(of[0], against[0]), over(of[1], against[1])]
+    let wall = |r: &Row| r.median("wall_ms");
+    let [ours, theirs] = [run, rival].map(|r| [device(r), wall(r)]);
+    [over(ours[0], theirs[0]), over(ours[1], theirs[1])]
 }
 
 /// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
 pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
-    let mut all = Vec::new();
-    for (i, run) in rows.iter().enumerate() {
-        let rivals = rows.iter().enumerate();
-        let rivals = rivals.filter(|(j, rival)| i != *j && comparable(run, rival));
-        all.extend(rivals.map(|(_, rival)| {
-            let ([device, wall], names) = (over(run, rival), [run, rival].map(name));
-            let scene = &run.scene;
-            json!({ "scene": scene, "run": names[0], "over": names[1], "device": device, "wall": wall })
-        }));
-    }
-    all
+    let is_rival = |a: &Row, b: &Row| !std::ptr::eq(a, b) && comparable(a, b);
+    let with_each = |run| rows.iter().map(move |rival| (run, rival));
+    let pairs = rows.iter().flat_map(with_each);
+    let ratio = |(run, rival): (&Row, &Row)| {
+        let ([device, wall], names) = (over(run, rival), [run, rival].map(name));
+        let scene = &run.scene;
+        json!({ "scene": scene, "run": names[0], "over": names[1], "device": device, "wall": wall })
+    };
+    pairs.filter(|(a, b)| is_rival(a, b)).map(ratio).collect()
 }
 
 /// The run of every scene that all others are set against: the first whose name has all words of `against`, else the first.

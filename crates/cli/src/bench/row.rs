@@ -3,10 +3,8 @@
 use super::FOV;
 use crate::args::{MeasureArgs, RaysName};
 use crate::choose::{self, Ask};
-use crate::memory::device_memory;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
-
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Point, Ray};
@@ -14,7 +12,7 @@ use output::{FrameStats, Summary, TIMES, Time, mrays};
 use pipeline::{Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// One run. Times are medians over its frames, in milliseconds.
@@ -88,20 +86,18 @@ pub(crate) fn measure(
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;
     let query = match rays {
-        RaysName::Camera => view.query(&camera),
+        RaysName::Camera => shading::query((&camera, view.light)),
         RaysName::Random => {
             list = random(&scene.animation.bounds(), camera.pixels());
-            Query {
-                rays: Rays::List(&list),
-                kind: QueryKind::Closest,
-            }
+            let (rays, kind) = (Rays::List(&list), QueryKind::Closest);
+            Query { rays, kind }
         }
     };
     let ask = Ask {
         run: Some(choose::Run { frames, query }),
         ..*ask
     };
-    let mut session = session::start_driver(&scene.animation, &ask)?;
+    let (mut driver, setup) = session::start_driver(&scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));
@@ -109,8 +105,7 @@ pub(crate) fn measure(
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
-    let driver = &mut session.traces;
-    let (warm_up, rest) = warm_up(args.warm_up, driver, frames, query, &mut note)?;
+    let (warm_up, rest) = warm_up(args.warm_up, &mut driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
     let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
@@ -129,7 +124,7 @@ pub(crate) fn measure(
         scene: spec.to_owned(),
         triangles,
         moving: scene.animation.moving_count(),
-        setup: session.setup,
+        setup,
         rays: (!is_camera).then_some("random"),
         warm_up,
         frames: stats.len(),
@@ -143,6 +138,17 @@ pub(crate) fn measure(
         device_bytes: held.map(|bytes| bytes.total()),
         medians,
         per_frame: stats,
+    })
+}
+
+/// Memory of a device by what it holds, whole and a triangle.
+fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
+    let parts = [held.tree, held.scratch, held.scene, held.frames];
+    let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });
+    let each = |bytes: u64| json!(bytes as f64 / triangles.max(1) as f64);
+    json!({
+        "bytes": named(parts.map(|bytes| json!(bytes))),
+        "bytes_per_triangle": named(parts.map(each)),
     })
 }
 

@@ -62,10 +62,9 @@ impl GroundTruth {
         // Shadows are compared with those of `exact` on the host, over fresh trees.
         let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Bvh2);
         let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
-        let mut shadows = Vec::new();
-        truth.trace(animation, &ask, |_, hits| shadows.push(hits.blocked))?;
-        for (sheet, blocked) in truth.sheets.iter_mut().zip(shadows) {
-            sheet.blocked = blocked;
+        let shadows = truth.trace(animation, &ask)?;
+        for (sheet, hits) in truth.sheets.iter_mut().zip(shadows) {
+            sheet.blocked = hits.blocked;
         }
         Ok(truth)
     }
@@ -77,34 +76,21 @@ impl GroundTruth {
         ask: &Ask<'_>,
         point: &mut plot::Point,
     ) -> Result<(), Stop> {
-        let mut errors = Vec::new();
-        self.trace(animation, ask, |sheet, hits| {
-            errors.extend(count(sheet, &hits, point));
-        })?;
-        point.t_error_ulp = spread(errors);
+        let traced = self.trace(animation, ask)?;
+        let answers = self.sheets.iter().zip(&traced);
+        let errors = answers.flat_map(|(sheet, hits)| count(sheet, hits, point));
+        point.t_error_ulp = spread(errors.collect());
         Ok(())
     }
 
     /// Traces all one way, whose first tree is of the motion's begin.
-    fn trace(
-        &self,
-        animation: &Arc<Animation>,
-        ask: &Ask<'_>,
-        mut hear: impl FnMut(&Sheet, Hits),
-    ) -> Result<(), Stop> {
-        let mut session = session::start_driver(animation, ask)?;
+    fn trace(&self, animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Vec<Hits>, Stop> {
+        let (mut driver, _) = session::start_driver(animation, ask)?;
         let kind = QueryKind::ClosestAndShadow { light: self.light };
-        let sheets = self
-            .sheets
-            .iter()
-            .map(|sheet| (sheet.time, &sheet.rays[..]));
+        let sheets = self.sheets.iter();
+        let sheets = sheets.map(|sheet| (sheet.time, &sheet.rays[..]));
         let lists = iter::once((0.0, &[][..])).chain(sheets);
-        let mut traced = session::trace_lists(&mut session.traces, kind, lists);
-        traced.next().transpose()?;
-        for (sheet, hits) in self.sheets.iter().zip(traced) {
-            hear(sheet, hits?);
-        }
-        Ok(())
+        Ok(session::trace_lists(&mut driver, kind, lists)?.split_off(1))
     }
 }
 
@@ -241,13 +227,8 @@ mod tests {
             blocked: vec![0; closest.len()],
         };
         let next = 1.0_f32.next_up();
-        let plain = [
-            hit(1, 1.0),
-            hit(1, next),
-            Hit::MISS,
-            hit(1, 1.0),
-            hit(2, 1.0),
-        ];
+        let [right, near, other] = [(1, 1.0), (1, next), (2, 1.0)].map(|(i, t)| hit(i, t));
+        let plain = [right, near, Hit::MISS, right, other];
         let truth = [Some(1), Some(1), None, None, Some(1)];
         let mut point = plot::Point::default();
         let errors = count(&sheet(false, &truth), &found(&plain), &mut point);
@@ -274,8 +255,7 @@ mod tests {
         let a = &scene.animation;
         let view = shading::frame_scene(a, 40.0, [64, 40]);
         let rays = rays_at(a, &view, 1.5, 1000).concat();
-        assert_eq!(rays.len(), 1250);
-        assert!(rays.iter().all(Ray::is_valid));
+        assert!(rays.len() == 1250 && rays.iter().all(Ray::is_valid));
         let from_eye = rays.iter().filter(|r| r.origin == view.eye);
         assert_eq!(from_eye.count(), 500);
         assert!(rays == rays_at(a, &view, 1.5, 1000).concat(), "made again");
@@ -294,9 +274,7 @@ mod tests {
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
         let view = shading::frame_scene(&nothing, 40.0, [64, 40]);
-        assert_eq!(
-            rays_at(&nothing, &view, 0.0, 100).map(|r| r.len()),
-            [100, 0]
-        );
+        let counts = rays_at(&nothing, &view, 0.0, 100).map(|rays| rays.len());
+        assert_eq!(counts, [100, 0]);
     }
 }

@@ -4,7 +4,7 @@ use crate::choose::{self, Ask};
 use crate::open;
 use crate::stop::Stop;
 use backend::{Intersector, Method};
-use conformance::leaks::{self, Aim, LeakPlan, OFFSETS};
+use conformance::leaks::{self, Aim, LeakPlan, LeakRow, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
 
@@ -60,22 +60,20 @@ pub(super) fn ask(
 }
 
 /// All bodies at one offset.
-fn sum(rows: &[leaks::LeakRow], offset: f32) -> Leaks {
-    let is_aimed = |r: &&leaks::LeakRow| r.inside && r.aim != Aim::Random;
-    let here = rows
-        .iter()
-        .filter(|r| r.offset.to_bits() == offset.to_bits());
-    let none = Leaks {
-        offset: f64::from(offset),
-        ..Leaks::default()
+fn sum(rows: &[LeakRow], offset: f32) -> Leaks {
+    let is_here = |r: &&LeakRow| r.offset.to_bits() == offset.to_bits();
+    let is_aimed = |r: &&LeakRow| r.inside && r.aim != Aim::Random;
+    let sum = |count: fn(&LeakRow) -> u64| {
+        let here = rows.iter().filter(is_here).filter(is_aimed);
+        here.map(count).sum()
     };
-    here.filter(is_aimed).fold(none, |sum, row| Leaks {
-        rays: sum.rays + row.rays,
-        leaks: sum.leaks + row.leaks,
-        counted: sum.counted + row.counted,
-        double_hits: sum.double_hits + row.doubled,
-        ..sum
-    })
+    Leaks {
+        offset: f64::from(offset),
+        rays: sum(|r| r.rays),
+        leaks: sum(|r| r.leaks),
+        counted: sum(|r| r.counted),
+        double_hits: sum(|r| r.doubled),
+    }
 }
 
 #[cfg(test)]
@@ -84,7 +82,7 @@ mod tests {
 
     #[test]
     fn only_rays_aimed_from_inside_at_that_offset_count() {
-        let row = |offset, aim, inside| leaks::LeakRow {
+        let row = |offset, aim, inside| LeakRow {
             body: "box",
             offset,
             aim,

@@ -57,8 +57,7 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
 #[test]
 fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
-        let rays = Rays::List(&[]);
-        let kind = QueryKind::Any;
+        let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
         let run = Some(Run { frames, query });
         let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
@@ -92,11 +91,8 @@ fn settled(
         ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
     };
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
-    settle(
-        &mut ReusedBackend::new(backend, &scene.animation, &ask),
-        &ask,
-    )
-    .unwrap()
+    let mut backend = ReusedBackend::new(backend, &scene.animation, &ask);
+    settle(&mut backend, &ask).unwrap()
 }
 
 fn demo(name: &str) -> Scene {
@@ -109,7 +105,7 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
     let scene = demo("demo:collide:400");
     let view = shading::frame_scene(&scene.animation, 40.0, [64, 36]);
     let camera = view.camera([64, 36]).unwrap();
-    let query = view.query(&camera);
+    let query = shading::query((&camera, view.light));
     let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
     let taken = settled(32, Watertight, 0.0);
     let (method, _, [why, none, some]) = taken;
@@ -136,15 +132,13 @@ fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
 fn what_is_wrong_too_often_is_not_taken_however_fast() {
     let scene = demo("demo:twist:600");
     let bounds = scene.animation.bounds();
-    let mut rng = fastrand::Rng::with_seed(3);
+    let mut rng = Rng::with_seed(3);
     let mut within = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
     let origin = [1e6, 2e6, 3e6];
-    let mut ray = || geom::Ray::new(origin, [0, 1, 2].map(|i| within(i) - origin[i]));
-    let rays: Vec<geom::Ray> = (0..500).map(|_| ray()).collect();
-    let query = Query {
-        rays: Rays::List(&rays),
-        kind: QueryKind::Closest,
-    };
+    let ray = |_| Ray::new(origin, [0, 1, 2].map(|i| within(i) - origin[i]));
+    let rays: Vec<Ray> = (0..500).map(ray).collect();
+    let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
+    let query = Query { rays, kind };
     let (method, _, [_, why, _]) = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
     let why = why.unwrap();
     assert_eq!(method.intersector, Intersector::Exact, "{why}");
@@ -164,13 +158,12 @@ fn none_wrong_shows_less_the_more_is_tolerated() {
 
 #[test]
 fn a_ray_is_wrong_once_by_its_triangle_or_its_shadow() {
+    let hit = |triangle| Hit {
+        triangle,
+        ..Hit::MISS
+    };
     let hits = |all: [(u32, u8); 4]| Hits {
-        closest: all
-            .map(|(triangle, _)| Hit {
-                triangle,
-                ..Hit::MISS
-            })
-            .to_vec(),
+        closest: all.map(|(triangle, _)| hit(triangle)).to_vec(),
         blocked: all.map(|(_, blocked)| blocked).to_vec(),
     };
     let exact = hits([(1, 0), (2, 1), (3, 0), (4, 0)]);

@@ -1,10 +1,9 @@
 //! Rays by the million against the oracle, on every backend at once.
 
-use super::command;
-use super::results::Report;
+use super::{Report, command};
 use crate::args::ConformArgs;
+use crate::open::Subject;
 use crate::stop::Stop;
-use crate::subjects::Subject;
 use crate::table::{Cells, grouped, of_rows};
 use crate::talk::Progress;
 use backend::{Intersector, Method};
@@ -47,32 +46,31 @@ pub(super) fn hold(
     let mut ours: Vec<&mut Subject> = subjects.iter_mut().collect();
     ours.retain(|s| !s.backend.makes_own_trees());
     if ours.is_empty() {
-        let why =
-            "a driver that makes its own trees decides what a ray hits: the oracle cannot judge it";
-        return Err(Stop::bad(why));
+        let own = "a driver that makes its own trees decides what a ray hits";
+        return Err(Stop::bad(format!("{own}: the oracle cannot judge it")));
     }
     let rays = args.oracle_rays;
     let audit = Audit::new(args.seed, rays, given);
     let mut specs = audit.specs();
-    specs.retain(|spec| args.oracle_batch.is_none_or(|number| spec.number == number));
-    if let (true, Some(number)) = (specs.is_empty(), args.oracle_batch) {
-        let why = format!("of {rays} rays there is no batch {number}");
-        return Err(Stop::bad(why));
+    if let Some(number) = args.oracle_batch {
+        specs.retain(|spec| spec.number == number);
+        if specs.is_empty() {
+            let why = format!("of {rays} rays there is no batch {number}");
+            return Err(Stop::bad(why));
+        }
     }
     let chunks = chunks(&specs);
     let mut progress = Progress::new(chunks.len() as u64, args.test.quiet);
-    let make =
-        |specs: &[BatchSpec]| -> Vec<Batch> { specs.par_iter().map(|l| audit.batch(l)).collect() };
-    let mut next = chunks.first().map(|c| make(c));
+    let make = |specs: &[BatchSpec]| specs.par_iter().map(|l| audit.batch(l)).collect();
+    let mut now: Vec<Batch> = chunks.first().map_or(Vec::new(), |c| make(c));
     for i in 1..=chunks.len() {
-        let now = next.take().unwrap_or_default();
         // While the backends answer, the host finds what is right about the next.
-        let (asked, after) = rayon::join(
+        let (asked, next) = rayon::join(
             || ask(args, &audit, &mut ours, &now, report),
-            || chunks.get(i).map(|c| make(c)),
+            || chunks.get(i).map_or(Vec::new(), |c| make(c)),
         );
         asked?;
-        next = after;
+        now = next;
         progress.step("rays against exact answers");
     }
     Ok(())

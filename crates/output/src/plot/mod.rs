@@ -8,6 +8,8 @@
 //! `plotters` draws. Nothing is measured here and no file is touched. Equal data give equal bytes. No data panics:
 //! what is missing, not finite or absurd is left out, and where that hides a point the picture says so.
 
+#![expect(missing_docs, reason = "names are those of points.json")]
+
 mod look;
 mod page;
 mod panel;
@@ -16,7 +18,7 @@ mod table;
 mod tests;
 
 pub use page::{html, svg};
-pub use table::{SCHEMA, count, csv, json, rows};
+pub use table::{SCHEMA, count, csv, csv_table, json, rows};
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -32,7 +34,6 @@ const Z: f64 = 1.959_964;
 /// All that one chart shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
-    /// What did the work.
     pub machine: Machine,
     /// What was traced; one panel each, in this order.
     pub scenes: Vec<Scene>,
@@ -45,52 +46,45 @@ pub struct Chart {
 pub struct Machine {
     /// Name of the host's processor.
     pub cpu: Option<String>,
-    /// Version of the program.
+    /// Of the program.
     pub version: String,
     /// The day of the measurement, as the caller wants it read.
     pub date: String,
-    /// Who stands behind the names of the backends.
     pub adapters: Vec<Adapter>,
 }
 
 /// Who stands behind a backend's name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Adapter {
-    /// The backend.
     pub backend: String,
-    /// The device's own name.
     pub adapter: String,
-    /// Driver and version; empty where there is none.
+    /// With its version; empty where there is none.
     pub driver: String,
 }
 
 /// What was traced.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
-    /// Its name, as in [`Point::scene`].
     pub name: String,
-    /// Triangles.
     pub triangles: u64,
     /// Pixels of a frame: width, height.
     pub size: [u32; 2],
-    /// Frames that each run traced.
+    /// That each run traced.
     pub frames: u64,
 }
 
 /// One way of tracing one scene: how fast it was, and how often wrong.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// Name of the backend; shown by colour.
+    /// Shown by colour.
     pub backend: String,
-    /// Name of the tree's layout; shown by label.
+    /// Shown by size.
     pub layout: String,
-    /// Name of the intersector; shown by shape.
+    /// Shown by shape.
     pub intersector: String,
-    /// Name of the update policy; shown by fill.
+    /// Shown by fill.
     pub update: String,
-    /// The scene.
     pub scene: String,
-    /// Milliseconds a frame.
     pub ms_per_frame: Spread,
     /// Million rays a second.
     pub mrays_per_s: Option<f64>,
@@ -110,56 +104,48 @@ pub struct Point {
     /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
     #[serde(default)]
     pub mixed_range: Vec<FamilyCounts>,
-    /// Bytes of memory that the backend held.
+    /// That the backend held.
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
     pub samples: u64,
     /// Seconds that the device was warmed up before them.
     #[serde(default)]
     pub warm_up_s: Option<f64>,
-    /// The command that measures this point again.
+    /// Measures this point again.
     pub command: String,
 }
 
-/// How a time was spread over the frames.
+/// How a time was spread over the frames: the middle one, and what 5 and 95 of 100 were less than.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// The middle one. Without it, or if it is not above zero, a point is not drawn.
+    /// Without it, or if it is not above zero, a point is not drawn.
     pub median: Option<f64>,
-    /// 5 of 100 were less.
     pub p5: Option<f64>,
-    /// 95 of 100 were less.
     pub p95: Option<f64>,
 }
 
-/// Errors of `t`, in units in the last place of the exact `t` rounded to f32.
+/// Errors of `t`, in units in the last place of the exact `t` rounded to f32. The middle one, what 999 of 1000 were less
+/// than, and the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TError {
-    /// The middle one.
     pub median: Option<f64>,
-    /// 999 of 1000 were less.
     pub p999: Option<f64>,
-    /// The largest.
     pub worst: Option<f64>,
 }
 
-/// Rays for which a hit is hardest to tell, counted apart from all others.
+/// Rays for which a hit is hardest to tell, counted apart from all others. How many, and how many of them got another
+/// closest hit than by exact arithmetic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Aimed {
-    /// Rays.
     pub rays: u64,
-    /// How many of them got another closest hit than by exact arithmetic.
     pub wrong: u64,
 }
 
-/// How many of a family's rays got another closest hit than by exact arithmetic.
+/// Likewise of a family, as `abvh stability` lists it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FamilyCounts {
-    /// Name of the family, as `abvh stability` lists it.
     pub family: String,
-    /// Rays.
     pub rays: u64,
-    /// How many were wrong.
     pub wrong: u64,
 }
 
@@ -168,7 +154,6 @@ pub struct FamilyCounts {
 pub struct Leaks {
     /// How far the mesh was moved, in units of its size.
     pub offset: f64,
-    /// Rays.
     pub rays: u64,
     /// How many met nothing.
     pub leaks: u64,
@@ -189,19 +174,14 @@ impl Point {
 /// Wrong answers per million rays, with an interval that covers the true rate in 95 of 100 cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// What was seen.
     pub value: f64,
-    /// Where the interval begins.
     pub low: f64,
-    /// Where it ends.
     pub high: f64,
 }
 
 impl Rate {
-    /// `wrong` of `tested`; `None` if nothing was tested.
-    ///
-    /// For none wrong the bound is the rule of three, `3 / tested` (one-sided; Hanley, Lippman-Hand 1983);
-    /// otherwise Wilson's score interval (Wilson 1927).
+    /// `wrong` of `tested`; `None` if nothing was tested. For none wrong the bound is the rule of three, `3 / tested`
+    /// (one-sided; Hanley, Lippman-Hand 1983); otherwise Wilson's score interval (Wilson 1927).
     #[must_use]
     pub fn of(wrong: u64, tested: u64) -> Option<Self> {
         if tested == 0 {

@@ -22,9 +22,6 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
     th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #ddd; text-align: left }\n";
 
 /// The chart as an SVG picture, 1000 pixels wide, on white. Pointing at a mark of a plane shows its numbers.
-///
-/// # Errors
-/// It cannot be drawn.
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = planes(chart);
     panels.extend(side_panels(chart));
@@ -219,9 +216,6 @@ fn side_panel(
 }
 
 /// The chart as one HTML file that asks for nothing from outside, and says so to the browser.
-///
-/// # Errors
-/// It cannot be drawn.
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
     let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));
