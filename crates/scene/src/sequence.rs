@@ -12,10 +12,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::SystemTime;
 
-/// Reads one key frame.
 fn read(path: &Path) -> Result<Mesh> {
     match extension(path).as_str() {
         "obj" => obj::read(path),
@@ -33,7 +32,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     let colours = colours(place, &mesh.topology, mesh.paint, &mut mesh.notes);
     let vertices = mesh.points.len();
     let size = (files.len(), vertices, mesh.triangles.len());
-    check_keys(path.display(), size, options)?;
+    check_keys(path, size, options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
@@ -47,12 +46,8 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     let source = move |key| Ok(read.read(key)?);
     let size = (sequence.files.len(), vertices);
     let animation = Arc::new(stream::animation(source, size, mesh.triangles, options)?);
-    let told = sequence
-        .notes
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner);
-    mesh.notes.extend(told.values().flatten().cloned());
-    drop(told);
+    mesh.notes
+        .extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),
         files,
@@ -88,11 +83,9 @@ type Stamp = (u64, Option<SystemTime>);
 
 impl Sequence {
     fn read(&self, key: usize) -> Result<Vec<Point>> {
-        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(points) = first.take_if(|_| key == 0) {
+        if let Some(points) = lock(&self.first).take_if(|_| key == 0) {
             return Ok(points);
         }
-        drop(first);
         let path = &self.files[key];
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
@@ -111,8 +104,7 @@ impl Sequence {
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
         if !notes.is_empty() && key > 0 {
-            let mut all = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
-            all.insert(key, notes);
+            lock(&self.notes).insert(key, notes);
         }
         Ok(mesh.points)
     }
@@ -124,15 +116,18 @@ impl Sequence {
         let found = (about.len(), about.modified().ok());
         match *self.stamps[key].get_or_init(|| found) == found {
             true => Ok(()),
-            false => Err(SceneError::unusable(
-                path.display(),
-                "the file was changed while the scene was in use",
-            )),
+            false => {
+                let cause = "the file was changed while the scene was in use";
+                Err(SceneError::unusable(path, cause))
+            }
         }
     }
 }
 
-/// One colour a triangle.
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn colours(
     place: (&Path, &Folder),
     topology: &Topology,
@@ -176,7 +171,7 @@ pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(scene),
         Err(e) => return Err(SceneError::unreadable(&path, e)),
     };
-    let bad = |cause: String| SceneError::unusable(path.display(), cause);
+    let bad = |cause: String| SceneError::unusable(&path, cause);
     let times: Times = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
     let files = &scene.facts.files;
     let told = times.frames.iter().map(|f| f.file.as_str());

@@ -20,10 +20,14 @@ impl From<KeyFrameError> for SceneError {
 /// Key frames that are kept of a stream, at least and at most.
 const WINDOW: [u64; 2] = [8, 64];
 
+/// Bytes of a key frame of so many vertices.
+pub(crate) fn bytes(vertices: usize) -> u64 {
+    (vertices as u64).saturating_mul(size_of::<Point>() as u64)
+}
+
 /// Key frames that memory has to hold, of so many of so many vertices.
 pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
-    let bytes = (vertices as u64).saturating_mul(size_of::<Point>() as u64);
-    let most = options.key_bytes / bytes.max(1);
+    let most = options.key_bytes / bytes(vertices).max(1);
     match keys as u64 <= most {
         true => keys,
         false => keys.min((most / 2).clamp(WINDOW[0], WINDOW[1]) as usize),
