@@ -272,7 +272,7 @@ impl Animation {
     /// largest finite `|coordinate|` of all key frames lies outside `[2^-10, 2^30]`, else its exponent, within
     /// `-126..=126`; 0 also if some key frame is [extreme](Range::extreme) by itself.
     pub fn scale_exponent(&self) -> i32 {
-        self.survey.ranges.scale_exponent
+        self.survey.scale_exponent
     }
 
     /// How far coordinates reach at `pose`.
@@ -281,7 +281,7 @@ impl Animation {
             KeyFrames::Live(live) if pose.key > 0 => {
                 live.range(pose.key as usize, |frame| self.survey.range_of(frame))
             }
-            _ => self.survey.ranges.at(pose),
+            _ => Range::at(&self.survey.ranges, pose),
         }
     }
 
@@ -289,7 +289,7 @@ impl Animation {
     pub fn known_range(&self, pose: Pose) -> Option<Range> {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
-            _ => Some(self.survey.ranges.at(pose)),
+            _ => Some(Range::at(&self.survey.ranges, pose)),
         }
     }
 

@@ -1,7 +1,6 @@
 //! What all key frames of an animation tell together, seen one after another; and which parts never move.
 
 use crate::key_frames::KeyFrames;
-use crate::range::Ranges;
 use crate::sizes::{Parts, Sizes};
 use crate::triangle::corners;
 use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, is_active, is_degenerate};
@@ -15,7 +14,9 @@ pub(crate) struct Survey {
     pub(crate) fallback_corners: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,
-    pub(crate) ranges: Ranges,
+    pub(crate) scale_exponent: i32,
+    /// Of each key frame.
+    pub(crate) ranges: Vec<Range>,
     /// Of each key frame's finite vertices.
     pub(crate) bounds: Vec<Aabb>,
     /// The largest `|coordinate|`; infinite if one is not finite.
@@ -61,12 +62,14 @@ impl Survey {
             });
         })?;
         fallback_corners.sort_unstable_by_key(|&(t, _)| t);
+        let (scale_exponent, ranges) = Range::of_keys(&sizes);
         Ok(Self {
             fallback_corners,
             never_active: inactive.len() as u32,
             static_parts: StaticParts::of(is_static, first, triangles),
             parts: None,
-            ranges: Ranges::of(&sizes),
+            scale_exponent,
+            ranges,
             bounds: boxes.iter().map(|b| b.0).collect(),
             magnitude: match boxes.iter().all(|b| b.1) {
                 true => sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest)),
@@ -103,7 +106,7 @@ impl Survey {
             Some(parts) => Sizes::of_new(frame, parts),
             None => Sizes::of(frame),
         };
-        Range::of(&sizes, self.ranges.scale_exponent)
+        Range::of(&sizes, self.scale_exponent)
     }
 }
 
