@@ -3,7 +3,8 @@
 //! Inputs stand in the order of their names, so the first one's triangles come first. Inputs that move must have
 //! equally many key frames; one with a single key frame stands still and is repeated.
 
-use crate::mesh::{check_keys, joined_triangles, within};
+use crate::mesh::joined_triangles;
+use crate::stream::{check_keys, within};
 use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
 use geom::{Animation, Point};
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
 
 use crate::ply::Pattern;
-use crate::{Options, Result, Rgb, SceneError, stream};
-use geom::{Animation, Point};
-use host::Free;
+use crate::stream::check_counts;
+use crate::{Result, Rgb, SceneError};
+use geom::Point;
 use std::path::Path;
 
 pub(crate) struct Mesh {
@@ -135,75 +135,6 @@ pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     kept
 }
 
-pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Result<()> {
-    if found <= limit {
-        return Ok(());
-    }
-    let cause = format!("{found} {what} are more than the limit of {limit}");
-    Err(SceneError::unusable(path, cause))
-}
-
-/// Refuses vertices and triangles that cannot be numbered, and a scene without triangles.
-pub(crate) fn check_counts(
-    path: &Path,
-    [vertices, triangles]: [usize; 2],
-    hint: &str,
-) -> Result<()> {
-    within(path, "vertices", vertices, u32::MAX as usize)?;
-    within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
-    if triangles == 0 {
-        return Err(SceneError::unusable(path, format!("no triangles{hint}")));
-    }
-    Ok(())
-}
-
-/// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
-pub(crate) fn check_keys(
-    place: impl AsRef<Path>,
-    (keys, vertices, triangles): (usize, usize, usize),
-    options: &Options,
-) -> Result<()> {
-    let held = stream::held(keys, vertices, options);
-    let bytes = (held as u64).saturating_mul(stream::bytes(vertices));
-    let plural = if keys == 1 { "" } else { "s" };
-    let share = match held == keys {
-        true => String::new(),
-        false => format!("{held} of "),
-    };
-    let mut what = format!("{share}{keys} key frame{plural} of {vertices} vertices");
-    if options.triangle_bytes > 0 {
-        what += &format!(", and trees over {triangles} triangles");
-    }
-    check_memory(place, what, with_more(bytes, triangles, options), options)
-}
-
-/// Bytes of a scene, and of what follows it.
-pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
-    (triangles as u64)
-        .saturating_mul(options.triangle_bytes)
-        .saturating_add(options.more_bytes)
-        .saturating_add(bytes)
-}
-
-pub(crate) fn check_mesh(path: &Path, [vertices, faces]: [usize; 2], bytes: usize) -> Result<()> {
-    let what = format!("reading {vertices} vertices and {faces} faces");
-    host::check(bytes as u64).map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
-}
-
-pub(crate) fn check_memory(
-    place: impl AsRef<Path>,
-    what: String,
-    bytes: u64,
-    options: &Options,
-) -> Result<()> {
-    let by = "limit given";
-    let checked = match options.memory {
-        Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
-        None => host::check(bytes),
-    };
-    checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
-}
-
 /// Of what has no colour.
 pub(crate) const CLAY: Rgb = [204, 196, 184];
 
@@ -233,15 +164,6 @@ pub(crate) fn mean(colours: [Rgb; 3]) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
-        let limit = Animation::MAX_TRIANGLES;
-        let within = |found| within(Path::new("a.ply"), "triangles", found, limit);
-        let e = within(limit + 1).unwrap_err().to_string();
-        assert!(e.contains("1073741825") && e.contains("1073741824"), "{e}");
-        assert!(within(limit).is_ok());
-    }
 
     #[test]
     fn linear_light_is_encoded_as_srgb() {

@@ -1,8 +1,9 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, mean};
 use crate::ply::Pattern;
 use crate::source::extension;
+use crate::stream::check_keys;
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::Point;
 use host::Folder;
@@ -24,15 +25,13 @@ fn read(path: &Path) -> Result<Mesh> {
 
 /// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
-    let path = &files[0];
+    let path = files[0].as_path();
     let mut mesh = read(path)?;
     mesh.topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
-    let place = (path.as_path(), &folder);
-    let colours = colours(place, &mesh.topology, mesh.paint, &mut mesh.notes);
-    let vertices = mesh.points.len();
-    let size = (files.len(), vertices, mesh.triangles.len());
-    check_keys(path, size, options)?;
+    let colours = colours((path, &folder), &mesh.topology, mesh.paint, &mut mesh.notes);
+    let (keys, vertices) = (files.len(), mesh.points.len());
+    check_keys(path, (keys, vertices, mesh.triangles.len()), options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
@@ -44,8 +43,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let size = (sequence.files.len(), vertices);
-    let animation = Arc::new(stream::animation(source, size, mesh.triangles, options)?);
+    let animation = stream::animation(source, (keys, vertices), mesh.triangles, options)?;
     mesh.notes
         .extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
@@ -56,7 +54,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     };
     Ok(Scene {
         name,
-        animation,
+        animation: Arc::new(animation),
         colours: colours.into(),
         facts,
     })

@@ -110,7 +110,10 @@ fn directory(path: &Path, options: &Options) -> Result<Scene> {
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene> {
-    let unreadable = |e: glob::GlobError| SceneError::unreadable(&e.path().to_owned(), e.into());
+    let unreadable = |e: glob::GlobError| {
+        let path = e.path().to_owned();
+        SceneError::unreadable(&path, e.into())
+    };
     let files = matches(spec)?.map(|found| found.map_err(unreadable));
     let mut files = files.collect::<Result<Vec<_>>>()?;
     files.retain(|f| !f.is_dir());

@@ -9,8 +9,9 @@ mod motion;
 mod part;
 mod rig;
 
-use crate::mesh::{check_counts, check_keys, joined_triangles, within};
+use crate::mesh::joined_triangles;
 use crate::source::extension;
+use crate::stream::{check_counts, check_keys, within};
 use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
 use document::File;
 use motion::Motion;
@@ -50,7 +51,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
         notes,
     };
-    let size = (times.len(), vertices);
+    let keys = times.len();
     let source = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
@@ -61,10 +62,10 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         }
         Ok(points)
     };
-    let animation = Arc::new(stream::animation(source, size, triangles, options)?);
+    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
     Ok(Scene {
         name,
-        animation,
+        animation: Arc::new(animation),
         colours,
         facts,
     })

@@ -12,7 +12,7 @@ mod shatter;
 mod stage;
 mod twist;
 
-use crate::mesh::{check_memory, with_more};
+use crate::stream::{check_memory, with_more};
 use crate::{Facts, Options, Result, Scene, SceneError};
 use glam::DVec3;
 use stage::{Part, assemble};

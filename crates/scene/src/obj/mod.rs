@@ -2,7 +2,8 @@
 
 mod materials;
 
-use crate::mesh::{Mesh, Paint, Topology, check_mesh, from_display};
+use crate::mesh::{Mesh, Paint, Topology, from_display};
+use crate::stream::check_mesh;
 use crate::{Result, Rgb, SceneError};
 use geom::Point;
 pub(crate) use materials::paint;
@@ -106,9 +107,10 @@ impl Statements {
         match word {
             "v" => self.vertex(data)?,
             "f" | "fo" => self.face(line, data)?,
-            "usemtl" => self
-                .uses
-                .push((self.face_lines.len(), rest.trim().to_owned())),
+            "usemtl" => {
+                let first_face = self.face_lines.len();
+                self.uses.push((first_face, rest.trim().to_owned()));
+            }
             "mtllib" => self.libraries.push(rest.trim().to_owned()),
             // These have no say in which triangles there are.
             "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"

@@ -7,7 +7,8 @@ mod element;
 mod pattern;
 
 use crate::Location;
-use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
+use crate::mesh::{Mesh, Paint, Topology, compact};
+use crate::stream::check_mesh;
 use crate::{Result, Rgb, SceneError};
 use element::{Element, numbers, whole_header};
 use geom::Point;
