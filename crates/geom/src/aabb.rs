@@ -67,11 +67,16 @@ impl Aabb {
 
     /// The length of the diagonal; 0 when empty.
     pub fn diagonal(&self) -> f64 {
+        let [x, y, z] = self.edges();
+        (x.powi(2) + y.powi(2) + z.powi(2)).sqrt()
+    }
+
+    #[inline]
+    fn edges(&self) -> [f64; 3] {
         if self.is_empty() {
-            return 0.0;
+            return [0.0; 3];
         }
-        let way = |i: usize| f64::from(self.max[i]) - f64::from(self.min[i]);
-        (way(0).powi(2) + way(1).powi(2) + way(2).powi(2)).sqrt()
+        std::array::from_fn(|i| f64::from(self.max[i]) - f64::from(self.min[i]))
     }
 
     /// Lengths of the edges; zeros when empty.
@@ -86,10 +91,7 @@ impl Aabb {
     /// Half the surface area, in double precision so that sums over large trees keep their digits.
     #[inline]
     pub fn half_area(&self) -> f64 {
-        if self.is_empty() {
-            return 0.0;
-        }
-        let [x, y, z] = std::array::from_fn(|i| f64::from(self.max[i]) - f64::from(self.min[i]));
+        let [x, y, z] = self.edges();
         x * y + y * z + z * x
     }
 }

@@ -4,6 +4,7 @@ use crate::key_frames::{KeyFrames, check_key};
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
 use crate::survey::{Survey, check_triangles};
+use crate::triangle::corners;
 use crate::{
     Aabb, KeyFrame, KeyFrameError, KeySource, Moment, Point, Pose, Range, StaticParts, Triangle,
     is_active,
@@ -14,7 +15,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Animation {
     pub(crate) keys: KeyFrames,
-    triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) survey: Survey,
     times: Option<Times>,
 }
@@ -47,8 +48,8 @@ impl Animation {
         Self::over(KeyFrames::Held(keys), triangles)
     }
 
-    /// An animation of so many key frames that holds a window of so many of them and reads the others while it is played. Reads each once, to
-    /// learn what holds for all.
+    /// An animation of so many key frames that holds a window of so many of them and reads the others while it is
+    /// played. Reads each once, to learn what holds for all.
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
@@ -62,19 +63,14 @@ impl Animation {
         Self::over(KeyFrames::Streamed(window), triangles)
     }
 
-    fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
+    pub(crate) fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         check_triangles(&triangles, keys.first().len())?;
-        let survey = Survey::of(&keys, &triangles)?;
-        Ok(Self::surveyed(keys, triangles, survey))
-    }
-
-    pub(crate) fn surveyed(keys: KeyFrames, triangles: Vec<[u32; 3]>, survey: Survey) -> Self {
-        Self {
+        Ok(Self {
+            survey: Survey::of(&keys, &triangles)?,
             keys,
             triangles,
-            survey,
             times: None,
-        }
+        })
     }
 
     /// Plays key frames at times of their own, from 0 to `end`: as what is left of an animation with more of them, in whose
@@ -145,7 +141,7 @@ impl Animation {
     pub fn window(&self) -> Option<usize> {
         match &self.keys {
             KeyFrames::Held(_) => None,
-            KeyFrames::Streamed(window) => Some(window.capacity()),
+            KeyFrames::Streamed(window) => Some(window.capacity),
             KeyFrames::Live(_) => Some(LiveKeys::KEPT),
         }
     }
@@ -185,12 +181,6 @@ impl Animation {
     /// Those of [`Self::key`].
     pub fn at(&self, time: f64) -> Result<Moment<'_>, KeyFrameError> {
         self.moment(self.pose(time))
-    }
-
-    /// What stands between two frames that are not the animation's own and have as many vertices, or beyond them: by the
-    /// pose's weight alone.
-    pub fn moment_between(&self, frames: [KeyFrame; 2], pose: Pose) -> Moment<'_> {
-        Moment::new(self, pose, frames)
     }
 
     /// Three vertices a triangle.
@@ -246,9 +236,8 @@ impl Animation {
         }
     }
 
-    /// The box that stands for `triangle` in a tree while it is inactive:
-    /// where it is in the first key frame that has it active.
-    /// [`Aabb::EMPTY`] if no key frame has it active.
+    /// The box that stands for `triangle` in a tree while it is inactive: where it is in the first key frame that has
+    /// it active. [`Aabb::EMPTY`] if no key frame has it active.
     ///
     /// Inactive triangles are left out of what rays see, not out of the tree:
     /// whoever comes back must already have a leaf.
@@ -257,8 +246,8 @@ impl Animation {
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
             return others[i].1;
         }
-        let corners = corners_in(self.first(), self.triangles[triangle as usize]);
-        active_box(&corners).unwrap_or(Aabb::EMPTY)
+        let own = self.triangles[triangle as usize];
+        active_box(&corners(self.first(), own)).unwrap_or(Aabb::EMPTY)
     }
 
     /// Whether a tree must hold `triangle`: some key frame has it active.
@@ -266,13 +255,12 @@ impl Animation {
         self.survey.never_active == 0 || !self.fallback_corner(triangle).is_empty()
     }
 
-    /// The box a tree is built over for `triangle`, given all vertices at the
-    /// moment of building: its own, its stand-in while it is inactive, or
-    /// [`Aabb::EMPTY`] if it is never active.
+    /// The box a tree is built over for `triangle`, given all vertices at the moment of building: its own, its stand-in
+    /// while it is inactive, or [`Aabb::EMPTY`] if it is never active.
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
-        let corners = corners_in(positions, self.triangles[triangle as usize]);
-        self.box_of(&corners, triangle)
+        let own = self.triangles[triangle as usize];
+        self.box_of(&corners(positions, own), triangle)
     }
 
     #[inline]
@@ -280,12 +268,11 @@ impl Animation {
         active_box(corners).unwrap_or_else(|| self.fallback_corner(triangle))
     }
 
-    /// `k`, such that `2^-k` brings the scene to a size whose products neither
-    /// overflow nor underflow: 0 unless the largest finite `|coordinate|` of all
-    /// key frames lies outside `[2^-10, 2^30]`, else its exponent, within `-126..=126`;
-    /// 0 also if some key frame is [extreme](Range::extreme) by itself.
+    /// `k`, such that `2^-k` brings the scene to a size whose products neither overflow nor underflow: 0 unless the
+    /// largest finite `|coordinate|` of all key frames lies outside `[2^-10, 2^30]`, else its exponent, within
+    /// `-126..=126`; 0 also if some key frame is [extreme](Range::extreme) by itself.
     pub fn scale_exponent(&self) -> i32 {
-        self.survey.ranges.scale_exponent
+        self.survey.scale_exponent
     }
 
     /// How far coordinates reach at `pose`.
@@ -294,7 +281,7 @@ impl Animation {
             KeyFrames::Live(live) if pose.key > 0 => {
                 live.range(pose.key as usize, |frame| self.survey.range_of(frame))
             }
-            _ => self.survey.ranges.at(pose),
+            _ => Range::at(&self.survey.ranges, pose),
         }
     }
 
@@ -302,7 +289,7 @@ impl Animation {
     pub fn known_range(&self, pose: Pose) -> Option<Range> {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
-            _ => Some(self.survey.ranges.at(pose)),
+            _ => Some(Range::at(&self.survey.ranges, pose)),
         }
     }
 
@@ -321,11 +308,6 @@ impl Animation {
         let all = self.key_bounds().iter();
         all.fold(Aabb::EMPTY, |a, &b| a.union(b))
     }
-}
-
-#[inline]
-fn corners_in(frame: &[Point], triangle: [u32; 3]) -> Triangle {
-    triangle.map(|v| frame[v as usize])
 }
 
 #[inline]

@@ -101,7 +101,7 @@ impl KeyFrames {
     pub(crate) fn len(&self) -> usize {
         match self {
             Self::Held(all) => all.len(),
-            Self::Streamed(window) => window.key_count(),
+            Self::Streamed(window) => window.keys,
             Self::Live(live) => live.key_count(),
         }
     }
@@ -109,8 +109,8 @@ impl KeyFrames {
     pub(crate) fn first(&self) -> &KeyFrame {
         match self {
             Self::Held(all) => &all[0],
-            Self::Streamed(window) => window.first(),
-            Self::Live(live) => live.first(),
+            Self::Streamed(window) => &window.first,
+            Self::Live(live) => &live.first,
         }
     }
 
@@ -153,11 +153,9 @@ pub struct Moment<'a> {
 }
 
 impl<'a> Moment<'a> {
-    pub(crate) fn new(
-        animation: &'a Animation,
-        pose: Pose,
-        [earlier, later]: [KeyFrame; 2],
-    ) -> Self {
+    /// What stands between two frames or beyond them, by the pose's weight alone. They need not be the animation's own, but
+    /// have as many vertices.
+    pub fn new(animation: &'a Animation, pose: Pose, [earlier, later]: [KeyFrame; 2]) -> Self {
         Self {
             animation,
             pose,

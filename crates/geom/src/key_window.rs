@@ -1,10 +1,10 @@
 //! The key frames that are wanted now or soon, read on threads of their own.
 
 use crate::key_frames::check_key;
-use crate::{KeyFrame, KeyFrameError, KeySource, Point};
+use crate::{KeyFrame, KeyFrameError, KeySource, lock};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Key frames that others may take while those to come are read.
 const SPARE: usize = 2;
@@ -14,16 +14,18 @@ const SPARE: usize = 2;
 /// Readers have a pool of their own, half as large as the caller's, for trees are built meanwhile.
 /// One of them never waits for work that waits for a key frame, so none waits for ever.
 pub(crate) struct KeyWindow {
+    /// How many key frames the whole sequence has.
+    pub(crate) keys: usize,
+    /// How many are kept.
+    pub(crate) capacity: usize,
+    /// Always held, beside the others.
+    pub(crate) first: KeyFrame,
     shared: Arc<Shared>,
     pool: rayon::ThreadPool,
 }
 
 struct Shared {
     source: Arc<KeySource>,
-    keys: usize,
-    /// Always held, beside the others.
-    first: KeyFrame,
-    capacity: usize,
     state: Mutex<State>,
     arrived: Condvar,
 }
@@ -37,10 +39,11 @@ struct State {
     upcoming: Vec<usize>,
 }
 
-enum Entry {
-    Reading,
-    Ready { frame: KeyFrame, used: u64 },
-    Failed(KeyFrameError),
+#[derive(Default)]
+struct Entry {
+    /// Nothing while it is read.
+    read: Option<Result<KeyFrame, KeyFrameError>>,
+    used: u64,
 }
 
 impl KeyWindow {
@@ -60,35 +63,23 @@ impl KeyWindow {
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
         let shared = Shared {
             source,
-            keys,
-            first,
-            capacity: capacity.max(2 * SPARE),
             state: Mutex::default(),
             arrived: Condvar::new(),
         };
         Ok(Self {
+            keys,
+            capacity: capacity.max(2 * SPARE),
+            first,
             shared: Arc::new(shared),
             pool,
         })
     }
 
-    pub(crate) fn key_count(&self) -> usize {
-        self.shared.keys
-    }
-
-    pub(crate) fn capacity(&self) -> usize {
-        self.shared.capacity
-    }
-
-    pub(crate) fn first(&self) -> &KeyFrame {
-        &self.shared.first
-    }
-
     /// Waits for a key frame. One that could not be read is read again when it is wanted again.
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         loop {
-            if let Some(found) = self.shared.take(&mut state, key) {
+            if let Some(found) = self.take(&mut state, key) {
                 if found.is_err() {
                     state.entries.remove(&key);
                 }
@@ -102,19 +93,18 @@ impl KeyWindow {
 
     /// Has key frames be read, the first one first, as far as there is room for them.
     pub(crate) fn look_ahead(&self, keys: impl IntoIterator<Item = usize>) {
-        let capacity = self.shared.capacity;
-        let mut upcoming = Vec::with_capacity(capacity);
+        let mut upcoming = Vec::with_capacity(self.capacity);
         for key in keys {
-            if upcoming.len() == capacity {
+            if upcoming.len() == self.capacity {
                 break;
             }
             if !upcoming.contains(&key) {
                 upcoming.push(key);
             }
         }
-        let mut state = self.shared.lock();
-        for &key in upcoming.iter().take(capacity - SPARE) {
-            if self.shared.take(&mut state, key).is_none() {
+        let mut state = lock(&self.shared.state);
+        for &key in upcoming.iter().take(self.capacity - SPARE) {
+            if self.take(&mut state, key).is_none() {
                 self.read(&mut state, key);
             }
         }
@@ -123,9 +113,9 @@ impl KeyWindow {
 
     /// The first `most` key frames to come, with their numbers, as far as they are there.
     pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
-        let there = |key| Some((key, self.shared.take(&mut state, key)?.ok()?));
+        let there = |key| Some((key, self.take(&mut state, key)?.ok()?));
         keys.into_iter().map_while(there).collect()
     }
 
@@ -134,21 +124,22 @@ impl KeyWindow {
         if state.entries.contains_key(&key) {
             return;
         }
-        state.entries.insert(key, Entry::Reading);
+        state.entries.insert(key, Entry::default());
+        let (vertices, capacity) = (self.first.len(), self.capacity);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
-            let read = (shared.source)(key);
-            let first = shared.first.len();
-            let is_whole = |frame: &Vec<Point>| check_key(key, frame.len(), first);
-            let checked = read.and_then(|frame| is_whole(&frame).map(|()| frame));
-            shared.file(key, checked);
+            let read = (shared.source)(key).and_then(|frame| {
+                check_key(key, frame.len(), vertices)?;
+                Ok(Arc::new(frame.into()))
+            });
+            let mut state = lock(&shared.state);
+            state.clock += 1;
+            let (read, used) = (Some(read), state.clock);
+            state.entries.insert(key, Entry { read, used });
+            state.forget_beyond(capacity);
+            drop(state);
+            shared.arrived.notify_all();
         });
-    }
-}
-
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// What came of reading a key frame; nothing if it is not there yet.
@@ -157,39 +148,18 @@ impl Shared {
             return Some(Ok(Arc::clone(&self.first)));
         }
         state.clock += 1;
-        match state.entries.get_mut(&key)? {
-            Entry::Reading => None,
-            Entry::Ready { frame, used } => {
-                *used = state.clock;
-                Some(Ok(Arc::clone(frame)))
-            }
-            Entry::Failed(why) => Some(Err(why.clone())),
-        }
-    }
-
-    fn file(&self, key: usize, read: Result<Vec<Point>, KeyFrameError>) {
-        let mut state = self.lock();
-        state.clock += 1;
-        let entry = match read {
-            Ok(points) => Entry::Ready {
-                frame: Arc::new(points.into()),
-                used: state.clock,
-            },
-            Err(why) => Entry::Failed(why),
-        };
-        state.entries.insert(key, entry);
-        state.forget_beyond(self.capacity);
-        drop(state);
-        self.arrived.notify_all();
+        let entry = state.entries.get_mut(&key)?;
+        entry.used = state.clock;
+        entry.read.clone()
     }
 }
 
 impl State {
     /// Drops what was used longest ago.
     fn forget_beyond(&mut self, capacity: usize) {
-        let ready = |(&key, entry): (&usize, &Entry)| match entry {
-            Entry::Ready { used, .. } => Some((*used, key)),
-            Entry::Reading | Entry::Failed(_) => None,
+        let ready = |(&key, entry): (&usize, &Entry)| match &entry.read {
+            Some(Ok(_)) => Some((entry.used, key)),
+            _ => None,
         };
         let mut all: Vec<_> = self.entries.iter().filter_map(ready).collect();
         all.sort_unstable();
@@ -201,7 +171,7 @@ impl State {
 
 impl fmt::Debug for KeyWindow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "KeyWindow of {} key frames", self.key_count())
+        write!(f, "KeyWindow of {} key frames", self.keys)
     }
 }
 
@@ -233,7 +203,7 @@ mod tests {
         let (_, window) = window();
         for key in (0..90).chain([3, 80, 0]) {
             assert_eq!(window.get(key).unwrap()[0][0], key as f32);
-            assert!(window.shared.lock().entries.len() <= FEW);
+            assert!(lock(&window.shared.state).entries.len() <= FEW);
         }
         assert_eq!(window.get(95).unwrap_err().to_string(), "95.ply: gone");
     }

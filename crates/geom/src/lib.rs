@@ -1,8 +1,7 @@
 //! The words that every crate speaks: boxes, rays, hits, poses, cameras, animations.
 //!
-//! Plain data and the few formulas whose rounding is part of the program's
-//! promise, so that every backend can repeat them bit for bit. Nothing here
-//! knows a tree, a device or a file.
+//! Plain data and the few formulas whose rounding is part of the program's promise, so that every backend can repeat
+//! them bit for bit. Nothing here knows a tree, a device or a file.
 
 mod aabb;
 mod animation;
@@ -27,5 +26,12 @@ pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 /// A point or a vector: x, y, z.
 pub type Point = [f32; 3];
+
+/// Also after a thread panicked meanwhile.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

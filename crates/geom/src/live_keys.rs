@@ -1,15 +1,14 @@
 //! Key frames that arrive while they are played.
 
 use crate::key_frames::KeyFrames;
-use crate::survey::{Survey, check_triangles};
-use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range};
+use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range, lock};
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// The last few key frames.
 #[derive(Debug)]
 pub(crate) struct LiveKeys {
-    first: KeyFrame,
+    pub(crate) first: KeyFrame,
     state: Mutex<Recent>,
 }
 
@@ -41,21 +40,13 @@ impl LiveKeys {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Recent> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(crate) fn key_count(&self) -> usize {
-        self.lock().last + 1
-    }
-
-    pub(crate) fn first(&self) -> &KeyFrame {
-        &self.first
+        lock(&self.state).last + 1
     }
 
     /// Takes the next key frame; its number.
     pub(crate) fn push(&self, frame: KeyFrame) -> usize {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         state.last += 1;
         state.kept.push_back(LiveKey { frame, range: None });
         if state.kept.len() > Self::KEPT {
@@ -66,34 +57,31 @@ impl LiveKeys {
     }
 
     pub(crate) fn spare(&self) -> Option<PointBuffer> {
-        let dropped = &mut self.lock().dropped;
-        let free = dropped
-            .iter()
-            .position(|frame| Arc::strong_count(frame) == 1)?;
+        let dropped = &mut lock(&self.state).dropped;
+        let is_free = |frame: &KeyFrame| Arc::strong_count(frame) == 1;
+        let free = dropped.iter().position(is_free)?;
         Arc::into_inner(dropped.swap_remove(free))
     }
 
     /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
-        let state = self.lock();
-        let found = state.find(key).map(|at| Arc::clone(&state.kept[at].frame));
+        let found = lock(&self.state)
+            .find(key)
+            .map(|key| Arc::clone(&key.frame));
         found.unwrap_or_else(|| Arc::clone(&self.first))
     }
 
     /// How far the coordinates of a key frame that was pushed reach, if somebody looked.
     pub(crate) fn known_range(&self, key: usize) -> Option<Range> {
-        let state = self.lock();
-        state.find(key).and_then(|at| state.kept[at].range)
+        lock(&self.state).find(key)?.range
     }
 
     /// Likewise, by looking if need be.
     pub(crate) fn range(&self, key: usize, look: impl FnOnce(&KeyFrame) -> Range) -> Range {
-        let known = self.known_range(key);
-        known.unwrap_or_else(|| {
+        self.known_range(key).unwrap_or_else(|| {
             let range = look(&self.get(key));
-            let mut state = self.lock();
-            if let Some(at) = state.find(key) {
-                state.kept[at].range = Some(range);
+            if let Some(key) = lock(&self.state).find(key) {
+                key.range = Some(range);
             }
             range
         })
@@ -101,11 +89,11 @@ impl LiveKeys {
 }
 
 impl Recent {
-    /// A key frame's place among those that are kept; `None` for the very first.
-    fn find(&self, key: usize) -> Option<usize> {
+    /// A key frame among those that are kept, or the oldest of them if it was dropped; `None` for the very first.
+    fn find(&mut self, key: usize) -> Option<&mut LiveKey> {
         let back = self.last.saturating_sub(key);
         let at = self.kept.len().saturating_sub(back + 1);
-        (key > 0 && at < self.kept.len()).then_some(at)
+        self.kept.get_mut(at).filter(|_| key > 0)
     }
 }
 
@@ -121,10 +109,11 @@ impl Animation {
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
         check_count(fixed.len(), first.len())?;
-        check_triangles(&triangles, first.len())?;
         let keys = KeyFrames::Live(Arc::new(LiveKeys::new(first)));
-        let survey = Survey::before(&keys, &triangles, fixed)?;
-        Ok(Self::surveyed(keys, triangles, survey))
+        let mut live = Self::over(keys, triangles)?;
+        let survey = &mut live.survey;
+        survey.expect_others(live.keys.first(), &live.triangles, fixed);
+        Ok(live)
     }
 
     /// Takes the next key frame of a [live](Self::live) animation; its time. It is played before many others follow: the last few
@@ -188,11 +177,9 @@ mod tests {
             assert_eq!(beyond.vertex(0)[0], step as f32 + 1.5);
         }
         // Long gone, so a tree is built of what is left.
-        let pose = Pose {
-            key: 2,
-            alpha: 1.25,
-        };
-        assert_eq!(live.moment(pose).unwrap().vertex(0)[0], 16.0);
+        let (key, alpha) = (2, 1.25);
+        let late = live.moment(Pose { key, alpha }).unwrap();
+        assert_eq!(late.vertex(0)[0], 16.0);
         assert_eq!(live.at(0.0).unwrap().vertex(1), REST[1]);
         assert_eq!(live.spare_frame().map(|frame| frame.len()), Some(3));
     }

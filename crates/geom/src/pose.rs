@@ -71,10 +71,9 @@ impl Pose {
 
     /// The position of a vertex that stands at `a` in frame `key` and at `b` in frame `key + 1`.
     ///
-    /// `a + (b - a) * alpha`, each operation rounded once (never fused), and
-    /// `a` itself, bit for bit, when `alpha` is 0. A vertex that stands still
-    /// keeps its bits (but for a zero's sign, which becomes positive); one that
-    /// is not finite in a frame read stays not finite.
+    /// `a + (b - a) * alpha`, each operation rounded once (never fused), and `a` itself, bit for bit, when `alpha` is
+    /// 0. A vertex that stands still keeps its bits (but for a zero's sign, which becomes positive); one that is not
+    /// finite in a frame read stays not finite.
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {
@@ -90,17 +89,16 @@ mod tests {
 
     #[test]
     fn whole_times_are_key_frames() {
-        assert_eq!(Pose::at(3.0, 5), Pose { key: 3, alpha: 0.0 });
-        assert_eq!(Pose::at(9.0, 5), Pose { key: 4, alpha: 0.0 });
-        assert_eq!(Pose::at(-1.0, 5), Pose { key: 0, alpha: 0.0 });
-        assert_eq!(Pose::at(1.0 - 1e-12, 5), Pose { key: 1, alpha: 0.0 });
-        assert_eq!(
-            Pose::at(1.25, 5),
-            Pose {
-                key: 1,
-                alpha: 0.25
-            }
-        );
+        for (time, expected) in [
+            (3.0, (3, 0.0)),
+            (9.0, (4, 0.0)),
+            (-1.0, (0, 0.0)),
+            (1.0 - 1e-12, (1, 0.0)),
+            (1.25, (1, 0.25)),
+        ] {
+            let pose = Pose::at(time, 5);
+            assert_eq!((pose.key, pose.alpha), expected, "{time}");
+        }
     }
 
     #[test]

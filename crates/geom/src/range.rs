@@ -55,11 +55,28 @@ impl Range {
         }
     }
 
-    fn with(self, other: Self) -> Self {
-        Self {
-            extreme: self.extreme || other.extreme,
-            tiny: self.tiny || other.tiny,
-            clearance: self.clearance.max(other.clearance),
+    /// The scale of a scene (see [`crate::Animation::scale_exponent`]) whose key frames are of these sizes, and their ranges.
+    pub(crate) fn of_keys(sizes: &[Sizes]) -> (i32, Vec<Self>) {
+        let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
+        // Where some moment is extreme anyway, the others keep the units that they were given in.
+        let scale_exponent = match sizes.iter().any(is_outlying) {
+            true => 0,
+            false => exponent_for(largest),
+        };
+        let ranges = sizes.iter().map(|sizes| Self::of(sizes, scale_exponent));
+        (scale_exponent, ranges.collect())
+    }
+
+    /// Of the moment at `pose` of key frames of these ranges.
+    pub(crate) fn at(keys: &[Self], pose: Pose) -> Self {
+        let own = keys[pose.key as usize];
+        match keys.get(pose.key as usize + 1) {
+            Some(next) if pose.alpha != 0.0 => Self {
+                extreme: own.extreme || next.extreme,
+                tiny: own.tiny || next.tiny,
+                clearance: own.clearance.max(next.clearance),
+            },
+            _ => own,
         }
     }
 }
@@ -68,39 +85,6 @@ impl Range {
 const FAR: f32 = 1_099_511_627_776.0;
 /// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
 const NEAR: f32 = 1.0 / 16_777_216.0;
-
-/// The scale of a scene, and the ranges of its key frames.
-#[derive(Clone, Debug)]
-pub(crate) struct Ranges {
-    /// See [`crate::Animation::scale_exponent`].
-    pub(crate) scale_exponent: i32,
-    keys: Vec<Range>,
-}
-
-impl Ranges {
-    /// Of key frames of these sizes.
-    pub(crate) fn of(sizes: &[Sizes]) -> Self {
-        let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
-        // Where some moment is extreme anyway, the others keep the units that they were given in.
-        let scale_exponent = match sizes.iter().any(is_outlying) {
-            true => 0,
-            false => exponent_for(largest),
-        };
-        let all = sizes.iter();
-        Self {
-            scale_exponent,
-            keys: all.map(|sizes| Range::of(sizes, scale_exponent)).collect(),
-        }
-    }
-
-    pub(crate) fn at(&self, pose: Pose) -> Range {
-        let key = pose.key as usize;
-        match self.keys.get(key + 1) {
-            Some(&next) if pose.alpha != 0.0 => self.keys[key].with(next),
-            _ => self.keys[key],
-        }
-    }
-}
 
 fn is_outlying(sizes: &Sizes) -> bool {
     sizes.largest > sizes.typical * OUTLYING

@@ -1,10 +1,10 @@
 //! How large a key frame's coordinates are, found fast enough to be done for each frame that arrives.
 
-use crate::{KeyFrame, Point, Range};
+use crate::{KeyFrame, Point, Range, lock};
 use rayon::prelude::*;
 use std::ops;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Vertices that one task looks at.
 const RUN: usize = 1 << 15;
@@ -44,7 +44,7 @@ impl Sizes {
         }
         look.help();
         loop {
-            let (done, found) = *look.lock();
+            let (done, found) = *lock(&look.done);
             if done == parts.runs.len() {
                 let new = samples_at(key, parts.sampled.iter().copied());
                 let all = parts.samples.iter().copied().chain(new);
@@ -93,17 +93,14 @@ pub(crate) struct Parts {
 impl Parts {
     /// Of a key frame, by runs of vertices in order.
     pub(crate) fn of(key: &[Point], moving: &[ops::Range<usize>]) -> Self {
+        let starts = moving.iter().map(|run| run.start).chain([key.len()]);
         let ends = moving.iter().map(|run| run.end);
-        let starts = moving.iter().map(|run| run.start);
-        let between = std::iter::once(0)
-            .chain(ends)
-            .zip(starts.chain([key.len()]));
+        let between = std::iter::once(0).chain(ends).zip(starts);
         let rest = between.map(|(from, to)| Extremes::of(&key[from..to]));
         let split = |run: &ops::Range<usize>| {
-            let (first, end) = (run.start, run.end);
-            (first..end)
-                .step_by(RUN)
-                .map(move |at| at..end.min(at + RUN))
+            let end = run.end;
+            let starts = run.clone().step_by(RUN);
+            starts.map(move |at| at..end.min(at + RUN))
         };
         let moves = |&v: &usize| moving.iter().any(|run| run.contains(&v));
         let (sampled, still): (Vec<_>, Vec<_>) = sampled(key.len()).partition(moves);
@@ -135,13 +132,9 @@ impl Look {
                 return;
             };
             let found = Extremes::of(&self.key[run.clone()]);
-            let mut done = self.lock();
+            let mut done = lock(&self.done);
             *done = (done.0 + 1, done.1.join(found));
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, (usize, Extremes)> {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,8 +1,8 @@
 //! What all key frames of an animation tell together, seen one after another; and which parts never move.
 
 use crate::key_frames::KeyFrames;
-use crate::range::Ranges;
 use crate::sizes::{Parts, Sizes};
+use crate::triangle::corners;
 use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, is_active, is_degenerate};
 use rayon::prelude::*;
 use std::ops;
@@ -14,7 +14,9 @@ pub(crate) struct Survey {
     pub(crate) fallback_corners: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,
-    pub(crate) ranges: Ranges,
+    pub(crate) scale_exponent: i32,
+    /// Of each key frame.
+    pub(crate) ranges: Vec<Range>,
     /// Of each key frame's finite vertices.
     pub(crate) bounds: Vec<Aabb>,
     /// The largest `|coordinate|`; infinite if one is not finite.
@@ -30,25 +32,26 @@ impl Survey {
     /// Looks at all key frames, one after another.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
         let first = keys.first();
-        let mut measured = vec![Measured::of(first)];
+        let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![bounds(first)]);
         let mut is_static = vec![true; first.len()];
         let mut fallback_corners = Vec::new();
         // Triangles that no key frame has had active so far.
         let mut inactive: Vec<u32> = Vec::new();
-        if !measured[0].finite {
+        if !boxes[0].1 {
             let all = (0..triangles.len() as u32).into_par_iter();
             let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
             inactive = all.filter(none).collect();
         }
         keys.for_each_after_first(|frame| {
-            let is_first_blend = measured.len() == 1;
+            let is_first_blend = sizes.len() == 1;
             let pairs = first.par_iter().zip(frame);
             let each = is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
             each.for_each(|(is_static, (a, b))| {
                 let stays = !is_first_blend || keeps_its_bits(a);
                 *is_static = *is_static && stays && bits(a) == bits(b);
             });
-            measured.push(Measured::of(frame));
+            sizes.push(Sizes::of(frame));
+            boxes.push(bounds(frame));
             inactive.retain(|&t| {
                 let corners = corners(frame, triangles[t as usize]);
                 let active = is_active(&corners);
@@ -59,95 +62,65 @@ impl Survey {
             });
         })?;
         fallback_corners.sort_unstable_by_key(|&(t, _)| t);
-        let sizes: Vec<Sizes> = measured.iter().map(|m| m.sizes).collect();
-        let ranges = Ranges::of(&sizes);
+        let (scale_exponent, ranges) = Range::of_keys(&sizes);
         Ok(Self {
             fallback_corners,
             never_active: inactive.len() as u32,
             static_parts: StaticParts::of(is_static, first, triangles),
             parts: None,
+            scale_exponent,
             ranges,
-            bounds: measured.iter().map(|m| m.bounds).collect(),
-            magnitude: match measured.iter().all(|m| m.finite) {
+            bounds: boxes.iter().map(|b| b.0).collect(),
+            magnitude: match boxes.iter().all(|b| b.1) {
                 true => sizes.iter().fold(0.0, |m, s| f32::max(m, s.largest)),
                 false => f32::INFINITY,
             },
         })
     }
 
-    /// Looks at the first of key frames that are to come, in which only the vertices that are not `fixed` may move,
-    /// anywhere. Any triangle may become active: one that is not yet is built over a point.
-    pub(crate) fn before(
-        keys: &KeyFrames,
+    /// Prepares what the first key frame tells for others to come, in which only the vertices that are not `fixed` may
+    /// move, anywhere. Any triangle may become active: one that is not yet is built over a point.
+    pub(crate) fn expect_others(
+        &mut self,
+        first: &[Point],
         triangles: &[[u32; 3]],
         fixed: &[bool],
-    ) -> Result<Self, KeyFrameError> {
-        let first = keys.first();
-        let marks = first.iter().zip(fixed);
-        let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
+    ) {
         let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
         let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
-        let survey = Self::of(keys, triangles)?;
         // Mostly there are none to look for.
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
-        let absent = absent.take(survey.never_active as usize);
-        let static_parts = StaticParts::of(is_static.collect(), first, triangles);
-        Ok(Self {
-            fallback_corners: absent.map(|(_, t)| (t, point)).collect(),
-            never_active: 0,
-            parts: Some(Parts::of(first, &static_parts.moving_runs(RUN))),
-            static_parts,
-            ..survey
-        })
+        let absent = absent.take(self.never_active as usize);
+        self.fallback_corners = absent.map(|(_, t)| (t, point)).collect();
+        self.never_active = 0;
+        let marks = first.iter().zip(fixed);
+        let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
+        self.static_parts = StaticParts::of(is_static.collect(), first, triangles);
+        self.parts = Some(Parts::of(first, &self.static_parts.moving_runs(RUN)));
     }
 
-    /// How far the coordinates of a key frame reach that came later. It differs from the first as was said [before](Self::before).
+    /// How far the coordinates of a key frame reach that came later. It differs from the first as was [said](Self::expect_others).
     pub(crate) fn range_of(&self, frame: &KeyFrame) -> Range {
         let sizes = match &self.parts {
             Some(parts) => Sizes::of_new(frame, parts),
             None => Sizes::of(frame),
         };
-        Range::of(&sizes, self.ranges.scale_exponent)
+        Range::of(&sizes, self.scale_exponent)
     }
 }
 
-/// What one key frame tells by itself.
-struct Measured {
-    sizes: Sizes,
-    /// Of its finite vertices.
-    bounds: Aabb,
-    /// Whether all are.
-    finite: bool,
-}
-
-impl Measured {
-    fn of(frame: &[Point]) -> Self {
-        let (bounds, finite) = frame
-            .par_chunks(RUN)
-            .map(bounds)
-            .reduce(|| (Aabb::EMPTY, true), |a, b| (a.0.union(b.0), a.1 && b.1));
-        Self {
-            sizes: Sizes::of(frame),
-            bounds,
-            finite,
-        }
-    }
-}
-
-/// The finite vertices' box, and whether all are.
-fn bounds(points: &[Point]) -> (Aabb, bool) {
-    let none = (Aabb::EMPTY, true);
-    points.iter().fold(none, |(bounds, all), &p| {
+/// The box of a key frame's finite vertices, and whether all are.
+fn bounds(frame: &[Point]) -> (Aabb, bool) {
+    let none = || (Aabb::EMPTY, true);
+    let points = frame.par_iter().with_min_len(RUN);
+    let boxes = points.fold(none, |(bounds, all), &p| {
         match p.iter().all(|x| x.is_finite()) {
             true => (bounds.with_point(p), all),
             false => (bounds, false),
         }
-    })
-}
-
-fn corners(frame: &[Point], triangle: [u32; 3]) -> crate::Triangle {
-    triangle.map(|v| frame[v as usize])
+    });
+    boxes.reduce(none, |a, b| (a.0.union(b.0), a.1 && b.1))
 }
 
 /// Every triangle must name vertices that exist, and there may not be too many.
@@ -160,24 +133,20 @@ pub(crate) fn check_triangles(
         let cause = format!("{count} triangles are more than the limit of {limit}");
         return Err(KeyFrameError(cause));
     }
-    let out = |corners: &[u32; 3]| corners.iter().any(|&v| v as usize >= vertices);
-    let Some(triangle) = triangles.par_iter().position_first(out) else {
-        return Ok(());
-    };
-    let vertex = triangles[triangle]
-        .iter()
-        .find(|&&v| v as usize >= vertices);
-    Err(KeyFrameError(format!(
-        "triangle {triangle} names vertex {}, but there are {vertices}",
-        vertex.expect("it was found")
-    )))
+    let out = |own: &[u32; 3]| own.iter().find(|&&v| v as usize >= vertices).copied();
+    let numbered = triangles.par_iter().enumerate();
+    match numbered.find_map_first(|(triangle, own)| Some((triangle, out(own)?))) {
+        None => Ok(()),
+        Some((triangle, vertex)) => Err(KeyFrameError(format!(
+            "triangle {triangle} names vertex {vertex}, but there are {vertices}"
+        ))),
+    }
 }
 
 /// Two classes of motion: what stands at the same bits at every pose, and the rest.
 ///
-/// A vertex is *static* if it has the same bits in all key frames and blending
-/// gives those bits back. Where there are several key frames, that leaves out
-/// vertices with a coordinate of `-0` (between key frames it is `+0`) and those
+/// A vertex is *static* if it has the same bits in all key frames and blending gives those bits back. Where there are
+/// several key frames, that leaves out vertices with a coordinate of `-0` (between key frames it is `+0`) and those
 /// that are not finite (an infinity becomes a NaN). What is not static *moves*.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StaticParts {
@@ -194,14 +163,12 @@ impl StaticParts {
     pub(crate) fn of(vertices: Vec<bool>, first: &[Point], triangles: &[[u32; 3]]) -> Self {
         let is_static = |t: &[u32; 3]| t.iter().all(|&v| vertices[v as usize]);
         let triangles_are: Vec<bool> = triangles.par_iter().map(is_static).collect();
-        let all = triangles_are.par_iter().enumerate();
-        let degenerate = all
-            .filter(|&(t, is_static)| {
-                let corners = corners(first, triangles[t]);
-                *is_static && is_active(&corners) && is_degenerate(&corners)
-            })
-            .map(|(t, _)| t as u32)
-            .collect();
+        let is_flat = |&t: &u32| {
+            let corners = corners(first, triangles[t as usize]);
+            triangles_are[t as usize] && is_active(&corners) && is_degenerate(&corners)
+        };
+        let all = (0..triangles.len() as u32).into_par_iter();
+        let degenerate = all.filter(is_flat).collect();
         Self {
             vertices,
             triangles: triangles_are,
@@ -235,9 +202,8 @@ impl StaticParts {
 
     /// Whether it is worth while to list what moves and to pass over the rest.
     ///
-    /// An entry of a list is four bytes more to carry and a read that others
-    /// wait for; so up to one half of all things may be listed, which never
-    /// costs more than it saves.
+    /// An entry of a list is four bytes more to carry and a read that others wait for; so up to one half of all things
+    /// may be listed, which never costs more than it saves.
     #[must_use]
     pub fn pays(moving: usize, all: usize) -> bool {
         moving <= all / 2

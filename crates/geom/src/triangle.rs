@@ -6,6 +6,11 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 /// Three corners.
 pub type Triangle = [Point; 3];
 
+#[inline]
+pub(crate) fn corners(frame: &[Point], triangle: [u32; 3]) -> Triangle {
+    triangle.map(|v| frame[v as usize])
+}
+
 /// Whether every corner is finite. An inactive triangle is never hit.
 #[must_use]
 #[inline]
@@ -43,10 +48,8 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
 pub fn normal_signs(corners: &Triangle) -> [i32; 3] {
     let [a, b, c] = corners.map(|p| p.map(f64::from));
     std::array::from_fn(|i| {
-        let at = |p: [f64; 3]| Coord {
-            x: p[(i + 1) % 3],
-            y: p[(i + 2) % 3],
-        };
+        let (x, y) = ((i + 1) % 3, (i + 2) % 3);
+        let at = |p: [f64; 3]| Coord { x: p[x], y: p[y] };
         sign(orient2d(at(a), at(b), at(c)))
     })
 }
@@ -86,30 +89,18 @@ mod tests {
     #[test]
     fn scale_does_not_matter() {
         for s in [1e-40_f32, 1e-20, 1.0, 1e20, 1e38] {
-            assert!(
-                !is_degenerate(&[[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]]),
-                "{s}"
-            );
-            assert!(
-                is_degenerate(&[[0.0; 3], [s, s, 0.0], [2.0 * s, 2.0 * s, 0.0]]),
-                "{s}"
-            );
+            let flat = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0]];
+            let line = [[0.0; 3], [s, s, 0.0], [2.0 * s, 2.0 * s, 0.0]];
+            assert!(!is_degenerate(&flat) && is_degenerate(&line), "{s}");
         }
     }
 
     #[test]
     fn exponents_far_apart_are_settled_exactly() {
         let tiny = f32::from_bits(1);
-        assert!(!is_degenerate(&[
-            [1.0, 0.0, 0.0],
-            [2.0, 0.0, 0.0],
-            [3.0, tiny, 0.0]
-        ]));
-        assert!(!is_degenerate(&[
-            [1e30, 0.0, 0.0],
-            [tiny, tiny, 0.0],
-            [0.0; 3]
-        ]));
+        let needle = [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, tiny, 0.0]];
+        let long = [[1e30, 0.0, 0.0], [tiny, tiny, 0.0], [0.0; 3]];
+        assert!(!is_degenerate(&needle) && !is_degenerate(&long));
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use crate::join::inputs;
 use crate::source::{entries, exists, extension, matches};
 use crate::{Result, SceneError};
-use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::fmt::Write;
 use std::fs;
@@ -30,31 +29,26 @@ pub fn word(path: &OsStr) -> String {
 
 /// The path that a word stands for.
 #[cfg(unix)]
-pub(crate) fn path(word: &str) -> Cow<'_, Path> {
+pub(crate) fn path(word: &str) -> PathBuf {
     use std::os::unix::ffi::OsStringExt;
-    let mut parts = word.split(NUL);
-    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
-    if bytes.len() == word.len() {
-        return Cow::Borrowed(Path::new(word));
-    }
-    for part in parts {
-        let byte = part.get(..2).and_then(|d| u8::from_str_radix(d, 16).ok());
-        match byte.filter(|byte| !byte.is_ascii()) {
-            Some(byte) => {
-                bytes.push(byte);
-                bytes.extend(&part.as_bytes()[2..]);
-            }
-            // No path: whoever opens it says so.
-            None => return Cow::Borrowed(Path::new(word)),
+    let decoded = || {
+        let mut parts = word.split(NUL);
+        let mut bytes = parts.next()?.as_bytes().to_vec();
+        for part in parts {
+            let byte = u8::from_str_radix(part.get(..2)?, 16).ok()?;
+            bytes.push(Some(byte).filter(|byte| !byte.is_ascii())?);
+            bytes.extend(&part.as_bytes()[2..]);
         }
-    }
-    Cow::Owned(std::ffi::OsString::from_vec(bytes).into())
+        Some(std::ffi::OsString::from_vec(bytes).into())
+    };
+    // Else it is no path: whoever opens it says so.
+    decoded().unwrap_or_else(|| word.into())
 }
 
 /// The path that a word stands for.
 #[cfg(not(unix))]
-pub(crate) fn path(word: &str) -> Cow<'_, Path> {
-    Cow::Borrowed(Path::new(word))
+pub(crate) fn path(word: &str) -> PathBuf {
+    word.into()
 }
 
 /// All files that decide what the scene named by `spec` holds: key frames, materials, buffers, times; sorted, each once.
@@ -75,15 +69,14 @@ pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
 }
 
 fn of_input(spec: &str, all: &mut Vec<PathBuf>) -> Result<()> {
-    let path = &*path(spec);
+    let path = &path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => in_folder(path, all),
         Ok(_) => with_companions(path, all),
         Err(_) if spec.contains(['*', '?', '[']) => {
-            let files = matches(spec)?
-                .filter_map(Result::ok)
-                .filter(|f| f.is_file());
-            files.into_iter().try_for_each(|f| with_companions(&f, all))
+            let files = matches(spec)?.filter_map(Result::ok);
+            let mut files = files.filter(|f| f.is_file());
+            files.try_for_each(|f| with_companions(&f, all))
         }
         Err(e) => Err(SceneError::unreadable(path, e)),
     }
@@ -141,30 +134,22 @@ fn uris(gltf: &[u8]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::put;
 
     #[test]
     fn a_scene_is_made_of_its_meshes_and_of_what_they_name() {
         let dir = tempfile::tempdir().unwrap();
-        let put = |name: &str, text: &str| {
-            let file = dir.path().join(name);
-            fs::create_dir_all(file.parent().unwrap()).unwrap();
-            fs::write(&file, text).unwrap();
-            file
-        };
+        let put = |name: &str, text: &str| put(&dir, name, text);
         let a = put("a/1.obj", "mtllib x.mtl\nv 0 0 0\n");
         let b = put("a/2.obj", "v 0 0 0\n");
         let x = put("a/x.mtl", "newmtl m\n");
         put("a/notes.txt", "");
-        let g = put(
-            "g.gltf",
-            r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#,
-        );
+        let buffers = r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#;
+        let g = put("g.gltf", buffers);
         let d = put("d e.bin", "");
         let name = |p: &Path| p.display().to_string();
-        assert_eq!(
-            files(&name(&dir.path().join("a"))).unwrap(),
-            [a.clone(), b.clone(), x.clone()]
-        );
+        let folder = files(&name(&dir.path().join("a"))).unwrap();
+        assert_eq!(folder, [&a, &b, &x].map(PathBuf::clone));
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
         let both = format!("{}+demo:hall+{}@1,0,0", name(&g), name(&b));
         assert_eq!(files(&both).unwrap(), [b, d, g]);

@@ -1,10 +1,10 @@
 //! Several inputs as one scene: `hall.obj+figure.glb@2,0,-1*0.5`.
 //!
-//! Inputs stand in the order of their names, so the first one's triangles come
-//! first. Inputs that move must have equally many key frames; one with a single
-//! key frame stands still and is repeated.
+//! Inputs stand in the order of their names, so the first one's triangles come first. Inputs that move must have
+//! equally many key frames; one with a single key frame stands still and is repeated.
 
-use crate::mesh::{check_keys, joined_triangles, within};
+use crate::mesh::joined_triangles;
+use crate::stream::{check_keys, within};
 use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
 use geom::{Animation, Point};
 use std::sync::Arc;
@@ -31,26 +31,29 @@ pub(crate) struct Placement {
     scale: f32,
 }
 
-const AS_IT_IS: Placement = Placement {
-    at: [0.0; 3],
-    scale: 1.0,
-};
+impl Placement {
+    const AS_IT_IS: Self = Self {
+        at: [0.0; 3],
+        scale: 1.0,
+    };
+
+    fn put(self, p: Point) -> Point {
+        std::array::from_fn(|i| p[i] * self.scale + self.at[i])
+    }
+}
 
 /// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains.
 ///
 /// # Errors
 /// What follows `@` is no place.
 pub(crate) fn inputs<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
-    let mut inputs = Vec::new();
-    let mut rest = spec;
-    loop {
-        let (first, after) = first_input(rest, exists);
+    let (mut inputs, mut rest) = (Vec::new(), Some(spec));
+    while let Some(spec) = rest {
+        let (first, after) = first_input(spec, exists);
         inputs.push(input(first, exists)?);
-        match after {
-            Some(after) => rest = after,
-            None => return Ok(inputs),
-        }
+        rest = after;
     }
+    Ok(inputs)
 }
 
 /// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
@@ -68,21 +71,17 @@ fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Op
 }
 
 fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> {
-    if let Some((spec, at)) = text.rsplit_once(AT).filter(|_| !exists(text)) {
-        let place = parse(at);
-        if place.is_some() {
-            return Ok(Input { spec, place });
-        }
-        if exists(spec) {
+    let placed = text.rsplit_once(AT).filter(|_| !exists(text));
+    let (spec, place) = match placed.map(|(spec, at)| (spec, at, parse(at))) {
+        Some((spec, at, None)) if exists(spec) => {
             return Err(SceneError(format!(
                 "bad place {at:?} for {spec}: give @x,y,z or @x,y,z*scale, with a scale above 0"
             )));
         }
-    }
-    Ok(Input {
-        spec: text,
-        place: None,
-    })
+        Some((spec, _, place @ Some(_))) => (spec, place),
+        _ => (text, None),
+    };
+    Ok(Input { spec, place })
 }
 
 /// `x,y,z` or `x,y,z*scale`.
@@ -116,11 +115,14 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
     let animations = || scenes.iter().map(|s| &s.animation);
     let vertices: usize = animations().map(|a| a.vertex_count()).sum();
     let triangles = animations().map(|a| a.triangle_count()).sum();
-    let name = joined(scenes.iter().map(|s| s.name.as_str()));
+    let names: Vec<_> = scenes.iter().map(|s| s.name.as_str()).collect();
+    let name = names.join("+");
     let keys = key_count(&scenes)?;
     check_keys(&name, (keys, vertices, triangles), options)?;
     within(spec.as_ref(), "vertices", vertices, u32::MAX as usize)?;
-    let places = inputs.iter().map(|i| i.place.unwrap_or(AS_IT_IS));
+    let places = inputs
+        .iter()
+        .map(|i| i.place.unwrap_or(Placement::AS_IT_IS));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
     let source = move |key: usize| {
         let mut all = Vec::with_capacity(vertices);
@@ -186,33 +188,180 @@ fn key_count(scenes: &[Scene]) -> Result<usize> {
     }
 }
 
-impl Placement {
-    fn put(self, p: Point) -> Point {
-        std::array::from_fn(|i| p[i] * self.scale + self.at[i])
-    }
-}
-
 fn facts(scenes: &[Scene]) -> Facts {
-    let mut formats: Vec<&str> = scenes.iter().map(|s| s.facts.format.as_str()).collect();
-    formats.dedup();
     let facts = || scenes.iter().map(|s| &s.facts);
+    let mut formats: Vec<&str> = facts().map(|f| f.format.as_str()).collect();
+    formats.dedup();
     let clips: Vec<&str> = facts().filter_map(|f| f.clip.as_deref()).collect();
-    let note = |s: &Scene| {
-        let told = |n: &String| format!("{}: {n}", s.name);
-        s.facts.notes.iter().map(told).collect::<Vec<_>>()
-    };
+    let notes = scenes.iter().flat_map(|s| {
+        let told = s.facts.notes.iter();
+        told.map(|note| format!("{}: {note}", s.name))
+    });
     Facts {
-        format: joined(formats.iter().copied()),
+        format: formats.join("+"),
         files: facts().flat_map(|f| f.files.clone()).collect(),
-        clip: (!clips.is_empty()).then(|| joined(clips.iter().copied())),
+        clip: (!clips.is_empty()).then(|| clips.join("+")),
         seconds_per_key: facts().find_map(|f| f.seconds_per_key),
-        notes: scenes.iter().flat_map(note).collect(),
+        notes: notes.collect(),
     }
-}
-
-fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.collect::<Vec<_>>().join("+")
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::testing::put;
+    use std::fs;
+    use tempfile::TempDir;
+
+    const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
+
+    /// An input, and where it stands with its scale.
+    type Told<'a> = (&'a str, Option<(Point, f32)>);
+
+    fn told(spec: &str) -> Vec<Told<'_>> {
+        let exists = |name: &str| THERE.contains(&name);
+        let inputs = inputs(spec, &exists).unwrap();
+        let place = |p: Placement| (p.at, p.scale);
+        let told = inputs.iter().map(|i| (i.spec, i.place.map(place)));
+        told.collect()
+    }
+
+    #[test]
+    fn what_exists_wins_and_else_plus_and_at_part_names() {
+        assert_eq!(told("a.obj"), [("a.obj", None)]);
+        assert_eq!(told("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
+        assert_eq!(told("a+b.obj"), [("a+b.obj", None)]);
+        assert_eq!(told("a+b.obj+a.obj"), [("a+b.obj", None), ("a.obj", None)]);
+        assert_eq!(told("a.obj+a+b.obj"), [("a.obj", None), ("a+b.obj", None)]);
+        assert_eq!(told("c++b.glb"), [("c+", None), ("b.glb", None)]);
+        assert_eq!(told("b@1,2,3"), [("b@1,2,3", None)]);
+        let at = Some(([1.0, -2.5, 300.0], 1.0));
+        assert_eq!(told("a.obj@1,-2.5,3e+2"), [("a.obj", at)]);
+        let placed = [("demo:hall", None), ("b.glb", Some(([0.0, 1.0, 0.0], 0.5)))];
+        assert_eq!(told("demo:hall+b.glb@0,1,0*0.5"), placed);
+        let again = [("b@1,2,3", Some(([4.0, 5.0, 6.0], 1.0))), ("a.obj", None)];
+        assert_eq!(told("b@1,2,3@4,5,6+a.obj"), again);
+        // What is not there is told of as it was written.
+        assert_eq!(told("x.obj+y@z.obj"), [("x.obj", None), ("y@z.obj", None)]);
+        assert_eq!(told("a.obj+"), [("a.obj", None), ("", None)]);
+    }
+
+    #[test]
+    fn a_place_is_three_numbers_and_a_scale() {
+        let exists = |name: &str| THERE.contains(&name);
+        for bad in [
+            "", "1,2", "1,2,3,4", "1,2,x", "1,2,3*0", "1,2,3*-1", "1,2,inf",
+        ] {
+            let spec = format!("a.obj@{bad}");
+            let message = inputs(&spec, &exists).unwrap_err().to_string();
+            assert!(
+                message.contains("a.obj") && message.contains("@x,y,z"),
+                "{message}"
+            );
+        }
+    }
+
+    fn folder() -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, x: f32| {
+            let text = format!("v {x} -0.0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+            put(&folder, name, text);
+        };
+        write("still.obj", 5.0);
+        write("two/1.obj", 0.0);
+        write("two/2.obj", 1.0);
+        (1..=3).for_each(|k| write(&format!("three/{k}.obj"), k as f32));
+        folder
+    }
+
+    fn open_in(folder: &TempDir, names: &str, options: &Options) -> Result<Scene, String> {
+        let root = folder.path().to_str().unwrap();
+        let spec: Vec<String> = names.split('+').map(|n| format!("{root}/{n}")).collect();
+        crate::open(&spec.join("+"), options).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn inputs_are_joined_in_order_and_a_still_one_is_repeated() {
+        let folder = folder();
+        let scene = open_in(&folder, "still.obj+two@10,0,0*2", &Options::default()).unwrap();
+        let a = &scene.animation;
+        assert_eq!(a.triangles(), [[0, 1, 2], [3, 4, 5]]);
+        let keys = a.all_keys().unwrap();
+        let firsts: Vec<_> = keys.iter().map(|k| [k[0][0], k[3][0], k[5][1]]).collect();
+        assert_eq!(firsts, [[5.0, 10.0, 2.0], [5.0, 12.0, 2.0]]);
+        assert_eq!((scene.name.as_str(), scene.colours.len()), ("still+two", 2));
+        let facts = &scene.facts;
+        assert_eq!((facts.files.len(), facts.format.as_str()), (3, "obj"));
+        // The file's -0 would be a vertex that moves.
+        assert_eq!(a.static_parts().triangles, [true, false]);
+    }
+
+    #[test]
+    fn inputs_that_move_differently_are_refused_with_both_counts() {
+        let folder = folder();
+        let message = open_in(&folder, "two+still.obj+three", &Options::default()).unwrap_err();
+        for part in ["two has 2", "three 3", "single"] {
+            assert!(message.contains(part), "{message}");
+        }
+        let gone = open_in(&folder, "two+gone.obj", &Options::default()).unwrap_err();
+        assert!(gone.contains("gone.obj: no such file"), "{gone}");
+    }
+
+    #[test]
+    fn a_clip_is_asked_of_inputs_that_have_clips_alone() {
+        let folder = folder();
+        let options = Options {
+            clip: Some("Walk".to_owned()),
+            ..Options::default()
+        };
+        for names in ["still.obj+two", "still.obj", "two", "two/*.obj"] {
+            let message = open_in(&folder, names, &options).unwrap_err();
+            assert!(message.contains("Walk"), "{names}: {message}");
+        }
+        assert!(crate::open("demo:twist:100", &options).is_err());
+        let message = open_in(&folder, "still.obj+gone.glb", &options).unwrap_err();
+        assert!(message.contains("gone.glb: no such file"), "{message}");
+    }
+
+    #[test]
+    fn times_of_inputs_that_move_are_kept_if_they_are_the_same() {
+        let folder = folder();
+        let times = |of: &str, second: f64| {
+            let text = format!(
+                r#"{{"end":9,"frames":[{{"file":"1.obj","time":0}},{{"file":"2.obj","time":{second}}}]}}"#
+            );
+            put(&folder, &format!("{of}/times.json"), text);
+        };
+        times("two", 6.0);
+        let alone = open_in(&folder, "still.obj+two", &Options::default()).unwrap();
+        assert_eq!(alone.animation.times(), Some(&[0.0, 6.0][..]));
+        assert_eq!(alone.animation.end(), 9.0);
+        for file in ["1.obj", "2.obj"] {
+            let bytes = fs::read(folder.path().join("two").join(file)).unwrap();
+            put(&folder, &format!("too/{file}"), bytes);
+        }
+        let message = open_in(&folder, "two+too", &Options::default()).unwrap_err();
+        assert!(message.contains("other times"), "{message}");
+        times("too", 6.0);
+        open_in(&folder, "two+too", &Options::default()).unwrap();
+    }
+
+    #[test]
+    fn many_inputs_are_told_apart_in_linear_time() {
+        let asked = |count: usize, folder: &str| {
+            let names: Vec<String> = (0..count).map(|i| format!("{folder}{i}.obj")).collect();
+            let calls = std::cell::Cell::new(0);
+            let exists = |name: &str| {
+                calls.set(calls.get() + 1);
+                names.iter().any(|n| n == name)
+            };
+            let spec = names.join("+");
+            assert_eq!(inputs(&spec, &exists).unwrap().len(), count);
+            calls.get()
+        };
+        for folder in ["", "some/folder/"] {
+            let (few, many) = (asked(200, folder), asked(800, folder));
+            assert!(many <= 6 * few, "{folder}: {few} calls, then {many}");
+        }
+    }
+}

@@ -1,11 +1,9 @@
 //! Files or demo names in; animations with colours out.
 //!
-//! A scene is named by one word: `demo:NAME[:TRIANGLES]`, a directory or a
-//! glob of `.obj` or `.ply` files (one key frame each, in natural order), or
-//! one `.obj`, `.ply`, `.gltf` or `.glb` file; or by several such words with `+`
-//! between them, each with its place after an `@` if it is to stand elsewhere
-//! (`@x,y,z` or `@x,y,z*scale`). Whatever is wrong with it comes
-//! back as one clear line; no input makes this crate panic.
+//! A scene is named by one word: `demo:NAME[:TRIANGLES]`, a directory or a glob of `.obj` or `.ply` files (one key
+//! frame each, in natural order), or one `.obj`, `.ply`, `.gltf` or `.glb` file; or by several such words with `+`
+//! between them, each with its place after an `@` if it is to stand elsewhere (`@x,y,z` or `@x,y,z*scale`). Whatever is
+//! wrong with it comes back as one clear line; no input makes this crate panic.
 
 mod clip;
 mod demo;
@@ -106,9 +104,9 @@ pub type Result<T, E = SceneError> = std::result::Result<T, E>;
 pub(crate) type Location = (&'static str, usize);
 
 impl SceneError {
-    /// What is at `place` cannot be used.
-    pub(crate) fn unusable(place: impl Display, cause: impl Display) -> Self {
-        Self(format!("{place}: {cause}"))
+    /// What is at `place`, a path or a scene's name, cannot be used.
+    pub(crate) fn unusable(place: impl AsRef<Path>, cause: impl Display) -> Self {
+        Self(format!("{}: {cause}", place.as_ref().display()))
     }
 
     /// A file breaks its format's rules. Line breaks in `cause` become spaces.
@@ -125,15 +123,29 @@ impl SceneError {
             cause.push('…');
         }
         let location = location.into().map(|(what, at)| format!("{what} {at}: "));
-        Self::unusable(path.display(), location.unwrap_or_default() + &cause)
+        Self::unusable(path, location.unwrap_or_default() + &cause)
     }
 
     /// The system refused `path`.
     pub(crate) fn unreadable(path: &Path, source: io::Error) -> Self {
-        let cause = match source.kind() {
-            io::ErrorKind::NotFound => "no such file or directory".to_owned(),
-            _ => format!("cannot read: {source}"),
-        };
-        Self::unusable(path.display(), cause)
+        match source.kind() {
+            io::ErrorKind::NotFound => Self::unusable(path, "no such file or directory"),
+            _ => Self::unusable(path, format_args!("cannot read: {source}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod testing {
+    use std::fs;
+    use std::path::PathBuf;
+    use tempfile::TempDir;
+
+    /// Writes a file of a folder, and the folders on the way to it.
+    pub(crate) fn put(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, bytes).unwrap();
+        path
     }
 }

@@ -1,13 +1,11 @@
 //! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
 
 use crate::ply::Pattern;
-use crate::{Options, Result, Rgb, SceneError, stream};
-use geom::{Animation, Point};
-use host::Free;
-use std::fmt::Display;
+use crate::stream::check_counts;
+use crate::{Result, Rgb, SceneError};
+use geom::Point;
 use std::path::Path;
 
-/// What one mesh file holds.
 pub(crate) struct Mesh {
     /// Positions of the vertices that faces use.
     pub(crate) points: Vec<Point>,
@@ -15,9 +13,7 @@ pub(crate) struct Mesh {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// What key frames must agree on.
     pub(crate) topology: Topology,
-    /// What its colours can be made of.
     pub(crate) paint: Paint,
-    /// Remarks for the reader.
     pub(crate) notes: Vec<String>,
     /// What later key frames repeat, where they can be compared with it.
     pub(crate) pattern: Option<Pattern>,
@@ -36,7 +32,6 @@ pub(crate) struct Topology {
 
 /// What a file says about colours.
 pub(crate) enum Paint {
-    /// Nothing.
     None,
     /// One sRGB colour for each of the file's vertices.
     Vertices(Vec<Rgb>),
@@ -44,7 +39,6 @@ pub(crate) enum Paint {
     Faces(Vec<Rgb>),
     /// Materials by name, from libraries beside the file.
     Materials {
-        /// Files that define them.
         libraries: Vec<String>,
         /// (First face, name) wherever the material changes.
         uses: Vec<(usize, String)>,
@@ -58,7 +52,6 @@ impl Topology {
         self.ends.push(self.corners.len());
     }
 
-    /// Each face's vertices.
     pub(crate) fn faces(&self) -> impl Iterator<Item = &[u32]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts
@@ -74,7 +67,6 @@ impl Topology {
         })
     }
 
-    /// How many triangles the faces make.
     pub(crate) fn triangle_count(&self) -> usize {
         self.corners.len() - 2 * self.ends.len()
     }
@@ -93,7 +85,7 @@ impl Topology {
         let (first, expected) = (first.0.display(), first.1);
         let bad = |cause: String| {
             let cause = format!("{cause}; all key frames must have the same topology");
-            Err(SceneError::unusable(path.display(), cause))
+            Err(SceneError::unusable(path, cause))
         };
         let triangles = [self, expected].map(Self::triangle_count);
         for (what, [found, wanted]) in [
@@ -126,103 +118,21 @@ pub(crate) fn joined_triangles<'a>(
     all
 }
 
-/// Renumbers triangles over the vertices they use and returns those, in the same order.
-///
-/// Strays that no triangle uses would spoil every camera made from the scene's bounds.
+/// Renumbers triangles over the vertices they use and returns those, in the same order: strays would spoil every camera
+/// made from the scene's bounds.
 pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut used = vec![false; vertices];
-    triangles
-        .iter()
-        .flatten()
-        .for_each(|&v| used[v as usize] = true);
+    let corners = triangles.as_flattened_mut();
+    corners.iter().for_each(|&v| used[v as usize] = true);
     let kept: Vec<u32> = (0..vertices as u32).filter(|&v| used[v as usize]).collect();
     if kept.len() < vertices {
         let mut places = vec![0; vertices];
-        kept.iter()
-            .zip(0..)
-            .for_each(|(&v, place)| places[v as usize] = place);
-        triangles
-            .iter_mut()
-            .flatten()
-            .for_each(|v| *v = places[*v as usize]);
+        for (&v, place) in kept.iter().zip(0..) {
+            places[v as usize] = place;
+        }
+        corners.iter_mut().for_each(|v| *v = places[*v as usize]);
     }
     kept
-}
-
-/// Refuses what cannot be numbered.
-pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Result<()> {
-    if found <= limit {
-        return Ok(());
-    }
-    let cause = format!("{found} {what} are more than the limit of {limit}");
-    Err(SceneError::unusable(path.display(), cause))
-}
-
-/// Refuses vertices and triangles that cannot be numbered, and a scene without triangles.
-pub(crate) fn check_counts(
-    path: &Path,
-    [vertices, triangles]: [usize; 2],
-    hint: &str,
-) -> Result<()> {
-    within(path, "vertices", vertices, u32::MAX as usize)?;
-    within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
-    if triangles == 0 {
-        let cause = format!("no triangles{hint}");
-        return Err(SceneError::unusable(path.display(), cause));
-    }
-    Ok(())
-}
-
-/// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
-pub(crate) fn check_keys(
-    place: impl Display,
-    (keys, vertices, triangles): (usize, usize, usize),
-    options: &Options,
-) -> Result<()> {
-    let held = stream::held(keys, vertices, options);
-    let bytes = (held as u64)
-        .saturating_mul(vertices as u64)
-        .saturating_mul(size_of::<Point>() as u64);
-    let plural = if keys == 1 { "" } else { "s" };
-    let share = match held == keys {
-        true => String::new(),
-        false => format!("{held} of "),
-    };
-    let mut what = format!("{share}{keys} key frame{plural} of {vertices} vertices");
-    if options.triangle_bytes > 0 {
-        what += &format!(", and trees over {triangles} triangles");
-    }
-    check_memory(place, what, with_more(bytes, triangles, options), options)
-}
-
-/// Bytes of a scene, and of what follows it.
-pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
-    (triangles as u64)
-        .saturating_mul(options.triangle_bytes)
-        .saturating_add(options.more_bytes)
-        .saturating_add(bytes)
-}
-
-/// Refuses a mesh whose reading memory does not hold.
-pub(crate) fn check_mesh(path: &Path, [vertices, faces]: [usize; 2], bytes: usize) -> Result<()> {
-    let what = format!("reading {vertices} vertices and {faces} faces");
-    host::check(bytes as u64)
-        .map_err(|e| SceneError::unusable(path.display(), format_args!("{what}: {e}")))
-}
-
-/// Refuses what memory does not hold.
-pub(crate) fn check_memory(
-    place: impl Display,
-    what: String,
-    bytes: u64,
-    options: &Options,
-) -> Result<()> {
-    let by = "limit given";
-    let checked = match options.memory {
-        Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
-        None => host::check(bytes),
-    };
-    checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
 }
 
 /// Of what has no colour.
@@ -254,16 +164,6 @@ pub(crate) fn mean(colours: [Rgb; 3]) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
-        let limit = Animation::MAX_TRIANGLES;
-        assert!(within(Path::new("a.ply"), "triangles", limit, limit).is_ok());
-        let e = within(Path::new("a.ply"), "triangles", limit + 1, limit)
-            .unwrap_err()
-            .to_string();
-        assert!(e.contains("1073741825") && e.contains("1073741824"), "{e}");
-    }
 
     #[test]
     fn linear_light_is_encoded_as_srgb() {

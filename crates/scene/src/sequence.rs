@@ -1,8 +1,9 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, check_keys, mean};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, mean};
 use crate::ply::Pattern;
 use crate::source::extension;
+use crate::stream::check_keys;
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
 use geom::Point;
 use host::Folder;
@@ -12,10 +13,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::SystemTime;
 
-/// Reads one key frame.
 fn read(path: &Path) -> Result<Mesh> {
     match extension(path).as_str() {
         "obj" => obj::read(path),
@@ -25,15 +25,13 @@ fn read(path: &Path) -> Result<Mesh> {
 
 /// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
-    let path = &files[0];
+    let path = files[0].as_path();
     let mut mesh = read(path)?;
     mesh.topology.check(path)?;
     let folder = Folder::of(path, options.allow_outside);
-    let place = (path.as_path(), &folder);
-    let colours = colours(place, &mesh.topology, mesh.paint, &mut mesh.notes);
-    let vertices = mesh.points.len();
-    let size = (files.len(), vertices, mesh.triangles.len());
-    check_keys(path.display(), size, options)?;
+    let colours = colours((path, &folder), &mesh.topology, mesh.paint, &mut mesh.notes);
+    let (keys, vertices) = (files.len(), mesh.points.len());
+    check_keys(path, (keys, vertices, mesh.triangles.len()), options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
@@ -45,14 +43,9 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let size = (sequence.files.len(), vertices);
-    let animation = Arc::new(stream::animation(source, size, mesh.triangles, options)?);
-    let told = sequence
-        .notes
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner);
-    mesh.notes.extend(told.values().flatten().cloned());
-    drop(told);
+    let animation = stream::animation(source, (keys, vertices), mesh.triangles, options)?;
+    mesh.notes
+        .extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),
         files,
@@ -61,7 +54,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     };
     Ok(Scene {
         name,
-        animation,
+        animation: Arc::new(animation),
         colours: colours.into(),
         facts,
     })
@@ -88,11 +81,9 @@ type Stamp = (u64, Option<SystemTime>);
 
 impl Sequence {
     fn read(&self, key: usize) -> Result<Vec<Point>> {
-        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(points) = first.take_if(|_| key == 0) {
+        if let Some(points) = lock(&self.first).take_if(|_| key == 0) {
             return Ok(points);
         }
-        drop(first);
         let path = &self.files[key];
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
@@ -111,8 +102,7 @@ impl Sequence {
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
         if !notes.is_empty() && key > 0 {
-            let mut all = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
-            all.insert(key, notes);
+            lock(&self.notes).insert(key, notes);
         }
         Ok(mesh.points)
     }
@@ -124,15 +114,18 @@ impl Sequence {
         let found = (about.len(), about.modified().ok());
         match *self.stamps[key].get_or_init(|| found) == found {
             true => Ok(()),
-            false => Err(SceneError::unusable(
-                path.display(),
-                "the file was changed while the scene was in use",
-            )),
+            false => {
+                let cause = "the file was changed while the scene was in use";
+                Err(SceneError::unusable(path, cause))
+            }
         }
     }
 }
 
-/// One colour a triangle.
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn colours(
     place: (&Path, &Folder),
     topology: &Topology,
@@ -176,7 +169,7 @@ pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(scene),
         Err(e) => return Err(SceneError::unreadable(&path, e)),
     };
-    let bad = |cause: String| SceneError::unusable(path.display(), cause);
+    let bad = |cause: String| SceneError::unusable(&path, cause);
     let times: Times = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
     let files = &scene.facts.files;
     let told = times.frames.iter().map(|f| f.file.as_str());

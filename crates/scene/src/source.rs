@@ -29,13 +29,12 @@ pub(crate) fn has_clips(spec: &str) -> bool {
     is_gltf(&files::path(spec))
 }
 
-/// Opens one input.
 pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
     if let Some(name) = spec.strip_prefix("demo:") {
         refuse_clip(spec, options)?;
         return demo::open(name, options);
     }
-    let path = &*files::path(spec);
+    let path = &files::path(spec);
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => directory(path, options),
         Ok(_) => file(path, options),
@@ -45,12 +44,11 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
 }
 
 /// Refuses options that name a clip, for a source without clips.
-pub(crate) fn refuse_clip(place: &str, options: &Options) -> Result<()> {
-    let Some(asked) = &options.clip else {
-        return Ok(());
-    };
-    let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
-    Err(SceneError::unusable(place, cause))
+pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &Options) -> Result<()> {
+    options.clip.as_ref().map_or(Ok(()), |asked| {
+        let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
+        Err(SceneError::unusable(place, cause))
+    })
 }
 
 /// Lower-case extension.
@@ -72,17 +70,16 @@ fn file(path: &Path, options: &Options) -> Result<Scene> {
     match extension(path).as_str() {
         "gltf" | "glb" => clip::open(stem(path), path, options),
         "obj" | "ply" => {
-            refuse_clip(&path.display().to_string(), options)?;
+            refuse_clip(path, options)?;
             sequence::open(stem(path), vec![path.to_owned()], options)
         }
         _ => {
             let cause = "unsupported file type; a scene is a .obj, .ply, .gltf or .glb file";
-            Err(SceneError::unusable(path.display(), cause))
+            Err(SceneError::unusable(path, cause))
         }
     }
 }
 
-/// What lies in a directory.
 pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |e| SceneError::unreadable(directory, e);
     let all = fs::read_dir(directory).map_err(unreadable)?;
@@ -90,7 +87,6 @@ pub(crate) fn entries(directory: &Path) -> Result<Vec<PathBuf>> {
     paths.collect::<Result<_, _>>().map_err(unreadable)
 }
 
-/// What a pattern matches.
 pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
     let bad = |e| SceneError::unusable(pattern, format!("not a pattern of paths: {e}"));
     glob::glob(pattern).map_err(bad)
@@ -105,60 +101,51 @@ fn directory(path: &Path, options: &Options) -> Result<Scene> {
     let mut files = entries(path)?;
     files.retain(|f| !hidden(f) && !f.is_dir());
     if files.is_empty() {
-        return Err(SceneError::unusable(
-            path.display(),
-            "the directory is empty",
-        ));
+        return Err(SceneError::unusable(path, "the directory is empty"));
     }
     let whole = fs::canonicalize(path).map_err(|e| SceneError::unreadable(path, e))?;
     let name = whole.file_name().unwrap_or(path.as_os_str());
-    let (name, place) = (name.to_string_lossy(), path.display().to_string());
-    let scene = frames(name.into_owned(), &place, files, options)?;
+    let scene = frames(name.to_string_lossy().into_owned(), path, files, options)?;
     sequence::apply_times(path, scene)
 }
 
 fn pattern(spec: &str, options: &Options) -> Result<Scene> {
-    let mut files = Vec::new();
-    for found in matches(spec)? {
-        let found = found.map_err(|e| {
-            let path = e.path().to_owned();
-            SceneError::unreadable(&path, e.into())
-        })?;
-        if !found.is_dir() {
-            files.push(found);
-        }
-    }
+    let unreadable = |e: glob::GlobError| {
+        let path = e.path().to_owned();
+        SceneError::unreadable(&path, e.into())
+    };
+    let files = matches(spec)?.map(|found| found.map_err(unreadable));
+    let mut files = files.collect::<Result<Vec<_>>>()?;
+    files.retain(|f| !f.is_dir());
     match files.as_slice() {
         [] => Err(SceneError::unusable(spec, "matches no file")),
         [only] => file(only, options),
         [first, ..] => {
             let name = first.parent().and_then(Path::file_name);
             let name = name.map_or_else(|| stem(first), |n| n.to_string_lossy().into_owned());
-            frames(name, spec, files, options)
+            frames(name, spec.as_ref(), files, options)
         }
     }
 }
 
 /// Key frames from the meshes among `files`, in natural order: `2.obj` before `10.obj`.
-fn frames(name: String, place: &str, mut files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
+fn frames(name: String, place: &Path, mut files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
-    let (obj, ply) = (of("obj"), of("ply"));
-    let kind = match (obj, ply) {
+    let bad = |cause: String| Err(SceneError::unusable(place, cause));
+    let kind = match (of("obj"), of("ply")) {
         (0, 0) => {
             let gltf = files.iter().find(|f| is_gltf(f));
             let hint = gltf.map(|f| format!("; name {} itself to open it", f.display()));
             let (count, hint) = (files.len(), hint.unwrap_or_default());
-            let cause = format!("no .obj or .ply file among {count} files{hint}");
-            return Err(SceneError::unusable(place, cause));
+            return bad(format!("no .obj or .ply file among {count} files{hint}"));
         }
         (_, 0) => "obj",
         (0, _) => "ply",
-        _ => {
-            let cause = format!(
+        (obj, ply) => {
+            return bad(format!(
                 "{obj} .obj and {ply} .ply files are mixed; \
                  key frames must be of one format (a pattern such as '*.obj' picks some)"
-            );
-            return Err(SceneError::unusable(place, cause));
+            ));
         }
     };
     files.retain(|f| extension(f) == kind);
@@ -170,6 +157,7 @@ fn frames(name: String, place: &str, mut files: Vec<PathBuf>, options: &Options)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::put;
     use tempfile::TempDir;
 
     const TRIANGLE: &str = "f 1 2 3\n";
@@ -182,9 +170,7 @@ mod tests {
     fn folder(files: &[(&str, String)]) -> TempDir {
         let folder = tempfile::tempdir().unwrap();
         for (name, text) in files {
-            let path = folder.path().join(name);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, text).unwrap();
+            put(&folder, name, text);
         }
         folder
     }
@@ -196,13 +182,8 @@ mod tests {
     }
 
     fn firsts(scene: &Scene) -> Vec<f32> {
-        let animation = &scene.animation;
-        animation
-            .all_keys()
-            .unwrap()
-            .iter()
-            .map(|key| key[0][0])
-            .collect()
+        let keys = scene.animation.all_keys().unwrap();
+        keys.iter().map(|key| key[0][0]).collect()
     }
 
     #[test]

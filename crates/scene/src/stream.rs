@@ -1,8 +1,10 @@
-//! Key frames of any source as an animation: held in memory, or read while they are played.
+//! Key frames of any source as an animation: held in memory, or read while they are played; and what there is room for.
 
 use crate::{Options, Result, SceneError};
 use geom::{Animation, KeyFrameError, Point};
+use host::Free;
 use rayon::prelude::*;
+use std::path::Path;
 use std::sync::Arc;
 
 impl From<SceneError> for KeyFrameError {
@@ -20,10 +22,14 @@ impl From<KeyFrameError> for SceneError {
 /// Key frames that are kept of a stream, at least and at most.
 const WINDOW: [u64; 2] = [8, 64];
 
+/// Bytes of a key frame of so many vertices.
+pub(crate) fn bytes(vertices: usize) -> u64 {
+    (vertices as u64).saturating_mul(size_of::<Point>() as u64)
+}
+
 /// Key frames that memory has to hold, of so many of so many vertices.
 pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
-    let bytes = (vertices as u64).saturating_mul(size_of::<Point>() as u64);
-    let most = options.key_bytes / bytes.max(1);
+    let most = options.key_bytes / bytes(vertices).max(1);
     match keys as u64 <= most {
         true => keys,
         false => keys.min((most / 2).clamp(WINDOW[0], WINDOW[1]) as usize),
@@ -47,4 +53,87 @@ pub(crate) fn animation(
     let read: Vec<_> = read.collect();
     let keys = read.into_iter().collect::<Result<_, _>>()?;
     Ok(Animation::new(keys, triangles)?)
+}
+
+pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Result<()> {
+    if found <= limit {
+        return Ok(());
+    }
+    let cause = format!("{found} {what} are more than the limit of {limit}");
+    Err(SceneError::unusable(path, cause))
+}
+
+/// Refuses vertices and triangles that cannot be numbered, and a scene without triangles.
+pub(crate) fn check_counts(
+    path: &Path,
+    [vertices, triangles]: [usize; 2],
+    hint: &str,
+) -> Result<()> {
+    within(path, "vertices", vertices, u32::MAX as usize)?;
+    within(path, "triangles", triangles, Animation::MAX_TRIANGLES)?;
+    if triangles == 0 {
+        return Err(SceneError::unusable(path, format!("no triangles{hint}")));
+    }
+    Ok(())
+}
+
+/// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
+pub(crate) fn check_keys(
+    place: impl AsRef<Path>,
+    (keys, vertices, triangles): (usize, usize, usize),
+    options: &Options,
+) -> Result<()> {
+    let held = held(keys, vertices, options);
+    let bytes = (held as u64).saturating_mul(bytes(vertices));
+    let plural = if keys == 1 { "" } else { "s" };
+    let share = match held == keys {
+        true => String::new(),
+        false => format!("{held} of "),
+    };
+    let mut what = format!("{share}{keys} key frame{plural} of {vertices} vertices");
+    if options.triangle_bytes > 0 {
+        what += &format!(", and trees over {triangles} triangles");
+    }
+    check_memory(place, what, with_more(bytes, triangles, options), options)
+}
+
+/// Bytes of a scene, and of what follows it.
+pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
+    (triangles as u64)
+        .saturating_mul(options.triangle_bytes)
+        .saturating_add(options.more_bytes)
+        .saturating_add(bytes)
+}
+
+pub(crate) fn check_mesh(path: &Path, [vertices, faces]: [usize; 2], bytes: usize) -> Result<()> {
+    let what = format!("reading {vertices} vertices and {faces} faces");
+    host::check(bytes as u64).map_err(|e| SceneError::unusable(path, format_args!("{what}: {e}")))
+}
+
+pub(crate) fn check_memory(
+    place: impl AsRef<Path>,
+    what: String,
+    bytes: u64,
+    options: &Options,
+) -> Result<()> {
+    let by = "limit given";
+    let checked = match options.memory {
+        Some(limit) => host::within(bytes, Some(Free { bytes: limit, by })),
+        None => host::check(bytes),
+    };
+    checked.map_err(|e| SceneError::unusable(place, format_args!("{what}: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_numbered_is_refused_with_need_and_limit() {
+        let limit = Animation::MAX_TRIANGLES;
+        let within = |found| within(Path::new("a.ply"), "triangles", found, limit);
+        let e = within(limit + 1).unwrap_err().to_string();
+        assert!(e.contains("1073741825") && e.contains("1073741824"), "{e}");
+        assert!(within(limit).is_ok());
+    }
 }

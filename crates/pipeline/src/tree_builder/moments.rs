@@ -27,7 +27,7 @@ impl<'a> Moments<'a> {
 
     pub(super) fn at(&self, pose: Pose) -> Result<Moment<'a>, KeyFrameError> {
         match &self.observed {
-            Some(frames) => Ok(self.animation.moment_between(frames.clone(), pose)),
+            Some(frames) => Ok(Moment::new(self.animation, pose, frames.clone())),
             None => self.animation.moment(pose),
         }
     }

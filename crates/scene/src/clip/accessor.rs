@@ -3,7 +3,7 @@
 use super::document::File;
 use crate::{Result, SceneError};
 use gltf::Accessor;
-use gltf::accessor::{DataType, Dimensions};
+use gltf::accessor::{DataType, Dimensions, Item};
 use gltf::buffer::View;
 
 /// Reads an accessor of N floats an element; integers are normalised if the accessor says so.
@@ -19,21 +19,17 @@ pub(super) fn floats<const N: usize>(
     };
     expect(file, accessor, dimensions)?;
     let kind = accessor.data_type();
-    let largest = match kind {
+    let unexpected = |what| Err(unexpected(file, accessor, what));
+    let largest: Option<f32> = match kind {
         DataType::F32 => None,
-        _ if dimensions == Dimensions::Mat4 => {
-            return Err(unexpected(file, accessor, "32-bit floats"));
-        }
+        _ if dimensions == Dimensions::Mat4 => return unexpected("32-bit floats"),
         DataType::I8 => Some(127.0),
         DataType::U8 => Some(255.0),
         DataType::I16 => Some(32767.0),
         DataType::U16 => Some(65535.0),
-        DataType::U32 => {
-            let what = "numbers that are not 32-bit integers";
-            return Err(unexpected(file, accessor, what));
-        }
+        DataType::U32 => return unexpected("numbers that are not 32-bit integers"),
     };
-    let largest: Option<f32> = largest.filter(|_| accessor.normalized());
+    let largest = largest.filter(|_| accessor.normalized());
     elements(file, accessor, |bytes| {
         std::array::from_fn(|i| {
             let x = number(kind, &bytes[i * kind.size()..]) as f32;
@@ -86,18 +82,14 @@ fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Resul
     Err(unexpected(file, accessor, &what))
 }
 
-/// The number at the start of `bytes`.
 fn number(kind: DataType, bytes: &[u8]) -> f64 {
-    fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
-        std::array::from_fn(|i| bytes[i])
-    }
     match kind {
-        DataType::I8 => i8::from_le_bytes(first(bytes)).into(),
-        DataType::U8 => bytes[0].into(),
-        DataType::I16 => i16::from_le_bytes(first(bytes)).into(),
-        DataType::U16 => u16::from_le_bytes(first(bytes)).into(),
-        DataType::U32 => u32::from_le_bytes(first(bytes)).into(),
-        DataType::F32 => f32::from_le_bytes(first(bytes)).into(),
+        DataType::I8 => i8::from_slice(bytes).into(),
+        DataType::U8 => u8::from_slice(bytes).into(),
+        DataType::I16 => i16::from_slice(bytes).into(),
+        DataType::U16 => u16::from_slice(bytes).into(),
+        DataType::U32 => u32::from_slice(bytes).into(),
+        DataType::F32 => f32::from_slice(bytes).into(),
     }
 }
 

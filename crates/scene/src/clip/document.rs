@@ -11,7 +11,6 @@ use gltf::{Document, buffer};
 use host::Folder;
 use std::path::{Path, PathBuf};
 
-/// What was read.
 pub(super) struct File {
     pub(super) path: PathBuf,
     pub(super) document: Document,
@@ -43,11 +42,8 @@ impl File {
 
     /// Remarks on extensions that the file does without where they are not understood.
     pub(super) fn remarks(&self) -> Vec<String> {
-        let unknown = self
-            .document
-            .extensions_used()
-            .filter(|n| !is_understood(n));
-        unknown
+        let used = self.document.extensions_used();
+        used.filter(|name| !is_understood(name))
             .map(|name| format!("the extension {name:?} is not supported and left out"))
             .collect()
     }
@@ -80,10 +76,8 @@ impl File {
             let data = data.map_err(|cause| self.wrong(place, cause))?;
             let (found, needed) = (data.len(), buffer.length());
             if found < needed {
-                return Err(self.wrong(
-                    place,
-                    format!("{needed} bytes are declared, {found} are there"),
-                ));
+                let cause = format!("{needed} bytes are declared, {found} are there");
+                return Err(self.wrong(place, cause));
             }
             Ok(data)
         };
@@ -118,11 +112,8 @@ fn check_container(bytes: &[u8]) -> Result<(), String> {
     if !bytes.starts_with(b"glTF") {
         return Ok(());
     }
-    let length = bytes
-        .get(8..12)
-        .and_then(|b| b.first_chunk())
-        .map(|b| u32::from_le_bytes(*b));
-    match length {
+    let length = bytes.as_chunks().0.get(2).copied();
+    match length.map(u32::from_le_bytes) {
         Some(length) if (length as usize) > bytes.len() => {
             let found = bytes.len();
             Err(format!(

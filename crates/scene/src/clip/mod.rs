@@ -1,8 +1,7 @@
 //! glTF: one clip of a file's animations, sampled to vertex key frames.
 //!
-//! After the glTF 2.0 specification (Khronos): node transforms, skins and
-//! morph targets are evaluated at each key in double precision and rounded
-//! once. Textures, cameras and lights are not read.
+//! After the glTF 2.0 specification (Khronos): node transforms, skins and morph targets are evaluated at each key in
+//! double precision and rounded once. Textures, cameras and lights are not read.
 
 mod accessor;
 mod document;
@@ -10,8 +9,9 @@ mod motion;
 mod part;
 mod rig;
 
-use crate::mesh::{check_counts, check_keys, joined_triangles, within};
+use crate::mesh::joined_triangles;
 use crate::source::extension;
+use crate::stream::{check_counts, check_keys, within};
 use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
 use document::File;
 use motion::Motion;
@@ -20,12 +20,10 @@ use rig::Rig;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The most key frames sampled from a clip.
 const MAX_KEYS: usize = 1 << 16;
 /// The most vertices in all key frames together: 48 GiB.
 const MAX_POSITIONS: usize = 1 << 32;
 
-/// Opens a `.gltf` or `.glb` file.
 pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene> {
     let fps = options.fps;
     if !(fps > 0.0 && fps <= MAX_FPS) {
@@ -39,10 +37,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     part::check_room(&file, &rig, options)?;
     let parts = part::all(&file, &rig, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
-    let motion = match &clip {
-        Some(clip) => Motion::of(&file, clip)?,
-        None => Motion::default(),
-    };
+    let motion = Motion::of(&file, clip.as_ref())?;
     let times = times(path, motion.span(), fps)?;
     let vertices = parts.iter().map(Part::vertices).sum();
     check_sizes(path, &parts, (times.len(), vertices), &notes, options)?;
@@ -56,7 +51,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
         notes,
     };
-    let size = (times.len(), vertices);
+    let keys = times.len();
     let source = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
@@ -67,10 +62,10 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
         }
         Ok(points)
     };
-    let animation = Arc::new(stream::animation(source, size, triangles, options)?);
+    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
     Ok(Scene {
         name,
-        animation,
+        animation: Arc::new(animation),
         colours,
         facts,
     })
@@ -102,16 +97,14 @@ fn choose<'a>(
     if let Some(clip) = index.and_then(|i| clips.nth(i)) {
         return Ok(Some(clip));
     }
-    let names = all
-        .iter()
-        .enumerate()
-        .map(|(i, name)| format!("{i} {name:?}"));
-    let names = match all.is_empty() {
+    let numbered = |(i, name): (usize, &String)| format!("{i} {name:?}");
+    let numbered: Vec<_> = all.iter().enumerate().map(numbered).collect();
+    let there = match all.is_empty() {
         true => "the file has no clips".to_owned(),
-        false => format!("there are {}", names.collect::<Vec<_>>().join(", ")),
+        false => format!("there are {}", numbered.join(", ")),
     };
-    let cause = format!("no clip {asked:?}; {names}");
-    Err(SceneError::unusable(file.path.display(), cause))
+    let cause = format!("no clip {asked:?}; {there}");
+    Err(SceneError::unusable(&file.path, cause))
 }
 
 /// Times in seconds from end to end of the clip, evenly spaced, `fps` a second or a little more.
@@ -119,12 +112,9 @@ fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>> {
     // The allowance keeps rounding from adding a key: 2.0000001 s are two.
     let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;
     within(path, "key frames", steps.saturating_add(1), MAX_KEYS)?;
-    let at = |i: usize| {
-        if i == steps {
-            end
-        } else {
-            start + (end - start) * (i as f64 / steps as f64)
-        }
+    let at = |i: usize| match i == steps {
+        true => end,
+        false => start + (end - start) * (i as f64 / steps as f64),
     };
     Ok((0..=steps).map(at).collect())
 }
@@ -138,7 +128,7 @@ fn check_sizes(
     options: &Options,
 ) -> Result<()> {
     let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
-    check_keys(path.display(), (keys, vertices, count), options)?;
+    check_keys(path, (keys, vertices, count), options)?;
     let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
     let hint = notes.first().map(|note| format!("; {note}"));

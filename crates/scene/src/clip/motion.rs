@@ -18,10 +18,10 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Reads all channels of a clip.
-    pub(super) fn of(file: &File, clip: &gltf::Animation<'_>) -> Result<Self> {
+    /// Reads all channels of a clip, if there is one.
+    pub(super) fn of(file: &File, clip: Option<&gltf::Animation<'_>>) -> Result<Self> {
         let mut motion = Self::default();
-        for channel in clip.channels() {
+        for channel in clip.into_iter().flat_map(gltf::Animation::channels) {
             motion.add(file, &channel)?;
         }
         Ok(motion)
@@ -29,8 +29,8 @@ impl Motion {
 
     /// Whether anything moves at a node.
     pub(super) fn moves(&self, node: usize) -> bool {
-        let mut own = self.tracks.range((node, 0)..(node + 1, 0));
-        own.next().is_some()
+        let own = self.tracks.range((node, 0)..(node + 1, 0));
+        own.count() > 0
     }
 
     fn at(&self, node: usize, property: Property, time: f64) -> Option<Vec<f64>> {
@@ -92,7 +92,6 @@ impl Motion {
     }
 }
 
-/// Numbers of elements of N, one element after the other.
 fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result<Vec<f64>> {
     let elements = floats::<N>(file, accessor)?;
     Ok(elements.into_iter().flatten().map(f64::from).collect())
@@ -100,9 +99,9 @@ fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result
 
 /// How many morph targets a node's mesh has.
 fn targets(node: &gltf::Node<'_>) -> usize {
-    let mesh = node.mesh();
-    mesh.and_then(|m| m.primitives().map(|p| p.morph_targets().count()).max())
-        .unwrap_or(0)
+    let primitives = node.mesh().into_iter().flat_map(|m| m.primitives());
+    let counts = primitives.map(|p| p.morph_targets().count());
+    counts.max().unwrap_or(0)
 }
 
 /// Finite times that never fall.

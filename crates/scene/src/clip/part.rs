@@ -3,8 +3,9 @@
 use super::accessor::{count, floats, indices, listed};
 use super::document::File;
 use super::motion::Motion;
-use super::rig::{self, Pose, Rig, vector};
-use crate::mesh::{check_memory, compact, from_linear};
+use super::rig::{self, Rig, vector};
+use crate::mesh::{compact, from_linear};
+use crate::stream::check_memory;
 use crate::{Options, Result, Rgb};
 use geom::Point;
 use glam::{DMat4, DVec3, Mat4};
@@ -12,7 +13,6 @@ use gltf::mesh::Mode;
 use gltf::{Node, Primitive, Semantic};
 use std::collections::BTreeMap;
 
-/// One primitive at one node.
 #[derive(Clone)]
 pub(super) struct Part {
     node: usize,
@@ -65,7 +65,7 @@ pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<()
         }
     }
     let what = "the meshes of its nodes".to_owned();
-    check_memory(file.path.display(), what, bytes, options)
+    check_memory(&file.path, what, bytes, options)
 }
 
 /// Bytes that what is kept of a primitive takes.
@@ -103,15 +103,13 @@ impl Part {
             check_count(file, accessor.index(), moves.len(), positions.len())?;
             moved.push((number, moves));
         }
-        let mut skin = node
-            .skin()
-            .map(|skin| Skin::new(file, &skin, primitive, positions.len()))
-            .transpose()?;
+        let skin = node.skin();
+        let skin = skin.map(|skin| Skin::new(file, &skin, primitive, positions.len()));
+        let mut skin = skin.transpose()?;
         let kept = compact(&mut triangles, positions.len());
         let used = || kept.iter().map(|&v| v as usize);
-        if let Some(skin) = &mut skin {
-            let holds = used().map(|v| std::mem::take(&mut skin.holds[v]));
-            skin.holds = holds.collect();
+        if let Some(Skin { holds, .. }) = &mut skin {
+            *holds = used().map(|v| std::mem::take(&mut holds[v])).collect();
         }
         let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
         let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
@@ -132,13 +130,11 @@ impl Part {
         })
     }
 
-    /// How many vertices it has.
     pub(super) fn vertices(&self) -> usize {
         self.rest.len()
     }
 
-    /// Where its vertices stand.
-    pub(super) fn positions(&self, pose: &Pose, motion: &Motion, time: f64) -> Vec<Point> {
+    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Point> {
         let mut points = self.rest.clone();
         let weights = motion.weights(self.node, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
@@ -149,7 +145,7 @@ impl Part {
                 each.for_each(|(p, m)| *p += weight * *m);
             }
         }
-        let world = pose.world(self.node) * self.place;
+        let world = pose[self.node] * self.place;
         match &self.skin {
             Some(skin) => skin.bend(&mut points, pose, world),
             None => points
@@ -200,9 +196,8 @@ fn triangles(
             let (whole, rest) = list.as_chunks::<3>();
             if !rest.is_empty() {
                 let left = rest.len();
-                notes.push(format!(
-                    "left out {left} indices that make no whole triangle"
-                ));
+                let note = format!("left out {left} indices that make no whole triangle");
+                notes.push(note);
             }
             whole.to_vec()
         }
@@ -235,10 +230,8 @@ impl Skin {
                     let cause = format!("{found} inverse bind matrices for {joints} joints");
                     return Err(file.wrong(("skin", skin.index()), cause));
                 }
-                binds
-                    .iter()
-                    .map(|m| Mat4::from_cols_array(m).as_dmat4())
-                    .collect()
+                let binds = binds.iter().map(Mat4::from_cols_array);
+                binds.map(|m| m.as_dmat4()).collect()
             }
             None => vec![DMat4::IDENTITY; nodes.len()],
         };
@@ -257,11 +250,9 @@ impl Skin {
     }
 
     /// Each vertex goes where its joints take it; the node itself has no say (glTF 2.0, 3.7.3.3).
-    fn bend(&self, points: &mut [DVec3], pose: &Pose, world: DMat4) {
-        let joints = self.joints.iter();
-        let joints: Vec<_> = joints
-            .map(|&(node, bind)| pose.world(node) * bind)
-            .collect();
+    fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
+        let joints = self.joints.iter().map(|&(node, bind)| pose[node] * bind);
+        let joints: Vec<_> = joints.collect();
         for (p, holds) in points.iter_mut().zip(&self.holds) {
             *p = match holds.as_slice() {
                 [] => world.transform_point3(*p),

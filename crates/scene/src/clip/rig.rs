@@ -17,33 +17,19 @@ pub(super) struct Rig {
 
 struct Joint {
     parent: Option<usize>,
-    rest: Rest,
-}
-
-/// A node's own transform where no clip moves it.
-enum Rest {
-    Matrix(DMat4),
-    Parts(Parts),
+    /// Where no clip moves it.
+    rest: Transform,
 }
 
 /// Translation, rotation and scale.
 pub(super) type Parts = (DVec3, DQuat, DVec3);
-
-/// From each node's frame to the world's.
-pub(super) struct Pose(Vec<DMat4>);
-
-impl Pose {
-    pub(super) fn world(&self, node: usize) -> DMat4 {
-        self.0[node]
-    }
-}
 
 impl Rig {
     /// Sorts the nodes; they must make up trees.
     pub(super) fn new(file: &File) -> Result<Self> {
         let joint = |node: Node<'_>| Joint {
             parent: None,
-            rest: rest(node.transform()),
+            rest: node.transform(),
         };
         let mut nodes: Vec<_> = file.document.nodes().map(joint).collect();
         for node in file.document.nodes() {
@@ -77,8 +63,8 @@ impl Rig {
         }
     }
 
-    /// Where every node stands at `time`.
-    pub(super) fn pose(&self, motion: &Motion, time: f64) -> Pose {
+    /// From each node's frame to the world's, at `time`.
+    pub(super) fn pose(&self, motion: &Motion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
             let own = self.own(i, motion, time);
@@ -87,36 +73,30 @@ impl Rig {
                 None => own,
             };
         }
-        Pose(world)
+        world
     }
 
     fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
-        let rest = &self.nodes[node].rest;
-        let parts = match rest {
-            Rest::Matrix(matrix) if !motion.moves(node) => return *matrix,
-            Rest::Matrix(matrix) => {
+        let parts = match &self.nodes[node].rest {
+            Transform::Matrix { matrix } => {
+                let matrix = Mat4::from_cols_array_2d(matrix).as_dmat4();
+                if !motion.moves(node) {
+                    return matrix;
+                }
                 let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
                 (translation, rotation, scale)
             }
-            Rest::Parts(parts) => *parts,
+            &Transform::Decomposed {
+                translation,
+                rotation,
+                scale,
+            } => {
+                let rotation = unit(&rotation.map(f64::from));
+                (vector(translation), rotation, vector(scale))
+            }
         };
         let (translation, rotation, scale) = motion.parts(node, time, parts);
         DMat4::from_scale_rotation_translation(scale, rotation, translation)
-    }
-}
-
-fn rest(transform: Transform) -> Rest {
-    match transform {
-        Transform::Matrix { matrix } => Rest::Matrix(Mat4::from_cols_array_2d(&matrix).as_dmat4()),
-        Transform::Decomposed {
-            translation,
-            rotation,
-            scale,
-        } => Rest::Parts((
-            vector(translation),
-            unit(&rotation.map(f64::from)),
-            vector(scale),
-        )),
     }
 }
 

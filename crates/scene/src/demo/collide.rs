@@ -1,8 +1,8 @@
 //! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
 
-use super::chance::{between, direction, noise};
 use super::shapes::{cube, cube_cuts, onto_ball};
 use super::stage::{Part, Trajectory, blend, rotation, shade};
+use super::{between, direction, noise};
 use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -14,6 +14,8 @@ const CONTACT: [f64; 2] = [0.32, 0.52];
 /// Speeds of either body before and after, in radii a whole time.
 const SPEED: [f64; 2] = [6.5, 4.6];
 const FLOOR: Rgb = [205, 203, 210];
+/// Of each body's splinters.
+const SPLINTERS: [Rgb; 2] = [[226, 120, 48], [120, 170, 172]];
 
 /// One of the two bodies: `side` is -1 for the left one.
 #[derive(Clone, Copy)]
@@ -76,11 +78,8 @@ fn paint(body: Body, p: DVec3) -> Rgb {
         let stem = if p.y > 0.93 { [92, 112, 52] } else { skin };
         return shade(stem, speckle);
     }
-    let band = libm::sin(7.0 * p.y + 1.5 * noise(72, p * 2.0));
-    shade(
-        blend([28, 104, 122], [236, 226, 200], 0.5 + 4.0 * band),
-        speckle,
-    )
+    let band = 0.5 + 4.0 * libm::sin(7.0 * p.y + 1.5 * noise(72, p * 2.0));
+    shade(blend([28, 104, 122], [236, 226, 200], band), speckle)
 }
 
 impl Body {
@@ -110,11 +109,7 @@ impl Body {
     }
 
     fn place(&self, p: DVec3, time: f64) -> DVec3 {
-        let slow = if time < CONTACT[1] {
-            time
-        } else {
-            CONTACT[1] + 0.6 * (time - CONTACT[1])
-        };
+        let slow = time.min(CONTACT[1]) + 0.6 * (time - CONTACT[1]).max(0.0);
         let p = wobble(time) * (rotation(self.axis, self.spin * slow) * p);
         // Measured from the plane of contact into this body's own half.
         let inward = self.distance(time) - p.x * -self.side;
@@ -148,7 +143,8 @@ fn wobble(time: f64) -> DMat3 {
 
 /// A closed splinter, hidden in its body until the touch, then thrown out of the rim of the contact.
 fn splinter(index: u64) -> Part {
-    let owner = BODIES[(index % 2) as usize];
+    let which = (index % 2) as usize;
+    let owner = BODIES[which];
     let size = between(81, index, [0.012, 0.045]);
     let shape = DVec3::new(
         1.0,
@@ -156,17 +152,7 @@ fn splinter(index: u64) -> Part {
         between(83, index, [0.15, 0.5]),
     ) * size;
     let mesh = cube(1).map(|p| (p + 0.35 * direction(84, index)) * shape);
-    let tint = between(85, index, [-0.2, 0.2]);
-    let colour = move |_| {
-        shade(
-            if owner.side < 0.0 {
-                [226, 120, 48]
-            } else {
-                [120, 170, 172]
-            },
-            tint,
-        )
-    };
+    let colour = shade(SPLINTERS[which], between(85, index, [-0.2, 0.2]));
     let around = TAU * between(86, index, [0.0, 1.0]);
     let out = DVec3::new(0.0, libm::cos(around), libm::sin(around));
     let within = out * between(87, index, [0.1, 0.5]);
@@ -185,8 +171,13 @@ fn splinter(index: u64) -> Part {
         spin: between(92, index, [0.2, 1.0]) * TAU,
         rest: start.y.min(size),
     };
-    Part::rigid(mesh, colour, move |time| {
-        let ridden = at(time.min(CONTACT[0])) - start;
-        DAffine3::from_translation(ridden) * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
-    })
+    Part::rigid(
+        mesh,
+        move |_| colour,
+        move |time| {
+            let ridden = at(time.min(CONTACT[0])) - start;
+            DAffine3::from_translation(ridden)
+                * trajectory.pose((time - CONTACT[0]).max(0.0) * SECONDS)
+        },
+    )
 }

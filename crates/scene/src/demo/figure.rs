@@ -1,6 +1,6 @@
 //! A figure that walks: fourteen closed limbs on a jointed skeleton.
 
-use super::shapes::{Mesh, capsule};
+use super::shapes::capsule;
 use super::stage::{Part, rotation};
 use crate::Rgb;
 use glam::{DAffine3, DVec3};
@@ -16,7 +16,7 @@ const HIP: f64 = 0.93;
 const THIGH: f64 = 0.43;
 const SHIN: f64 = 0.42;
 /// The least number of triangles a figure can have: six a limb.
-pub(super) const FEWEST: usize = 14 * 6;
+const FEWEST: usize = 14 * 6;
 
 /// Where on its walk the figure is: place of the ground under it, phase of the stride in turns.
 #[derive(Clone, Copy)]
@@ -26,7 +26,7 @@ pub(super) struct Step {
 }
 
 /// Limbs hang from joints; `side` is -1 for the left one, 0 where there is but one.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 enum Limb {
     Pelvis,
     Chest,
@@ -39,61 +39,44 @@ enum Limb {
     Foot,
 }
 
-/// Share of the triangles, length, radii at joint and end, colour.
-struct Look(f64, f64, [f64; 2], Rgb);
+/// A limb: share of the triangles, length, radii at joint and end, colour.
+type Look = (Limb, f64, f64, [f64; 2], Rgb);
 
-impl Limb {
-    const SINGLE: [Self; 4] = [Self::Pelvis, Self::Chest, Self::Head, Self::Hair];
-    const PAIRED: [Self; 5] = [
-        Self::UpperArm,
-        Self::Forearm,
-        Self::Thigh,
-        Self::Shin,
-        Self::Foot,
-    ];
+const SINGLE: [Look; 4] = [
+    (Limb::Pelvis, 0.08, 0.1, [0.13, 0.14], TROUSERS),
+    (Limb::Chest, 0.14, 0.34, [0.16, 0.125], SHIRT),
+    (Limb::Head, 0.12, 0.07, [0.1, 0.085], SKIN),
+    (Limb::Hair, 0.06, 0.02, [0.106, 0.1], HAIR),
+];
+const PAIRED: [Look; 5] = [
+    (Limb::UpperArm, 0.06, 0.28, [0.058, 0.046], SHIRT),
+    (Limb::Forearm, 0.06, 0.27, [0.044, 0.036], SKIN),
+    (Limb::Thigh, 0.07, THIGH, [0.086, 0.066], TROUSERS),
+    (Limb::Shin, 0.06, SHIN, [0.062, 0.046], TROUSERS),
+    (Limb::Foot, 0.05, 0.15, [0.05, 0.044], SHOES),
+];
 
-    fn look(self) -> Look {
-        match self {
-            Self::Pelvis => Look(0.08, 0.1, [0.13, 0.14], TROUSERS),
-            Self::Chest => Look(0.14, 0.34, [0.16, 0.125], SHIRT),
-            Self::Head => Look(0.12, 0.07, [0.1, 0.085], SKIN),
-            Self::Hair => Look(0.06, 0.02, [0.106, 0.1], HAIR),
-            Self::UpperArm => Look(0.06, 0.28, [0.058, 0.046], SHIRT),
-            Self::Forearm => Look(0.06, 0.27, [0.044, 0.036], SKIN),
-            Self::Thigh => Look(0.07, THIGH, [0.086, 0.066], TROUSERS),
-            Self::Shin => Look(0.06, SHIN, [0.062, 0.046], TROUSERS),
-            Self::Foot => Look(0.05, 0.15, [0.05, 0.044], SHOES),
-        }
-    }
-
-    fn shape(self, budget: usize) -> Mesh {
-        let Look(share, length, radii, _) = self.look();
-        let triangles = (share * budget as f64) as usize;
-        capsule(triangles, length, radii).map(|p| match self {
-            Self::Chest => p * DVec3::new(0.72, 1.0, 1.12),
-            Self::Pelvis => p * DVec3::new(0.8, 0.8, 1.05),
-            _ => p,
-        })
-    }
-}
-
-/// The limbs of a figure of about `budget` triangles (at least [`FEWEST`]) whose walk is told by `walk`.
+/// The limbs of a figure of about `budget` triangles whose walk is told by `walk`; none if these are fewer than it takes.
 pub(super) fn figure(
     budget: usize,
     walk: impl Fn(f64) -> Step + Copy + Send + Sync + 'static,
 ) -> Vec<Part> {
-    let single = Limb::SINGLE.map(|limb| (limb, 0.0)).into_iter();
-    let paired = Limb::PAIRED
-        .into_iter()
-        .flat_map(|limb| [(limb, -1.0), (limb, 1.0)]);
-    let part = |(limb, side): (Limb, f64)| {
-        let Look(_, _, _, colour) = limb.look();
-        Part::rigid(
-            limb.shape(budget),
-            move |_| colour,
-            move |time| place(limb, side, walk(time)),
-        )
+    if budget < FEWEST {
+        return Vec::new();
+    }
+    let single = SINGLE.map(|look| (look, 0.0)).into_iter();
+    let sides = |look| [(look, -1.0), (look, 1.0)];
+    let part = |((limb, share, length, radii, colour), side): (Look, f64)| {
+        let stretch = match limb {
+            Limb::Chest => DVec3::new(0.72, 1.0, 1.12),
+            Limb::Pelvis => DVec3::new(0.8, 0.8, 1.05),
+            _ => DVec3::ONE,
+        };
+        let mesh = capsule((share * budget as f64) as usize, length, radii).map(|p| p * stretch);
+        let pose = move |time| place(limb, side, walk(time));
+        Part::rigid(mesh, move |_| colour, pose)
     };
+    let paired = PAIRED.into_iter().flat_map(sides);
     single.chain(paired).map(part).collect()
 }
 
@@ -110,36 +93,22 @@ fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
     let lean = -0.06;
     let spine = root * joint(DVec3::new(0.0, HIP + bob, 0.0), lean);
     let (sin, cos) = swing(step, side);
+    let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
+    let above = |limb| place(limb, side, step);
     match limb {
         Limb::Pelvis => spine * joint(DVec3::new(0.0, 0.1, 0.0), 0.0),
         Limb::Chest => spine * joint(DVec3::new(0.0, 0.44, 0.0), 0.0),
         Limb::Head => spine * joint(DVec3::new(0.03, 0.76, 0.0), -lean),
         Limb::Hair => spine * joint(DVec3::new(0.005, 0.79, 0.0), -lean - 0.5),
-        Limb::UpperArm | Limb::Forearm => {
-            let shoulder = spine * joint(DVec3::new(0.0, 0.47, 0.215 * side), -0.5 * sin);
-            let bend = 0.4 - 0.2 * sin;
-            if limb == Limb::UpperArm {
-                shoulder
-            } else {
-                shoulder * joint(DVec3::NEG_Y * 0.28, bend)
-            }
-        }
-        Limb::Thigh | Limb::Shin | Limb::Foot => {
-            let thigh = spine * joint(DVec3::new(0.0, 0.0, 0.1 * side), 0.42 * sin + 0.1 - lean);
-            if limb == Limb::Thigh {
-                return thigh;
-            }
-            let knee = 0.16 + 0.85 * cos.max(0.0) * cos.max(0.0);
-            let shin = thigh * joint(DVec3::NEG_Y * THIGH, -knee);
-            if limb == Limb::Shin {
-                return shin;
-            }
+        Limb::UpperArm => spine * joint(DVec3::new(0.0, 0.47, 0.215 * side), -0.5 * sin),
+        Limb::Forearm => above(Limb::UpperArm) * joint(DVec3::NEG_Y * 0.28, 0.4 - 0.2 * sin),
+        Limb::Thigh => spine * joint(DVec3::new(0.0, 0.0, 0.1 * side), 0.42 * sin + 0.1 - lean),
+        Limb::Shin => above(Limb::Thigh) * joint(DVec3::NEG_Y * THIGH, -knee),
+        Limb::Foot => {
             // Flat while it carries, toes down while it swings.
             let level = knee - 0.42 * sin - 0.1;
-            shin * joint(
-                DVec3::new(-0.03, -SHIN, 0.0),
-                level * (1.0 - 0.45 * cos.max(0.0)) + 1.57,
-            )
+            let angle = level * (1.0 - 0.45 * cos.max(0.0)) + 1.57;
+            above(Limb::Shin) * joint(DVec3::new(-0.03, -SHIN, 0.0), angle)
         }
     }
 }

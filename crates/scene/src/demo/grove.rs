@@ -1,9 +1,9 @@
 //! `demo:grove`: a clearing with trees and grass that sway in the wind, and a figure that walks through it.
 
-use super::chance::{between, direction, noise, unit};
-use super::figure::{FEWEST, Step, figure};
+use super::figure::{Step, figure};
 use super::shapes::{Mesh, revolve, revolve_size, sheet, sheet_size};
 use super::stage::{Part, blend, shade};
+use super::{between, direction, noise, unit};
 use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -20,9 +20,7 @@ const LEAVES: [Rgb; 4] = [[86, 138, 60], [120, 160, 62], [62, 116, 74], [206, 15
 /// About `budget` triangles: a tenth ground, a tenth figure, a sixth grass, the rest trees.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![ground((budget / 10).max(2))];
-    if budget / 10 >= FEWEST {
-        parts.extend(figure(budget / 10, walk));
-    }
+    parts.extend(figure(budget / 10, walk));
     let used: usize = parts.iter().map(Part::len).sum();
     let left = budget.saturating_sub(used);
     parts.push(grass(left / 6));
@@ -48,8 +46,7 @@ fn on_path(x: f64, z: f64) -> bool {
 }
 
 fn ground(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, 1.0);
-    let mesh = sheet(columns, rows, |u, v| {
+    let mesh = sheet(sheet_size(budget, 1.0), |u, v| {
         let (x, z) = ((2.0 * u - 1.0) * HALF, (2.0 * v - 1.0) * HALF);
         DVec3::new(x, hill(x, z), z)
     });
@@ -139,8 +136,7 @@ fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
 }
 
 fn trunk(budget: usize, root: DVec3, height: f64) -> Part {
-    let [sides, rings] = revolve_size(budget, 3.0);
-    let mesh = revolve(sides, rings, |v| {
+    let mesh = revolve(revolve_size(budget, 3.0), |v| {
         let flare = 0.05 * libm::exp(-9.0 * (1.0 - v));
         DVec2::new(
             height * (0.012 + 0.026 * v + flare),
@@ -186,13 +182,7 @@ fn add_leaf(mesh: &mut Mesh, stem: DVec3, aim: DVec3, size: f64) {
     let at = |along: f64, side: f64| {
         stem + size * (along * aim + side * (across * 0.42) + side.abs() * fold)
     };
-    let outline = [
-        (0.0, 0.0),
-        (0.45, -1.0),
-        (0.5, 0.0),
-        (0.45, 1.0),
-        (1.0, 0.0),
-    ];
-    let points = outline.map(|(along, side)| at(along, side));
+    let (left, right) = (at(0.45, -1.0), at(0.45, 1.0));
+    let points = [at(0.0, 0.0), left, at(0.5, 0.0), right, at(1.0, 0.0)];
     mesh.add(points, [[0, 2, 1], [1, 2, 4], [0, 3, 2], [2, 3, 4]]);
 }

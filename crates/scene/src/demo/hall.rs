@@ -1,9 +1,9 @@
 //! `demo:hall`: a hall of columns that stands still, and a small figure that walks through it.
 
-use super::chance::{noise, unit};
-use super::figure::{FEWEST, Step, figure};
-use super::shapes::{Mesh, cube, cube_cuts, revolve, revolve_size, sheet, sheet_size};
+use super::figure::{Step, figure};
+use super::shapes::{cube, cube_cuts, revolve, revolve_size, sheet, sheet_size};
 use super::stage::{Part, shade, smoothstep};
+use super::{noise, unit};
 use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -24,9 +24,7 @@ const TILES: [Rgb; 2] = [[150, 120, 98], [196, 178, 150]];
 /// About `budget` triangles: a twentieth figure, a sixth floor, a fifth wall, a tenth beams, the rest columns.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![floor((budget / 6).max(2))];
-    if budget / 20 >= FEWEST {
-        parts.extend(figure(budget / 20, walk));
-    }
+    parts.extend(figure(budget / 20, walk));
     let wall_share = budget / 5;
     if wall_share >= 2 {
         parts.push(wall(wall_share));
@@ -42,11 +40,6 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
         parts.extend(places.map(|place| column(share, place)));
     }
     parts
-}
-
-/// A part that stands still. No coordinate is `-0`, which blending key frames would change.
-fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb) -> Part {
-    Part::still(mesh.map(|p| p + DVec3::ZERO), colour)
 }
 
 fn walk(time: f64) -> Step {
@@ -72,38 +65,32 @@ fn floor(budget: usize) -> Part {
     let size = sheet_size(budget, HALF[0] / HALF[1]);
     // Whole squares on every tile, where there are enough.
     let tiles = HALF.map(|half| libm::round(2.0 * half / TILE) as u32);
-    let [columns, rows] = [0, 1].map(|i| match size[i] / tiles[i] {
+    let size = [0, 1].map(|i| match size[i] / tiles[i] {
         0 => size[i],
         squares => squares * tiles[i],
     });
-    let mesh = sheet(columns, rows, |u, v| {
+    let mesh = sheet(size, |u, v| {
         let (x, z) = ((2.0 * u - 1.0) * HALF[0], (2.0 * v - 1.0) * HALF[1]);
         DVec3::new(x, -0.015 * joint(x).max(joint(z)), z)
     });
-    still(mesh, |p| {
+    Part::still(mesh, |p| {
         let [i, j] = [p.x, p.z].map(|x| libm::floor(x / TILE) as i64);
         let tile = ((i + 64) * 128 + j + 64) as u64;
         let base = TILES[((i + j) & 1) as usize];
-        shade(
-            base,
-            0.16 * (unit(201, tile) - 0.5) + 0.06 * noise(202, p * 6.0),
-        )
+        let lighter = 0.16 * (unit(201, tile) - 0.5);
+        shade(base, lighter + 0.06 * noise(202, p * 6.0))
     })
 }
 
 /// A wall along x with a round-headed niche behind each gap between columns.
 fn wall(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, 2.0 * HALF[0] / HEIGHT[1]);
-    let mesh = sheet(columns, rows, |u, v| {
+    let mesh = sheet(sheet_size(budget, 2.0 * HALF[0] / HEIGHT[1]), |u, v| {
         let (x, y) = ((2.0 * u - 1.0) * HALF[0], (1.0 - v) * HEIGHT[1]);
         DVec3::new(x, y, -HALF[1] - 0.35 * niche(x, y))
     });
-    still(mesh, |p| {
-        let depth = niche(p.x, p.y);
-        shade(
-            PLASTER,
-            0.12 * noise(203, p * 1.7) + 0.05 * noise(204, p * 11.0) - 0.2 * depth,
-        )
+    Part::still(mesh, |p| {
+        let stain = 0.12 * noise(203, p * 1.7) + 0.05 * noise(204, p * 11.0);
+        shade(PLASTER, stain - 0.2 * niche(p.x, p.y))
     })
 }
 
@@ -129,13 +116,12 @@ fn beam(budget: usize, z: f64) -> Part {
         let swell = 1.0 + 0.12 * smoothstep(0.6, 0.75, p.y);
         middle + p * half * DVec3::new(1.0, 1.0, swell)
     });
-    still(mesh, |p| shade(STONE, 0.1 * noise(205, p * 3.0) - 0.04))
+    Part::still(mesh, |p| shade(STONE, 0.1 * noise(205, p * 3.0) - 0.04))
 }
 
 /// A fluted column on a round base, with a capital.
 fn column(budget: usize, place: DVec3) -> Part {
-    let [sides, rings] = revolve_size(budget, 1.0);
-    let mesh = revolve(sides, rings, |v| {
+    let mesh = revolve(revolve_size(budget, 1.0), |v| {
         let y = HEIGHT[0] * (1.0 - v);
         let base = 0.14 * (1.0 - smoothstep(0.12, 0.34, y));
         let capital = 0.16 * smoothstep(HEIGHT[0] - 0.5, HEIGHT[0] - 0.06, y);
@@ -148,10 +134,8 @@ fn column(budget: usize, place: DVec3) -> Part {
         let flute = 1.0 - 0.07 * shaft * libm::sin(6.0 * TAU * turn).abs();
         place + p * DVec3::new(flute, 1.0, flute)
     });
-    still(fluted, |p| {
-        shade(
-            STONE,
-            0.1 * noise(206, p * 2.3) + 0.06 * noise(207, p * 14.0),
-        )
+    Part::still(fluted, |p| {
+        let stain = 0.1 * noise(206, p * 2.3) + 0.06 * noise(207, p * 14.0);
+        shade(STONE, stain)
     })
 }

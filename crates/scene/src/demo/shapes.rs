@@ -1,7 +1,6 @@
 //! Meshes to build demos from: sheets, boxes and balls, bodies of revolution.
 //!
-//! Every closed mesh shares its vertices and faces outward (counter-clockwise
-//! seen from outside).
+//! Every closed mesh shares its vertices and faces outward (counter-clockwise seen from outside).
 
 use glam::{DVec2, DVec3};
 
@@ -13,7 +12,6 @@ pub(super) struct Mesh {
 }
 
 impl Mesh {
-    /// The same triangles with every vertex moved.
     pub(super) fn map(mut self, at: impl Fn(DVec3) -> DVec3) -> Self {
         for p in &mut self.points {
             *p = at(*p);
@@ -21,7 +19,6 @@ impl Mesh {
         self
     }
 
-    /// The mean of a triangle's corners.
     pub(super) fn middle(&self, triangle: [u32; 3]) -> DVec3 {
         let [a, b, c] = triangle.map(|v| self.points[v as usize]);
         (a + b + c) / 3.0
@@ -45,7 +42,7 @@ impl Mesh {
 }
 
 /// An open sheet of `2 * columns * rows` triangles over the unit square; faces up where `at` maps (u, v) to (x, z).
-pub(super) fn sheet(columns: u32, rows: u32, at: impl Fn(f64, f64) -> DVec3) -> Mesh {
+pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=rows {
         for i in 0..=columns {
@@ -151,7 +148,7 @@ pub(super) fn onto_ball(p: DVec3) -> DVec3 {
 /// A closed body of revolution round the y axis: `2 * sides * rings` triangles.
 ///
 /// `profile` maps `0.0..=1.0` from the upper pole to the lower to (radius, height); the radius of the poles is taken as 0.
-pub(super) fn revolve(sides: u32, rings: u32, profile: impl Fn(f64) -> DVec2) -> Mesh {
+pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) -> Mesh {
     let mut mesh = Mesh::default();
     mesh.points.push(DVec3::new(0.0, profile(0.0).y, 0.0));
     for ring in 1..=rings {
@@ -171,8 +168,8 @@ pub(super) fn revolve(sides: u32, rings: u32, profile: impl Fn(f64) -> DVec2) ->
             let corners = [(0, 0), (0, 1), (1, 1), (1, 0)];
             mesh.quad(corners.map(|(a, b)| index(r + a, s + b)));
         }
-        mesh.triangles
-            .push([last, index(rings - 1, s), index(rings - 1, s + 1)]);
+        let [a, b] = [s, s + 1].map(|s| index(rings - 1, s));
+        mesh.triangles.push([last, a, b]);
     }
     mesh
 }
@@ -187,8 +184,7 @@ pub(super) fn revolve_size(budget: usize, aspect: f64) -> [u32; 2] {
 
 /// A capsule that hangs from the origin down to `-length`, with a radius for either end.
 pub(super) fn capsule(budget: usize, length: f64, [upper, lower]: [f64; 2]) -> Mesh {
-    let [sides, rings] = revolve_size(budget, 1.0);
-    revolve(sides, rings, |v| {
+    revolve(revolve_size(budget, 1.0), |v| {
         let angle = std::f64::consts::PI * v;
         let (height, reach) = (libm::cos(angle), libm::sin(angle));
         if height >= 0.0 {

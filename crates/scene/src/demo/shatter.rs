@@ -2,9 +2,9 @@
 //!
 //! Neighbours part at random speeds, so that a tree built for the whole ball says little about where anything is later.
 
-use super::chance::{between, direction, noise};
 use super::shapes::{Mesh, cube, onto_ball};
 use super::stage::{Part, Trajectory, blend, shade};
+use super::{between, direction, noise};
 use crate::Rgb;
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Parts that move, put together into one animation; and fragments in flight: thrown, slowed by air, tumbling, bouncing
 //! until they lie on the floor.
 
-use super::chance::noise;
+use super::noise;
 use super::shapes::{Mesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
 use crate::{Options, Result, Rgb, stream};
@@ -43,7 +43,6 @@ impl Part {
         }
     }
 
-    /// A part that keeps its shape.
     pub(super) fn rigid(
         mesh: Mesh,
         colour: impl Fn(DVec3) -> Rgb,
@@ -55,9 +54,9 @@ impl Part {
         })
     }
 
-    /// A part that stands still.
+    /// A part that stands still. No coordinate is `-0`, which blending key frames would change.
     pub(super) fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb) -> Self {
-        Self::new(mesh, colour, |_| |p| p)
+        Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
 
     /// A level floor with sides of so many metres, its colour mottled by noise of a seed and a scale.
@@ -67,14 +66,12 @@ impl Part {
         colour: Rgb,
         (seed, scale): (u64, f64),
     ) -> Self {
-        let [columns, rows] = sheet_size(budget, width / depth);
-        let mesh = sheet(columns, rows, |u, v| {
+        let mesh = sheet(sheet_size(budget, width / depth), |u, v| {
             DVec3::new((u - 0.5) * width, 0.0, (v - 0.5) * depth)
         });
         Self::still(mesh, |p| shade(colour, 0.05 * noise(seed, p * scale)))
     }
 
-    /// How many triangles it has.
     pub(super) fn len(&self) -> usize {
         self.mesh.triangles.len()
     }

@@ -1,7 +1,7 @@
 //! `demo:twist`: a striped cloth between two bars is wrung through four turns.
 
-use super::chance::noise;
-use super::shapes::{Mesh, capsule, sheet, sheet_size};
+use super::noise;
+use super::shapes::{capsule, sheet, sheet_size};
 use super::stage::{Part, blend, rotation, shade, smoothstep};
 use crate::Rgb;
 use glam::{DAffine3, DVec3};
@@ -34,8 +34,7 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
 }
 
 fn cloth(budget: usize) -> Part {
-    let [columns, rows] = sheet_size(budget, HALF[0] / HALF[1]);
-    let mesh = sheet(columns, rows, |u, v| {
+    let mesh = sheet(sheet_size(budget, HALF[0] / HALF[1]), |u, v| {
         DVec3::new((2.0 * u - 1.0) * HALF[0], (1.0 - 2.0 * v) * HALF[1], 0.0)
     });
     Part::new(mesh, weave, |time| {
@@ -47,11 +46,8 @@ fn cloth(budget: usize) -> Part {
 fn weave(p: DVec3) -> Rgb {
     let band = libm::floor((p.y / HALF[1] + 1.0) * 6.0) as usize % STRIPES.len();
     let thread = 0.05 * noise(61, p * DVec3::new(3.0, 60.0, 1.0));
-    blend(
-        shade(STRIPES[band], thread),
-        [60, 50, 60],
-        0.06 * (1.0 + noise(62, p * 40.0)),
-    )
+    let grime = 0.06 * (1.0 + noise(62, p * 40.0));
+    blend(shade(STRIPES[band], thread), [60, 50, 60], grime)
 }
 
 /// How far the cloth is wrung, from 0 on.
@@ -94,9 +90,8 @@ fn wring(p: DVec3, wrung: f64) -> DVec3 {
 /// A closed bar along one end of the cloth, which turns with it.
 fn clamp_bar(budget: usize, side: f64) -> Part {
     let length = 2.0 * HALF[1] + 0.1;
-    let mesh = Mesh::map(capsule(budget, length, [0.045, 0.045]), |p| {
-        p + DVec3::Y * 0.5 * length
-    });
+    let bar = capsule(budget, length, [0.045, 0.045]);
+    let mesh = bar.map(|p| p + DVec3::Y * 0.5 * length);
     let grain = |p: DVec3| shade(WOOD, 0.15 * noise(63, p * DVec3::new(30.0, 6.0, 30.0)));
     Part::rigid(mesh, grain, move |time| {
         let wrung = wrung(time);

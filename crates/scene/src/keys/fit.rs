@@ -9,11 +9,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Vertices looked at together: two kept frames and one between them fit the first cache.
 const BLOCK: usize = 512;
 
-/// The weight of the later kept frame at `frame`, which lies between both.
-fn weight(from: usize, frame: usize, to: usize) -> f32 {
-    ((frame - from) as f64 / (to - from) as f64) as f32
-}
-
 /// The square of the distance; 0 where both are not finite, infinite where one is.
 #[inline]
 fn square(found: Point, wanted: Point) -> f64 {
@@ -36,8 +31,7 @@ type Known = Result<f64, f64>;
 
 /// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
 ///
-/// Work is least if loose tolerances come first: what was found too far
-/// apart for those is never looked at again.
+/// Work is least if loose tolerances come first: what was found too far apart for those is never looked at again.
 #[derive(Debug)]
 pub struct Reducer<'a> {
     keys: &'a [KeyFrame],
@@ -71,52 +65,30 @@ impl<'a> Reducer<'a> {
         }
     }
 
-    /// How many frames there are.
     pub(super) fn frames(&self) -> usize {
         self.keys.len()
     }
 
-    /// The largest square over all frames between `from` and `to`, or nothing if it is more than `limit`.
-    pub(super) fn within(&mut self, from: usize, to: usize, limit: f64) -> Option<f64> {
-        let keys = self.keys;
-        let off = |frame: usize, block: &Range<usize>| {
-            let alpha = weight(from, frame, to);
-            off(keys, [from, to, frame], alpha, block)
-        };
-        self.ask(from * keys.len() + to, from + 1..to, limit, &off)
-    }
-
-    /// The largest square over all frames if `kept` stands for each of them, or nothing if it is more than `limit`.
-    pub(super) fn alone(&mut self, kept: usize, limit: f64) -> Option<f64> {
-        let keys = self.keys;
-        let off = |frame: usize, block: &Range<usize>| off(keys, [kept, kept, frame], 0.0, block);
-        self.ask(kept * keys.len() + kept, 0..keys.len(), limit, &off)
-    }
-
-    fn ask(
-        &mut self,
-        place: usize,
-        frames: Range<usize>,
-        limit: f64,
-        off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
-    ) -> Option<f64> {
+    /// The largest square over all frames between `from` and `to`, or over all frames if they are one that stands for each;
+    /// nothing if it is more than `limit`.
+    pub(super) fn within(&mut self, [from, to]: [usize; 2], limit: f64) -> Option<f64> {
+        let place = from * self.frames() + to;
         self.known[place] = match self.known[place] {
-            Err(least) if least <= limit => self.look(frames, limit, off),
+            Err(least) if least <= limit => self.look([from, to], limit),
             known => known,
         };
         self.known[place].ok().filter(|&square| square <= limit)
     }
 
     /// Looks at every block, the last suspect first, until one is too far off.
-    fn look(
-        &self,
-        frames: Range<usize>,
-        limit: f64,
-        off: &(impl Fn(usize, &Range<usize>) -> f64 + Sync),
-    ) -> Known {
+    fn look(&self, [from, to]: [usize; 2], limit: f64) -> Known {
+        let frames = match from == to {
+            true => 0..self.frames(),
+            false => from + 1..to,
+        };
         let examine = |index: usize| {
-            let block = &self.blocks[index];
-            let worst = worst_of(frames.clone(), limit, |frame| off(frame, block));
+            let off = |frame| off(self.keys, [from, to, frame], &self.blocks[index]);
+            let worst = worst_of(frames.clone(), limit, off);
             if worst <= limit {
                 return Ok(worst);
             }
@@ -145,9 +117,13 @@ fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64
     worst
 }
 
-/// The largest square in a block at one frame. `[from, to, frame]`.
-fn off(keys: &[KeyFrame], at: [usize; 3], alpha: f32, block: &Range<usize>) -> f64 {
-    let [a, b, wanted] = at.map(|key| &keys[key][block.clone()]);
+/// The largest square in a block at one frame, at the weight that its time has between the kept ones.
+fn off(keys: &[KeyFrame], [from, to, frame]: [usize; 3], block: &Range<usize>) -> f64 {
+    let [a, b, wanted] = [from, to, frame].map(|key| &keys[key][block.clone()]);
+    let alpha = match from == to {
+        true => 0.0,
+        false => ((frame - from) as f64 / (to - from) as f64) as f32,
+    };
     let pose = Pose { key: 0, alpha };
     let ends = a.iter().zip(b).zip(wanted);
     ends.fold(0.0, |worst, ((&a, &b), &wanted)| {

@@ -7,7 +7,8 @@ mod element;
 mod pattern;
 
 use crate::Location;
-use crate::mesh::{Mesh, Paint, Topology, check_mesh, compact};
+use crate::mesh::{Mesh, Paint, Topology, compact};
+use crate::stream::check_mesh;
 use crate::{Result, Rgb, SceneError};
 use element::{Element, numbers, whole_header};
 use geom::Point;
@@ -19,7 +20,6 @@ use std::path::Path;
 
 pub(crate) use pattern::Pattern;
 
-/// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     let mut file = File::open(path, &bytes)?;
@@ -34,9 +34,8 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
 
 /// Writes a mesh with a colour for each triangle, little-endian, which keeps every bit of a position.
 ///
-/// Read back by [`crate::open`] it has the same triangles in the same order,
-/// the same colours, and the same bits in every coordinate; vertices that no
-/// triangle uses are dropped by the reader.
+/// Read back by [`crate::open`] it has the same triangles in the same order, the same colours, and the same bits in every
+/// coordinate; vertices that no triangle uses are dropped by the reader.
 ///
 /// # Errors
 /// What `out` returns.
@@ -69,7 +68,6 @@ pub fn write_ply(
     Ok(())
 }
 
-/// A file while it is read.
 struct File<'a> {
     path: &'a Path,
     header: Header,
@@ -100,9 +98,8 @@ impl<'a> File<'a> {
             let location = e.line().map(|line| ("line", line));
             SceneError::malformed(path, location, header_cause(&text, &e))
         })?;
-        let elements = text.lines().map(str::trim_start);
-        let declared = elements.filter(|l| l.starts_with("element")).count();
-        if declared != header.elements.len() {
+        let is_element = |line: &&str| line.trim_start().starts_with("element");
+        if text.lines().filter(is_element).count() != header.elements.len() {
             return Err(malformed("the header declares an element twice"));
         }
         let file = Self {
@@ -139,12 +136,9 @@ impl<'a> File<'a> {
     fn listed(&self) -> usize {
         let ascii = self.header.encoding == Encoding::Ascii;
         let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
+        let words = self.rest.split(u8::is_ascii_whitespace);
         let all = match ascii {
-            true => self
-                .rest
-                .split(u8::is_ascii_whitespace)
-                .filter(|w| !w.is_empty())
-                .count(),
+            true => words.filter(|w| !w.is_empty()).count(),
             false => self.rest.len(),
         };
         // What every element has: numbers, and lengths of lists.
@@ -162,7 +156,6 @@ impl<'a> File<'a> {
         }
     }
 
-    /// How the vertices of faces are declared.
     fn corners(&self) -> Option<&PropertyType> {
         let properties = &self.header.elements.get("face")?.properties;
         let found = properties.get("vertex_indices");
@@ -197,7 +190,6 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Reads all elements of one kind.
     fn element(&mut self, definition: &ElementDef) -> Result<()> {
         let ascii = self.header.encoding == Encoding::Ascii;
         // Everything else takes a byte at least, so that no count can outlast the file.
@@ -219,15 +211,13 @@ impl<'a> File<'a> {
     }
 
     fn ascii(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
-        if self.rest.is_empty() {
+        let Some(line) = self.rest.split_inclusive(|&b| b == b'\n').next() else {
             let (name, count) = (&definition.name, definition.count);
             let cause =
                 format!("the file is cut short: {count} '{name}' are declared, {index} are there");
             return Err(self.wrong(("line", self.line + 1), cause));
-        }
-        let end = self.rest.iter().position(|&b| b == b'\n');
-        let (line, rest) = self.rest.split_at(end.map_or(self.rest.len(), |i| i + 1));
-        self.rest = rest;
+        };
+        self.rest = &self.rest[line.len()..];
         self.line += 1;
         let read = Parser::<Element>::new().read_ascii_element(&numbers(line), definition);
         read.map_err(|_| {
@@ -263,17 +253,15 @@ impl<'a> File<'a> {
             }
             "face" => {
                 self.face_colours.extend(element.colour());
-                let wrong = |cause: String| Err(self.wrong(("face", index), cause));
-                match element.corners {
-                    Some(corners) if corners.len() >= 3 => self.topology.push(corners),
-                    Some(corners) => {
-                        let found = corners.len();
-                        return wrong(format!(
-                            "a face of {found} vertices, where 3 or more are expected"
-                        ));
-                    }
-                    None => return wrong("a vertex index is negative".to_owned()),
+                let wrong = |cause: String| self.wrong(("face", index), cause);
+                let corners = element.corners;
+                let corners = corners.ok_or_else(|| wrong("a vertex index is negative".into()))?;
+                let found = corners.len();
+                if found < 3 {
+                    let cause = format!("a face of {found} vertices, where 3 or more are expected");
+                    return Err(wrong(cause));
                 }
+                self.topology.push(corners);
             }
             _ => {}
         }
@@ -293,11 +281,9 @@ impl<'a> File<'a> {
         self.topology.check(self.path)?;
         let mut notes = Vec::new();
         if !self.rest.iter().all(u8::is_ascii_whitespace) {
-            let left = self.rest.len();
-            notes.push(format!(
-                "{}: {left} bytes after the last element are left out",
-                self.path.display()
-            ));
+            let (file, left) = (self.path.display(), self.rest.len());
+            let note = format!("{file}: {left} bytes after the last element are left out");
+            notes.push(note);
         }
         let paint = if self.colours.len() == vertices {
             Paint::Vertices(self.colours)
@@ -340,7 +326,6 @@ fn header_cause(header: &str, e: &ParseError) -> String {
     }
 }
 
-/// What is wrong with a line of numbers.
 fn line_cause(line: &str) -> String {
     let mut words = line.split_ascii_whitespace();
     match words.find(|word| word.parse::<f64>().is_err()) {

@@ -12,7 +12,6 @@ pub(crate) struct Pattern {
     head: Vec<u8>,
     vertex_bytes: usize,
     tail: Vec<u8>,
-    /// Vertices that faces use.
     kept: Vec<u32>,
     floats: Option<Floats>,
 }
@@ -105,10 +104,8 @@ impl Floats {
     fn point(&self, rows: &[u8], vertex: usize) -> Point {
         let row = &rows[vertex * self.row..][..self.row];
         self.xyz.map(|at| {
-            let bytes = row[at..]
-                .first_chunk()
-                .expect("a float ends within the row");
-            f32::from_le_bytes(*bytes)
+            let bytes = row[at..].first_chunk();
+            f32::from_le_bytes(*bytes.expect("a float ends within the row"))
         })
     }
 }

@@ -1,6 +1,7 @@
 //! Files written here, whole and broken.
 
 use super::*;
+use crate::testing::put;
 use std::fs;
 
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -101,12 +102,9 @@ fn room_is_asked_for_every_corner() {
 
 #[test]
 fn vertices_that_no_face_uses_are_dropped() {
-    let mesh =
-        parse(ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n").as_bytes()).unwrap();
-    assert_eq!(
-        mesh.points,
-        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    );
+    let text = ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n");
+    let mesh = parse(text.as_bytes()).unwrap();
+    assert_eq!(mesh.points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     assert_eq!(mesh.triangles, [[2, 0, 1]]);
     assert_eq!(mesh.topology.vertices, 5);
 }
@@ -181,11 +179,6 @@ fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
 #[test]
 fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.path().join(name);
-        fs::write(&path, bytes).unwrap();
-        path
-    };
     for big in [false, true] {
         // Vertex 2 is in no face.
         let first = binary(big, &[(3, &[0, 1, 3])]);
@@ -194,10 +187,10 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
         let z = later.len() - (4 + 6) - 3 - 8;
         later[z..z + 8].copy_from_slice(&[0x3f; 8]);
         let whole = parse(&later).unwrap();
-        let read = pattern.read(&write("later.ply", &later)).unwrap().unwrap();
+        let path = put(&folder, "later.ply", &later);
+        let read = pattern.read(&path).unwrap().unwrap();
         assert_eq!(read, whole.points);
-        let again = pattern.read_again(&write("later.ply", &later)).unwrap();
-        assert_eq!(again, whole.points);
+        assert_eq!(pattern.read_again(&path).unwrap(), whole.points);
         assert_ne!(read[2], parse(&first).unwrap().points[2]);
         for other in [
             binary(big, &[(3, &[0, 1, 2])]),
@@ -206,15 +199,12 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
             [&later[..], b" "].concat(),
             ascii("0 0 0\n", "3 0 0 0\n").into_bytes(),
         ] {
-            assert!(pattern.read(&write("other.ply", &other)).unwrap().is_none());
+            let path = put(&folder, "other.ply", other);
+            assert!(pattern.read(&path).unwrap().is_none());
         }
     }
-    assert!(
-        parse(ascii("0 0 0\n", "3 0 0 0\n").as_bytes())
-            .unwrap()
-            .pattern
-            .is_none()
-    );
+    let text = parse(ascii("0 0 0\n", "3 0 0 0\n").as_bytes()).unwrap();
+    assert!(text.pattern.is_none());
 }
 
 #[test]
@@ -225,15 +215,8 @@ fn floats_are_found_wherever_they_lie_in_a_row() {
     let mut bytes = header.as_bytes().to_vec();
     for v in 0..3_u8 {
         let [x, y, z] = [f32::from(v), -0.0, f32::from(v * v)].map(f32::to_le_bytes);
-        let row = [
-            &[9][..],
-            &z,
-            &1.5_f64.to_le_bytes(),
-            &x,
-            &7_i16.to_le_bytes(),
-            &y,
-        ];
-        bytes.extend(row.concat());
+        let (w, s) = (1.5_f64.to_le_bytes(), 7_i16.to_le_bytes());
+        bytes.extend([&[9][..], &z, &w, &x, &s, &y].concat());
     }
     bytes.push(3);
     bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
@@ -241,16 +224,10 @@ fn floats_are_found_wherever_they_lie_in_a_row() {
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(file.path(), &bytes).unwrap();
     let pattern = mesh.pattern.unwrap();
-    let bits = |points: &[Point]| {
-        points
-            .iter()
-            .map(|p| p.map(f32::to_bits))
-            .collect::<Vec<_>>()
-    };
-    for read in [
-        pattern.read(file.path()).unwrap().unwrap(),
-        pattern.read_again(file.path()).unwrap(),
-    ] {
-        assert_eq!(bits(&read), bits(&mesh.points));
+    let bits = |points: Vec<Point>| points.concat().into_iter().map(f32::to_bits);
+    let read = pattern.read(file.path()).unwrap().unwrap();
+    let again = pattern.read_again(file.path()).unwrap();
+    for read in [read, again] {
+        assert!(bits(read).eq(bits(mesh.points.clone())));
     }
 }

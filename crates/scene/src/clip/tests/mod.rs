@@ -5,8 +5,17 @@ use crate::open;
 use geom::Point;
 use std::fs;
 
-mod extensions;
 mod refusals;
+
+/// Numbers of an element.
+fn size(kind: &str) -> usize {
+    match kind {
+        "SCALAR" => 1,
+        "VEC3" => 3,
+        "VEC4" => 4,
+        _ => 16,
+    }
+}
 
 /// A binary chunk and the accessors over it.
 #[derive(Default)]
@@ -36,20 +45,13 @@ impl Bin {
     }
 
     fn floats(&mut self, values: &[f32], kind: &str) -> usize {
-        let size = match kind {
-            "SCALAR" => 1,
-            "VEC3" => 3,
-            "VEC4" => 4,
-            _ => 16,
-        };
         let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-        self.add(&bytes, 5126, kind, values.len() / size, "")
+        self.add(&bytes, 5126, kind, values.len() / size(kind), "")
     }
 
     fn shorts(&mut self, values: &[u16], kind: &str) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let size = if kind == "VEC4" { 4 } else { 1 };
-        self.add(&bytes, 5123, kind, values.len() / size, "")
+        self.add(&bytes, 5123, kind, values.len() / size(kind), "")
     }
 
     /// The whole JSON with the buffer's source given.
@@ -94,6 +96,8 @@ fn close(found: Point, expected: Point) {
     let mut off = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
     assert!(off.all(|d| d < 1e-6), "{found:?} is not {expected:?}");
 }
+
+const NORMALIZED: &str = r#","normalized":true"#;
 
 const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
@@ -141,10 +145,8 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     let still = read(&bin, &none).unwrap();
     assert_eq!((still.animation.key_count(), still.facts.clip), (1, None));
     close(still.animation.first()[0], [0.0, 5.0, 0.0]);
-    let two = rest.replace(
-        r#""animations":["#,
-        r#""animations":[{"samplers":[],"channels":[]},"#,
-    );
+    let more = r#""animations":[{"samplers":[],"channels":[]},"#;
+    let two = rest.replace(r#""animations":["#, more);
     let bytes = glb(&bin.json(&two, ""), &bin.bytes);
     let with = |fps, clip: Option<&str>| {
         let options = Options {
@@ -155,18 +157,13 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
         read_with(&bytes, &options)
     };
     for (clip, keys) in [(Some("go"), 25), (Some("1"), 25), (Some("0"), 1), (None, 1)] {
-        assert_eq!(
-            with(24.0, clip).unwrap().animation.key_count(),
-            keys,
-            "{clip:?}"
-        );
+        let animation = with(24.0, clip).unwrap().animation;
+        assert_eq!(animation.key_count(), keys, "{clip:?}");
     }
     assert!(with(24.0, None).unwrap().facts.notes[0].contains("first of 2 clips: 0, go"));
     let message = with(24.0, Some("stop")).unwrap_err();
-    assert!(
-        message.contains(r#"no clip "stop"; there are 0 "0", 1 "go""#),
-        "{message}"
-    );
+    let says = r#"no clip "stop"; there are 0 "0", 1 "go""#;
+    assert!(message.contains(says), "{message}");
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
         let message = with(fps, None).unwrap_err();
         assert!(message.contains("frame rate"), "{message}");
@@ -179,13 +176,8 @@ fn skinned() -> (Bin, String) {
     let corners = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0], "VEC3");
     let joints = bin.shorts(&[0, 9, 9, 9, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4");
     // Three weights that name the first joint, the second, and both; in bytes, with a sum of 254.
-    let weights = bin.add(
-        &[255, 0, 0, 0, 255, 0, 0, 0, 127, 127, 0, 0],
-        5121,
-        "VEC4",
-        3,
-        r#","normalized":true"#,
-    );
+    let weights = [255, 0, 0, 0, 255, 0, 0, 0, 127, 127, 0, 0];
+    let weights = bin.add(&weights, 5121, "VEC4", 3, NORMALIZED);
     let mut binds = [0.0; 32];
     for i in 0..4 {
         (binds[5 * i], binds[16 + 5 * i]) = (1.0, 1.0);
@@ -224,10 +216,8 @@ fn morphing() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
     let up = bin.floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0], "VEC3");
-    let (at, by) = (
-        bin.view(&[2]),
-        bin.view(&[4.0_f32, 0.0, 0.0].map(f32::to_le_bytes).concat()),
-    );
+    let at = bin.view(&[2]);
+    let by = bin.view(&[4.0_f32, 0.0, 0.0].map(f32::to_le_bytes).concat());
     bin.accessors.push(format!(
         r#"{{"componentType":5126,"type":"VEC3","count":3,"sparse":{{"count":1,"indices":{{"bufferView":{at},"componentType":5121}},"values":{{"bufferView":{by}}}}}}}"#
     ));
@@ -262,10 +252,8 @@ fn morph_targets_add_up_by_the_weights_of_clip_or_mesh() {
 #[test]
 fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     let mut bin = Bin::default();
-    let corners: Vec<f32> = (0..6)
-        .flat_map(|i| [i as f32, (i * i) as f32, 0.0])
-        .collect();
-    let corners = bin.floats(&corners, "VEC3");
+    let corners = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(|x: f32| [x, x * x, 0.0]);
+    let corners = bin.floats(corners.as_flattened(), "VEC3");
     let indices = bin.shorts(&[5, 4, 3, 1], "SCALAR");
     let primitive = |more: &str| format!(r#"{{"attributes":{{"POSITION":{corners}}}{more}}}"#);
     let strip = primitive(&format!(r#","mode":5,"indices":{indices}"#));
@@ -273,10 +261,8 @@ fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     let (points, list) = (primitive(r#","mode":0"#), primitive(""));
     let of = |primitives: &[String]| {
         let all = primitives.join(",");
-        read(
-            &bin,
-            &format!(r#""meshes":[{{"primitives":[{all}]}}],"nodes":[{{"mesh":0}}]"#),
-        )
+        let rest = format!(r#""meshes":[{{"primitives":[{all}]}}],"nodes":[{{"mesh":0}}]"#);
+        read(&bin, &rest)
     };
     let scene = of(&[strip, points.clone(), fan, list]).unwrap();
     let a = &scene.animation;
@@ -289,4 +275,94 @@ fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     let message = of(&[points]).unwrap_err();
     let says = "no triangles; skipped 1 primitives of mode Points";
     assert!(message.contains(says), "{message}");
+}
+
+/// A static triangle whose positions are `accessor`, with more JSON.
+fn still(positions: usize, more: &str) -> String {
+    let attributes = format!(r#"{{"POSITION":{positions}}}"#);
+    format!(
+        r#""nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"attributes":{attributes}}}]}}]{more}"#
+    )
+}
+
+#[test]
+fn an_accessor_without_a_view_is_zeros() {
+    let mut bin = Bin::default();
+    let declared = r#"{"componentType":5126,"type":"VEC3","count":3}"#;
+    bin.accessors.push(declared.to_owned());
+    bin.view(&[1, 2]);
+    let scene = read(&bin, &still(0, "")).unwrap();
+    assert_eq!(scene.animation.first(), [[0.0; 3]; 3]);
+}
+
+#[test]
+fn quantized_positions_are_whole_numbers_or_parts_of_one() {
+    let name = r#"["KHR_mesh_quantization"]"#;
+    let required = format!(r#","extensionsUsed":{name},"extensionsRequired":{name}"#);
+    let bytes = vec![0, 0, 0, 127, 0, 0, 0, 0x81, 0];
+    let shorts = [0_i16, 0, 0, 32767, 0, 0, 0, -32767, 0];
+    let shorts = shorts.map(i16::to_le_bytes).concat();
+    let whole = |kind, x, y| (kind, "", [x, y]);
+    let part = |kind, x: f32, y: f32, most: f32| (kind, NORMALIZED, [x / most, y / most]);
+    for (component, more, [x, y]) in [
+        whole(5120, 127.0, -127.0),
+        part(5120, 127.0, -127.0, 127.0),
+        whole(5121, 127.0, 129.0),
+        part(5121, 127.0, 129.0, 255.0),
+        whole(5122, 32767.0, -32767.0),
+        part(5122, 32767.0, -32767.0, 32767.0),
+        whole(5123, 32767.0, 32769.0),
+        part(5123, 32767.0, 32769.0, 65535.0),
+    ] {
+        let data = if component < 5122 { &bytes } else { &shorts };
+        let mut bin = Bin::default();
+        let positions = bin.add(data, component, "VEC3", 3, more);
+        let scene = read(&bin, &still(positions, &required)).unwrap();
+        let corners = [[0.0; 3], [x, 0.0, 0.0], [0.0, y, 0.0]];
+        assert_eq!(scene.animation.first(), corners);
+        assert!(scene.facts.notes.is_empty(), "{:?}", scene.facts.notes);
+    }
+}
+
+#[test]
+fn instances_are_drawn_each_in_its_place() {
+    let mut bin = Bin::default();
+    let positions = bin.floats(&CORNERS, "VEC3");
+    let places = bin.floats(&[0.0, 0.0, 0.0, 5.0, 0.0, 0.0], "VEC3");
+    let scales = bin.floats(&[1.0, 1.0, 1.0, 2.0, 2.0, 2.0], "VEC3");
+    let required = r#","extensionsRequired":["EXT_mesh_gpu_instancing"]"#;
+    let with = |attributes: &str| {
+        let instances = format!(
+            r#""mesh":0,"extensions":{{"EXT_mesh_gpu_instancing":{{"attributes":{{{attributes}}}}}}}}}]"#
+        );
+        let rest = still(positions, required).replacen(r#""mesh":0}]"#, &instances, 1);
+        read(&bin, &rest)
+    };
+    let scene = with(&format!(r#""TRANSLATION":{places},"SCALE":{scales}"#)).unwrap();
+    assert_eq!(scene.animation.triangle_count(), 2);
+    let corners = [1, 4].map(|v| scene.animation.first()[v]);
+    assert_eq!(corners, [[1.0, 0.0, 0.0], [7.0, 0.0, 0.0]]);
+    let uneven = format!(r#""TRANSLATION":{places},"SCALE":{positions}"#);
+    for (attributes, says) in [
+        (r#""TRANSLATION":99"#, "TRANSLATION names no accessor: 99"),
+        (uneven.as_str(), "differ in their counts"),
+    ] {
+        let message = with(attributes).unwrap_err();
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn extensions_that_are_not_supported_are_named() {
+    let mut bin = Bin::default();
+    let positions = bin.floats(&CORNERS, "VEC3");
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+        let used = still(positions, &format!(r#","extensionsUsed":["{name}"]"#));
+        let notes = read(&bin, &used).unwrap().facts.notes;
+        assert!(notes[0].contains(name), "{notes:?}");
+        let required = used.replace("extensionsUsed", "extensionsRequired");
+        let message = read(&bin, &required).unwrap_err();
+        let says = format!("requires the extension {name:?}");
+        assert!(message.contains(&says), "{message}");
+    }
 }

@@ -1,28 +1,26 @@
 //! Files with something wrong: each is named, none panics.
 
 use super::*;
+use crate::testing::put;
 
 #[test]
 fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_allowed() {
     use base64::prelude::{BASE64_STANDARD, Engine};
     let (bin, rest) = moving();
     let all = tempfile::tempdir().unwrap();
-    let path = all.path().join("scene/a.gltf");
-    fs::create_dir(path.parent().unwrap()).unwrap();
     let read = |source: &str, allow_outside| {
-        fs::write(&path, bin.json(&rest, &format!(r#","uri":"{source}""#))).unwrap();
+        let json = bin.json(&rest, &format!(r#","uri":"{source}""#));
+        let path = put(&all, "scene/a.gltf", json);
         let options = Options {
             allow_outside,
             ..Options::default()
         };
         open(path.to_str().unwrap(), &options).map_err(|e| e.to_string())
     };
-    fs::write(all.path().join("scene/some bytes.bin"), &bin.bytes).unwrap();
-    fs::write(all.path().join("outside.bin"), &bin.bytes).unwrap();
-    assert_eq!(
-        read("some%20bytes.bin", false).unwrap().facts.format,
-        "gltf"
-    );
+    put(&all, "scene/some bytes.bin", &bin.bytes);
+    put(&all, "outside.bin", &bin.bytes);
+    let beside = read("some%20bytes.bin", false).unwrap();
+    assert_eq!(beside.facts.format, "gltf");
     let text = BASE64_STANDARD.encode(&bin.bytes);
     let text = format!("data:application/octet-stream;base64,{text}");
     assert!(read(&text, false).is_ok() && read("../outside.bin", true).is_ok());
@@ -111,10 +109,8 @@ fn accessors_and_weights_that_do_not_fit_are_refused() {
 fn a_file_shorter_than_it_says_is_refused() {
     let (bin, rest) = moving();
     let whole = glb(&bin.json(&rest, ""), &bin.bytes);
-    for (length, says) in [
-        (5_u32, "within its header"),
-        (u32::MAX, "4294967295 bytes are declared"),
-    ] {
+    let most = "4294967295 bytes are declared";
+    for (length, says) in [(5, "within its header"), (u32::MAX, most)] {
         let lies = [&whole[..8], &length.to_le_bytes(), &whole[12..]].concat();
         let message = read_with(&lies, &Options::default()).unwrap_err();
         assert!(message.contains(says), "{message}");
