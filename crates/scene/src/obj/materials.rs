@@ -1,4 +1,8 @@
-//! Diffuse colours from material libraries (MTL). A library that cannot be read costs colours, never the scene: it is noted.
+//! Diffuse colours from material libraries (MTL), by `tobj`.
+//!
+//! A library that is missing or wrong costs colours, never the scene: it is
+//! noted. Only `newmtl` and well-formed `Kd` lines are handed to `tobj`, which
+//! gives up on a whole library for one bad line and panics on a short `Kd`.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};
@@ -50,50 +54,56 @@ fn read_library(
         false => library.split_whitespace().collect(),
     };
     for name in names {
-        match folder.read(name) {
-            Ok(bytes) => add_colours(&String::from_utf8_lossy(&bytes), into),
-            Err(e) => {
-                let file = folder.path(name);
-                let file = file.display();
-                notes.push(format!("{file}: material library left out: {e}"));
+        let file = folder.path(name);
+        let read = folder.read(name).map_err(|e| e.to_string());
+        let found = read.and_then(|bytes| {
+            let text = colour_statements(&String::from_utf8_lossy(&bytes));
+            tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
+        });
+        match found {
+            Ok((materials, _)) => {
+                let coloured = |m: tobj::Material| Some((m.name, from_display(m.diffuse?)));
+                into.extend(materials.into_iter().filter_map(coloured));
             }
+            Err(e) => notes.push(format!(
+                "{}: material library left out: {e}",
+                file.display()
+            )),
         }
     }
 }
 
-/// Adds what `Kd` lines of one number or three say of the material named before them; other lines are left out.
-fn add_colours(text: &str, into: &mut BTreeMap<String, Rgb>) {
-    let mut material = "";
+/// The `newmtl` lines that have a name, and the `Kd` lines of one number or three.
+fn colour_statements(text: &str) -> String {
+    let mut plain = String::new();
     for line in text.lines().map(str::trim) {
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
-        let colour = match (word, numbers.as_deref()) {
-            ("Kd", Some(&[r, g, b])) => [r, g, b],
-            // One number stands for all three.
-            ("Kd", Some(&[grey])) => [grey; 3],
-            ("newmtl", _) if !rest.is_empty() => {
-                material = rest.trim_start();
-                continue;
+        match (word, numbers.as_deref()) {
+            ("newmtl", _) if !rest.trim().is_empty() => {
+                plain += &format!("newmtl {}\n", rest.trim())
             }
-            _ => continue,
-        };
-        if !material.is_empty() {
-            into.insert(material.to_owned(), from_display(colour));
+            ("Kd", Some([r, g, b])) => plain += &format!("Kd {r} {g} {b}\n"),
+            // One number stands for all three.
+            ("Kd", Some([grey])) => plain += &format!("Kd {grey} {grey} {grey}\n"),
+            _ => {}
         }
     }
+    plain
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::put;
+    use std::fs;
 
     #[test]
     fn faces_take_the_diffuse_colour_of_their_material_from_libraries_that_may_be_read() {
         let all = tempfile::tempdir().unwrap();
+        fs::create_dir(all.path().join("scene")).unwrap();
         let library = "newmtl red paint\nKa 1 1\nKd 1 0 0\nmap_Kd\nnewmtl grey\nKd 0.2\nnewmtl broken\nKd 1 2\n";
-        put(&all, "scene/my colours.mtl", library);
-        put(&all, "outside.mtl", "newmtl blue\nKd 0 0 1\n");
+        fs::write(all.path().join("scene/my colours.mtl"), library).unwrap();
+        fs::write(all.path().join("outside.mtl"), "newmtl blue\nKd 0 0 1\n").unwrap();
         let names = ["red paint", "grey", "broken", "none", "blue"];
         let uses: Vec<_> = (1..).zip(names.map(str::to_owned)).collect();
         let libraries = [
@@ -112,8 +122,10 @@ mod tests {
         };
         let (colour, notes) = with(false);
         assert_eq!(colour, CLAY);
-        let says = ["absent.mtl", "--allow", "--allow", "3 of 5"];
-        for (note, says) in notes.iter().zip(says) {
+        for (note, says) in notes
+            .iter()
+            .zip(["absent.mtl", "--allow", "--allow", "3 of 5"])
+        {
             assert!(note.contains(says), "{note}");
         }
         let (colour, notes) = with(true);

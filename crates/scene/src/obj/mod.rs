@@ -1,35 +1,55 @@
-//! Wavefront OBJ. What is wrong is named by its line.
+//! Wavefront OBJ: `tobj` reads numbers, fans faces and reads materials.
+//!
+//! `tobj` names no line, counts the vertices of each group anew, takes lines
+//! (`l`) for faces and leaves out what it does not like about some of them;
+//! so [`Statements`] goes through the text first, refuses what is wrong with
+//! the line it is in, and hands on plain vertices and faces only.
 
 mod materials;
 
 use crate::mesh::{Mesh, Paint, Topology, from_display};
 use crate::stream::check_mesh;
 use crate::{Result, Rgb, SceneError};
-use geom::Point;
 pub(crate) use materials::paint;
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::Path;
 
+/// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_memory(path, &bytes)?;
     let found = Statements::scan(&bytes)
         .map_err(|(line, cause)| SceneError::malformed(path, ("line", line), cause))?;
+    let failed = |e: &dyn std::fmt::Display| SceneError::malformed(path, None, e);
+    let options = tobj::LoadOptions {
+        triangulate: true,
+        ..tobj::LoadOptions::default()
+    };
+    let no_materials = |_: &Path| Ok(Default::default());
+    let (models, _) = tobj::load_obj_buf(&mut found.plain.as_bytes(), &options, no_materials)
+        .map_err(|e| failed(&e))?;
+    // Without groups and materials in its text, tobj makes one model, or none without faces.
+    let mesh = models.into_iter().next().map(|m| m.mesh);
+    let mesh = mesh.unwrap_or_default();
+    let triangles = mesh.indices.as_chunks::<3>().0.to_vec();
+    let points = mesh.positions.as_chunks::<3>().0.to_vec();
+    if triangles.len() != found.topology.triangle_count() {
+        return Err(failed(&"triangles were lost"));
+    }
     let notes = found.notes(path);
-    let mut triangles: Vec<_> = found.topology.triangles().map(|(_, t)| t).collect();
-    let used = number_by_first_use(&mut triangles, found.points.len());
     let paint = if !found.uses.is_empty() {
         Paint::Materials {
             libraries: found.libraries,
             uses: found.uses,
         }
-    } else if found.colours.len() == found.points.len() {
+    } else if found.colours.len() == found.topology.vertices {
         Paint::Vertices(found.colours)
     } else {
         Paint::None
     };
     Ok(Mesh {
-        points: used.iter().map(|&v| found.points[v as usize]).collect(),
+        points,
         triangles,
         topology: found.topology,
         paint,
@@ -38,26 +58,16 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     })
 }
 
-/// Numbers vertices in the order in which triangles use them, and returns the used ones in that order.
-fn number_by_first_use(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
-    let mut places = vec![None; vertices];
-    let mut used = Vec::new();
-    for vertex in triangles.as_flattened_mut() {
-        *vertex = *places[*vertex as usize].get_or_insert_with(|| {
-            used.push(*vertex);
-            used.len() as u32 - 1
-        });
-    }
-    used
-}
-
+/// What a file says.
 #[derive(Debug, Default)]
 struct Statements {
-    points: Vec<Point>,
+    /// Vertices and faces alone, faces by absolute position index: text for `tobj`.
+    plain: String,
     /// Vertices and faces as numbered in the file, from 0.
     topology: Topology,
     /// One for each vertex, if every vertex has one.
     colours: Vec<Rgb>,
+    /// Names of material libraries.
     libraries: Vec<String>,
     /// (First face, name) of each material in use.
     uses: Vec<(usize, String)>,
@@ -73,6 +83,7 @@ struct Statements {
 type Wrong = (usize, String);
 
 impl Statements {
+    /// Goes through the whole text.
     fn scan(bytes: &[u8]) -> Result<Self, Wrong> {
         let mut found = Self {
             open_end: !bytes.ends_with(b"\n") && !bytes.is_empty(),
@@ -126,9 +137,10 @@ impl Statements {
 
     /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
     fn vertex(&mut self, data: &str) -> Result<(), String> {
+        let words = || data.split_ascii_whitespace();
         let mut numbers = [0.0_f32; 7];
         let mut count = 0;
-        for word in data.split_ascii_whitespace() {
+        for word in words() {
             let number = word.parse();
             let number = number.map_err(|_| format!("{word:?} is not a number"))?;
             if let Some(slot) = numbers.get_mut(count) {
@@ -136,38 +148,45 @@ impl Statements {
             }
             count += 1;
         }
-        let [x, y, z, w, ..] = numbers;
-        let point = match count {
-            3 | 6 | 7 => [x, y, z],
-            4 if w == 0.0 => {
-                return Err("w is 0, which leaves no place for the vertex".to_owned());
-            }
-            4 => [x, y, z].map(|coordinate| coordinate / w),
-            _ => {
-                return Err(format!(
-                    "a vertex of {count} numbers, where 3 are expected, or 4 with w, or 6 with a colour"
-                ));
-            }
-        };
-        if count > 4 && self.colours.len() == self.points.len() {
+        if !matches!(count, 3 | 4 | 6 | 7) {
+            return Err(format!(
+                "a vertex of {count} numbers, where 3 are expected, or 4 with w, or 6 with a colour"
+            ));
+        }
+        if count == 4 && numbers[3] == 0.0 {
+            return Err("w is 0, which leaves no place for the vertex".to_owned());
+        }
+        if count > 4 && self.colours.len() == self.topology.vertices {
             let colour = from_display([numbers[3], numbers[4], numbers[5]]);
             self.colours.push(colour);
         }
-        self.points.push(point);
         self.topology.vertices += 1;
+        self.plain.push('v');
+        for word in words().take(if count == 4 { 4 } else { 3 }) {
+            self.plain.push(' ');
+            self.plain.push_str(word);
+        }
+        self.plain.push('\n');
         Ok(())
     }
 
     fn face(&mut self, line: usize, data: &str) -> Result<(), String> {
-        let words = data.split_ascii_whitespace();
-        let count = words.clone().count();
+        let count = data.split_ascii_whitespace().count();
         if count < 3 {
             return Err(format!(
                 "a face of {count} vertices, where 3 or more are expected"
             ));
         }
-        let corners = words.map(|word| corner(word, self.points.len()));
+        let vertices = self.topology.vertices;
+        let words = data.split_ascii_whitespace();
+        let corners = words.map(|word| corner(word, vertices));
         let corners = corners.collect::<Result<Vec<u32>, String>>()?;
+        self.plain.push('f');
+        for &vertex in &corners {
+            // Writing to a string cannot fail.
+            let _ = write!(self.plain, " {}", u64::from(vertex) + 1);
+        }
+        self.plain.push('\n');
         self.topology.push(corners);
         self.face_lines.push(line);
         Ok(())
@@ -186,6 +205,7 @@ impl Statements {
         Ok(())
     }
 
+    /// Remarks about what was left out.
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
         let told = |(word, (count, line)): (&String, &(usize, usize))| {
@@ -223,25 +243,29 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Refuses a text whose mesh memory does not hold. Lists grow by doubling.
+/// Refuses a text whose mesh memory does not hold: a copy for `tobj`, its lists, and ours.
 fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
     const VERTEX: usize = 60;
-    const FACE: usize = 48;
-    const TRIANGLE: usize = 32;
+    const FACE: usize = 24;
+    const TRIANGLE: usize = 48;
+    /// What `tobj` keeps of a face, in a list that grows by doubling.
+    const LISTED: usize = 104;
     let ([mut vertices, mut faces], mut triangles) = ([0_usize; 2], 0);
     for line in text.split(|&b| b == b'\n') {
-        let words = line.split(u8::is_ascii_whitespace);
-        let mut words = words.filter(|w| !w.is_empty());
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|w| !w.is_empty());
         match words.next() {
             Some(b"v") => vertices += 1,
-            Some(b"f" | b"fo") => {
+            Some(b"f") => {
                 faces += 1;
                 triangles += words.count().saturating_sub(2);
             }
             _ => {}
         }
     }
-    let need = vertices * VERTEX + faces * FACE + triangles * TRIANGLE;
+    let listed = faces.next_power_of_two() * LISTED;
+    let need = text.len() + vertices * VERTEX + faces * FACE + listed + triangles * TRIANGLE;
     check_mesh(path, [vertices, faces], need)
 }
 
