@@ -95,11 +95,11 @@ impl Others {
         let mut hits = vec![Hit::MISS; most.unwrap_or(0)];
         let mut met = vec![0_u8; hits.len()];
         Contender::new(name, self.threads, move || {
-            let mut hits_of = |(items, kind): &(Cow<'_, [T]>, QueryKind)| match kind {
+            let mut trace = |(items, kind): &(Cow<'_, [T]>, QueryKind)| match kind {
                 QueryKind::Any => trace::<_, _, LANES>(items, &mut met, &any, |&met| met != 0),
                 _ => trace::<_, _, LANES>(items, &mut hits, &closest, Hit::is_hit),
             };
-            self.pool.install(|| work.iter().map(&mut hits_of).sum())
+            self.pool.install(|| work.iter().map(&mut trace).sum())
         })
     }
 }
