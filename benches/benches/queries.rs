@@ -25,17 +25,34 @@ fn main() {
     let device = device(&named.unwrap_or_default());
     let motions = STEP_SCENES.map(|scene| Motion::open(scene).expect("demos open"));
     let rows = motions.iter().map(|motion| many(motion, &device)).collect();
-    let header = "scene|device|one query ms|its 16 tiles|times|16 of its view|times";
-    print_table("Rays of sixteen cameras of 640x480", header, rows);
+    let header = [
+        "scene",
+        "device",
+        "one query ms",
+        "its 16 tiles",
+        "times",
+        "16 of its view",
+        "times",
+    ];
+    print_table("Rays of sixteen cameras of 640x480", &header, rows);
     let rows = motions.iter().map(listed).collect();
-    let header =
-        "scene|camera ms|in blocks|times|camera's, shuffled|any direction, of the host|of a buffer";
-    print_table("Closest hits of 2.3 million rays, wgpu", header, rows);
+    let header = [
+        "scene",
+        "camera ms",
+        "in blocks",
+        "times",
+        "camera's, shuffled",
+        "any direction, of the host",
+        "of a buffer",
+    ];
+    print_table("Closest hits of 2.3 million rays, wgpu", &header, rows);
 }
 
 fn standing(motion: &Motion) -> Scene {
-    let positions = motion.positions(motion.start());
-    let mesh = Mesh::fixed(&positions, motion.animation.triangles());
+    let mesh = Mesh::fixed(
+        &motion.positions(motion.start()),
+        motion.animation.triangles(),
+    );
     let mut scene = Scene::new();
     scene.add(mesh.expect("it is a mesh"));
     scene
@@ -63,8 +80,10 @@ fn trace(step: &mut Step<'_>, camera: &Camera) {
 }
 
 fn many(motion: &Motion, device: &Device) -> Vec<String> {
-    let tracer = Tracer::builder().device(device.clone());
-    let mut tracer = tracer.build(standing(motion)).expect("the device is there");
+    let tracer = Tracer::builder()
+        .device(device.clone())
+        .build(standing(motion));
+    let mut tracer = tracer.expect("the device is there");
     let [small, large] = [SMALL, LARGE].map(|size| camera(motion, size));
     let tiles = (0..16).map(|i| tile(&large, [i % 4, i / 4]));
     let tiles: Vec<_> = tiles.collect();
@@ -74,17 +93,20 @@ fn many(motion: &Motion, device: &Device) -> Vec<String> {
             cameras.iter().for_each(|camera| trace(step, camera));
         })
     });
+    let device = tracer.device().to_owned();
     let numbers = [one, of_tiles, of_tiles / one, of_views, of_views / one];
-    let mut row = vec![motion.label.clone(), tracer.device().to_owned()];
-    row.extend(numbers.map(|x| format!("{x:.3}")));
-    row
+    let numbers = numbers.map(|x| format!("{x:.3}"));
+    [motion.label.clone(), device]
+        .into_iter()
+        .chain(numbers)
+        .collect()
 }
 
 /// A part of a picture, in columns and rows of tiles.
 fn tile(whole: &Camera, [column, row]: [u32; 2]) -> Camera {
-    let [width, height] = SMALL;
-    let [x, y] = [column * width, row * height].map(|pixels| pixels as f32);
+    let [x, y] = [column * SMALL[0], row * SMALL[1]].map(|pixels| pixels as f32);
     let corner = |i: usize| whole.corner[i] + x * whole.across[i] + y * whole.down[i];
+    let [width, height] = SMALL;
     Camera {
         corner: std::array::from_fn(corner),
         width,
@@ -100,6 +122,10 @@ fn listed(motion: &Motion) -> Vec<String> {
     let own = own_device(&scene, count);
     let tracer = Tracer::builder().device(Device::from(own.clone()));
     let mut tracer = tracer.build(scene).expect("it is loaded");
+    let buffer = |rays: &[Ray]| {
+        let usage = wgpu::BufferUsages::STORAGE;
+        filled_buffer(&own, bytemuck::cast_slice(rays), usage)
+    };
     let hits = own.device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 16 * count as u64,
@@ -107,8 +133,7 @@ fn listed(motion: &Motion) -> Vec<String> {
         mapped_at_creation: false,
     });
     let of_buffer = |tracer: &mut Tracer, rays: &[Ray]| {
-        let rays = bytemuck::cast_slice(rays);
-        let rays = filled_buffer(&own, rays, wgpu::BufferUsages::STORAGE);
+        let rays = buffer(rays);
         let asked = RayBuffers {
             rays: &rays,
             count,
@@ -120,8 +145,11 @@ fn listed(motion: &Motion) -> Vec<String> {
         })
     };
     let blocks = benches::blocks(&camera, [8, 4]);
+    let mut next = benches::random_numbers();
     let mut shuffled = blocks.clone();
-    benches::random().shuffle(&mut shuffled);
+    for i in (1..shuffled.len()).rev() {
+        shuffled.swap(i, (next() * (i + 1) as f32) as usize % (i + 1));
+    }
     let anywhere = benches::random_rays(motion, count);
     let of_camera = time(&mut tracer, &mut |step| trace(step, &camera));
     let in_blocks = of_buffer(&mut tracer, &blocks);
@@ -138,7 +166,6 @@ fn listed(motion: &Motion) -> Vec<String> {
         of_host,
         anywhere,
     ];
-    let mut row = vec![motion.label.clone()];
-    row.extend(numbers.map(|x| format!("{x:.3}")));
-    row
+    let numbers = numbers.map(|x| format!("{x:.3}"));
+    [motion.label.clone()].into_iter().chain(numbers).collect()
 }

@@ -1,13 +1,15 @@
 //! Steps of the library: vertices that arrive each step beside key frames known beforehand, over the same motion.
 //!
-//! `cargo bench -p benches --bench streamed [-- DEVICE...]`, a device being `auto`, `cpu`, `vulkan` or `wgpu`: a table of
-//! steps (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
+//! `cargo bench -p benches --bench streamed [-- DEVICE...]`, a device being `auto`, `cpu`, `vulkan` or `wgpu`. A table of the worst of
+//! many steps follows (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
 
 use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{
-    Mesh as Motion, STEP_SCENES, camera, device, filled_buffer, own_device, print_table, setting,
+    Mesh as Motion, STEP_SCENES, camera, criterion, device, filled_buffer, own_device, print_table,
+    setting,
 };
+use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
 
 /// Steps from one key frame to the next, and key frames that are gone through, to and fro.
@@ -21,24 +23,37 @@ const AFTER: usize = 50;
 const SIZE: [u32; 2] = [640, 480];
 
 fn main() {
-    let words = std::env::args().skip(1).filter(|a| !a.starts_with('-'));
-    let mut devices: Vec<Device> = words.map(|name| device(&name)).collect();
-    if devices.is_empty() {
-        devices.push(Device::Auto);
-    }
-    let mut rows = Vec::new();
+    let mut criterion = criterion();
+    let asked: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with('-'))
+        .collect();
+    let devices = match asked.is_empty() {
+        true => vec!["auto".to_owned()],
+        false => asked,
+    };
+    let devices: Vec<Device> = devices.iter().map(|name| device(name)).collect();
+    let mut worst = Vec::new();
     for scene in STEP_SCENES {
         let motion = Motion::open(scene).expect("demos open");
-        rows.extend(devices.iter().flat_map(|device| stalls(&motion, device)));
+        for device in &devices {
+            compare(&mut criterion, &motion, device);
+            worst.extend(stalls(&motion, device));
+        }
     }
-    print_table(
-        "Single steps",
-        "scene|device|vertices|median ms|99 %|worst",
-        rows,
-    );
+    let header = ["scene", "device", "vertices", "median ms", "99 %", "worst"];
+    print_table("Single steps", &header, worst);
     let rows = devices.iter().flat_map(replacements).collect();
-    let header = "device|vertices|a mesh is|median ms|99 %|worst";
-    print_table("Steps while a mesh is replaced", header, rows);
+    let header = [
+        "device",
+        "vertices",
+        "a mesh is",
+        "median ms",
+        "99 %",
+        "worst",
+    ];
+    print_table("Steps while a mesh is replaced", &header, rows);
+    criterion.final_summary();
 }
 
 /// A motion to and fro, and a tracer that follows it.
@@ -84,8 +99,12 @@ impl Kind {
 }
 
 impl Player {
-    /// A motion in a scene of other meshes.
-    fn new(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
+    fn new(motion: &Motion, device: &Device, kind: Kind) -> Self {
+        Self::within(Scene::new(), motion, device, kind)
+    }
+
+    /// Likewise, in a scene of other meshes.
+    fn within(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
         let streamed = if kind != Kind::Keys {
             let times = (0..=STEPS * KEYS).map(|i| i as f64 / STEPS as f64);
@@ -93,8 +112,11 @@ impl Player {
             let mesh = Mesh::streamed(&frames[0], animation.triangles());
             Some((scene.add(mesh.expect("it is a mesh")), frames))
         } else {
-            let keys = animation.held_keys().expect("a demo has them all");
-            let keys = keys.iter().map(|key| key.to_vec()).collect();
+            let keys = animation
+                .all_keys()
+                .expect("a demo has them all")
+                .into_iter();
+            let keys = keys.map(|key| key.to_vec()).collect();
             scene.add(Mesh::keyframes(keys, animation.triangles()).expect("it is a mesh"));
             None
         };
@@ -148,25 +170,37 @@ impl Player {
         step.submit().expect("it traces");
         begun.elapsed() - written
     }
-
-    /// Likewise, by so many: milliseconds each.
-    fn advance_by(&mut self, steps: usize) -> Vec<f64> {
-        (0..steps).map(|_| ms(self.advance())).collect()
-    }
 }
 
-fn ms(took: Duration) -> f64 {
-    took.as_secs_f64() * 1e3
+fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
+    let mut group = criterion.benchmark_group(format!("step/{}", motion.label));
+    group.throughput(Throughput::Elements(motion.triangle_count() as u64));
+    for &kind in Kind::of(device) {
+        let mut player = Player::new(motion, device, kind);
+        let device = player.tracer.device().to_owned();
+        group.bench_function(BenchmarkId::new(kind.name(), device), |b| {
+            b.iter_custom(|steps| (0..steps).map(|_| player.advance()).sum())
+        });
+    }
+    group.finish();
 }
 
 /// The times of many steps one by one, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
     let row = |&kind: &Kind| {
-        let mut player = Player::new(Scene::new(), motion, device, kind);
-        player.advance_by(100);
-        let times = player.advance_by(setting("ABVH_STEPS", 1000));
-        let device = player.tracer.device().to_owned();
-        let mut row = vec![motion.label.clone(), device, kind.name().to_owned()];
+        let mut player = Player::new(motion, device, kind);
+        let mut times = Vec::new();
+        for step in 0..100 + setting("ABVH_STEPS", 1000) {
+            let took = player.advance();
+            if step >= 100 {
+                times.push(took.as_secs_f64() * 1e3);
+            }
+        }
+        let mut row = vec![
+            motion.label.clone(),
+            player.tracer.device().to_owned(),
+            kind.name().to_owned(),
+        ];
         row.extend(shares(times));
         row
     };
@@ -192,20 +226,24 @@ fn replacements(device: &Device) -> Vec<Vec<String>> {
     let of_kind = |kind| {
         let mut scene = Scene::new();
         let id = scene.add(mesh.clone());
-        let mut player = Player::new(scene, &motion, device, kind);
-        player.advance_by(100);
+        let mut player = Player::within(scene, &motion, device, kind);
+        let ms = |took: Duration| took.as_secs_f64() * 1e3;
+        let steps = |player: &mut Player, count| -> Vec<f64> {
+            (0..count).map(|_| ms(player.advance())).collect()
+        };
+        steps(&mut player, 100);
         let mut times = [(); 4].map(|()| Vec::new());
         for _ in 0..rounds {
-            times[0].extend(player.advance_by(4 * AFTER));
+            times[0].extend(steps(&mut player, 4 * AFTER));
             let replacement = player.tracer.replace(id, mesh.clone());
             let replacement = replacement.expect("it is begun");
             while !replacement.is_ready() {
-                times[1].push(ms(player.advance()));
+                times[1].extend(steps(&mut player, 1));
             }
             let begun = Instant::now();
             player.tracer.commit(replacement).expect("it fits");
             times[2].push(ms(begun.elapsed()));
-            times[3].extend(player.advance_by(AFTER));
+            times[3].extend(steps(&mut player, AFTER));
         }
         let device = player.tracer.device().to_owned();
         let row = move |(what, times): (&str, Vec<f64>)| {

@@ -1,9 +1,10 @@
 //! What the benchmarks share: meshes, rays, and other crates behind one trait.
 //!
-//! `cargo bench -p benches --bench duel [-- GROUP]` sets this program against other crates sample by sample, with
-//! `--features embree` (see `EmbreeScene`) against Embree 4.
-//! Every group names a mesh and its triangles; all contenders in it do the
+//! `cargo bench -p benches --bench stages [-- STAGE]`.
+//! Every group names a mesh and its triangles; every function in it does the
 //! same work on the same triangles or rays, so times compare within a group.
+//! `--features embree` (see `EmbreeScene`) adds the bench `duel`, which sets this program against Embree 4
+//! sample by sample.
 //! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
 
 mod mesh;
@@ -14,17 +15,29 @@ mod rounds;
 
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
-pub use rays::{blocks, camera, diffuse_rays, light, random, random_rays, shadow_rays};
+pub use rays::{blocks, camera, diffuse_rays, light, random_numbers, random_rays, shadow_rays};
 #[cfg(feature = "embree")]
 pub use rivals::{EmbreeScene, Made, Packet16};
-pub use rivals::{Node, Rival, built_rivals, rivals, sah_cost};
+pub use rivals::{Node, Rival, rivals, sah_cost};
 pub use rounds::{Contender, Samples, in_turn, least, median};
 
 use abvh::own_device::{OwnDevice, required_limits, useful_features, wgpu};
 use abvh::{Device, Scene};
 use comfy_table::Table;
+use criterion::Criterion;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::time::Duration;
 use wgpu::util::DeviceExt;
+
+/// Few samples and short: medians of one run are compared with one another, not with other days.
+#[must_use]
+pub fn criterion() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2))
+        .configure_from_args()
+}
 
 /// Those that `ABVH_THREADS` names (`1,2,16`); or one thread, and one a core where there are more.
 #[must_use]
@@ -105,10 +118,10 @@ pub fn pool(threads: usize) -> ThreadPool {
     pool.expect("the machine can start threads")
 }
 
-/// Prints a titled table on stderr, whose columns are named `a|b|c`.
+/// Prints a titled table on stderr: facts beside the timings.
 #[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
-pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
+pub fn print_table(title: &str, header: &[&str], rows: Vec<Vec<String>>) {
     let mut table = Table::new();
-    table.set_header(header.split('|')).add_rows(rows);
+    table.set_header(header.to_vec()).add_rows(rows);
     eprintln!("\n{title}\n{table}\n");
 }

@@ -1,7 +1,7 @@
 //! Triangles to measure with.
 
 use geom::{Animation, Point, Pose, Triangle};
-use glam::Vec3;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Names the folder of real meshes.
@@ -39,8 +39,10 @@ impl Mesh {
     #[must_use]
     pub fn soup(&self) -> Self {
         let keys = [self.start(), self.middle()].map(|pose| self.triangles(pose));
-        let (_, radius) = self.sphere();
-        let scaled = |p: &Point| p.map(|x| x * (50.0 / radius));
+        let points = keys[0].as_flattened().iter();
+        let bounds = points.fold(geom::Aabb::EMPTY, |b, &p| b.with_point(p));
+        let size = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+        let scaled = |p: &Point| p.map(|x| x * (100.0 / size));
         let keys = keys.map(|key| key.as_flattened().iter().map(scaled).collect());
         let corners = (0..self.triangle_count() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
         let animation = Animation::new(keys.into(), corners.collect());
@@ -76,14 +78,6 @@ impl Mesh {
         vertices.map(|v| moment.vertex(v)).collect()
     }
 
-    /// The middle of its box at its start, and half the box's diagonal.
-    #[must_use]
-    pub fn sphere(&self) -> (Vec3, f32) {
-        let bounds = self.animation.key_bounds()[0];
-        let [min, max] = [bounds.min, bounds.max].map(Vec3::from);
-        (0.5 * (min + max), 0.5 * (max - min).length())
-    }
-
     /// Every triangle at `pose`.
     #[must_use]
     pub fn triangles(&self, pose: Pose) -> Vec<Triangle> {
@@ -97,22 +91,34 @@ impl Mesh {
 /// any, two demos of some 200,000 triangles and one of 1.6 million.
 #[must_use]
 pub fn meshes() -> Vec<Mesh> {
-    let folder = std::env::var_os(FOLDER).unwrap_or_default();
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<_> = entries.map(|e| e.path().display().to_string()).collect();
-    files.sort();
-    let found: Vec<Mesh> = files.iter().filter_map(|file| opened(file)).collect();
-    if found.is_empty() {
-        say(&format!("{FOLDER} names no folder with meshes: demos only"));
-        return DEMOS.into_iter().filter_map(opened).collect();
+    let files = entries().into_iter().map(|path| path.display().to_string());
+    let meshes: Vec<Mesh> = files.filter_map(opened).collect();
+    if meshes.is_empty() {
+        return DEMOS
+            .iter()
+            .filter_map(|&demo| opened(demo.to_owned()))
+            .collect();
     }
-    found
+    meshes
 }
 
-fn opened(spec: &str) -> Option<Mesh> {
-    let mesh = Mesh::open(spec);
+fn opened(spec: String) -> Option<Mesh> {
+    let mesh = Mesh::open(&spec);
     mesh.inspect_err(|error| say(&format!("left out: {error}")))
         .ok()
+}
+
+fn entries() -> Vec<PathBuf> {
+    let Some(folder) = std::env::var_os(FOLDER) else {
+        say(&format!("{FOLDER} names no folder of meshes: demos only"));
+        return Vec::new();
+    };
+    let read = Path::new(&folder).read_dir();
+    let read = read.inspect_err(|error| say(&format!("{FOLDER}: {}: {error}", folder.display())));
+    let all = read.into_iter().flatten().flatten();
+    let mut entries: Vec<PathBuf> = all.map(|entry| entry.path()).collect();
+    entries.sort();
+    entries
 }
 
 #[expect(

@@ -79,12 +79,11 @@ impl Tracer {
     pub fn new(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let mut backend = done(cpu_simd::open(Some(threads)));
         done(backend.load(mesh.animation.clone(), method));
-        done(backend.interpolate(mesh.start()));
         let mut tracer = Self {
             backend,
             generation: Generation::default(),
         };
-        tracer.finish();
+        tracer.pose(mesh.start());
         tracer
     }
 
@@ -98,6 +97,12 @@ impl Tracer {
         tracer.adopt(&pool.install(|| ours.take_record_with_blocks(mesh, &positions)));
         tracer.refit();
         tracer
+    }
+
+    /// Takes vertices at `pose`.
+    pub fn pose(&mut self, pose: geom::Pose) {
+        done(self.backend.interpolate(pose));
+        self.finish();
     }
 
     /// Takes a tree.

@@ -13,7 +13,6 @@ use self::bvh::Bvh;
 use self::obvhs::Obvhs;
 use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
-use rayon::ThreadPool;
 
 /// Another crate's tree, with triangles in the crate's own form. Memory is reused where the crate allows it.
 pub trait Rival: Send + Sync {
@@ -21,14 +20,10 @@ pub trait Rival: Send + Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a build uses more than one thread.
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
+    fn builds_in_parallel(&self) -> bool;
 
     /// Whether a refit uses more than one thread; `None` if no tree can take new positions and keep its shape.
-    fn refits_in_parallel(&self) -> Option<bool> {
-        None
-    }
+    fn refits_in_parallel(&self) -> Option<bool>;
 
     /// Takes triangles, outside of what is measured. They replace those of a tree that is refitted next.
     fn take(&mut self, triangles: &[Triangle]);
@@ -68,14 +63,6 @@ pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
         Box::new(Parry::default()),
     ];
     all.iter_mut().for_each(|rival| rival.take(triangles));
-    all
-}
-
-/// Likewise, with a tree each.
-#[must_use]
-pub fn built_rivals(triangles: &[Triangle], pool: &ThreadPool) -> Vec<Box<dyn Rival>> {
-    let mut all = rivals(triangles);
-    pool.install(|| all.iter_mut().for_each(|rival| rival.build()));
     all
 }
 
@@ -120,7 +107,8 @@ mod tests {
         assert!(blocked.contains(&0) && blocked.contains(&1));
         let [start, middle] = [mesh.start(), mesh.middle()].map(|pose| mesh.triangles(pose));
         for threads in [1, 2] {
-            for mut tree in built_rivals(&middle, &pool(threads)) {
+            for mut tree in rivals(&middle) {
+                pool(threads).install(|| tree.build());
                 // Built anew, or refitted to the start.
                 tree.take(&start);
                 match tree.refits_in_parallel() {

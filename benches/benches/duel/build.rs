@@ -1,81 +1,58 @@
-//! Triangles to trees that rays can be traced by.
+//! Triangles to trees.
 
-use crate::{METHOD, Unit, measure, others};
+use crate::{METHOD, Unit, report};
 use benches::{
-    Contender, Mesh, Ours, Tracer, built, built_rivals, pool, print_table, sah_cost, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts,
 };
-use geom::Triangle;
+use rayon::ThreadPool;
 use serde_json::Value;
 
-type Group = fn(&Mesh, usize) -> Vec<Contender<'_>>;
+const ROUNDS: usize = 15;
 
-const GROUPS: [(&str, Group); 3] = [
-    ("build", builds),
-    ("convert", conversions),
-    ("refit", refits),
-];
-
-/// The groups of a mesh that are asked for.
-pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
-    let mut all = Vec::new();
-    for threads in thread_counts() {
-        for (what, group) in GROUPS.iter().filter(|(what, _)| is_asked(what)) {
-            let title = format!("{}: {what}, {threads} threads", mesh.label);
-            let unit = Unit::NsEach(mesh.triangle_count());
-            all.push(measure(&title, unit, group(mesh, threads)));
-        }
+/// Builds on `threads`; beside those ours on one, of which the scaling follows.
+pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
+    let triangles = mesh.triangles(mesh.start());
+    let pools: Vec<_> = thread_counts()
+        .into_iter()
+        .filter(|&n| n <= threads)
+        .map(|n| (n, pool(n)))
+        .collect();
+    let mut embree = EmbreeScene::new(&triangles, threads, Made::Fast);
+    let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
+        embree.rebuild();
+        0
+    })];
+    for (threads, pool) in &pools {
+        contenders.push(record(mesh, *threads, pool));
+        contenders.push(traceable(mesh, *threads, pool));
     }
-    if is_asked("build") {
-        print_costs(mesh);
-    }
-    all
-}
-
-fn triangles(mesh: &Mesh) -> Vec<Triangle> {
-    mesh.triangles(mesh.start())
-}
-
-/// Builds on `threads`; beside those ours on fewer, of which the scaling follows.
-fn builds(mesh: &Mesh, threads: usize) -> Vec<Contender<'_>> {
-    let mut contenders = others::builds(&triangles(mesh), threads);
-    for threads in thread_counts().into_iter().filter(|&n| n <= threads) {
-        contenders.push(record(mesh, threads));
-        contenders.push(traceable(mesh, threads));
-    }
-    contenders
+    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
+    let title = format!("{}: build, {threads} threads", mesh.label);
+    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }
 
 /// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
-fn refits(mesh: &Mesh, threads: usize) -> Vec<Contender<'_>> {
-    let mut contenders = others::refits(&triangles(mesh), threads);
+pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
+    let triangles = mesh.triangles(mesh.start());
+    let mut embree = EmbreeScene::new(&triangles, threads, Made::Refitted);
+    let theirs = Contender::new("Embree 4", threads, || {
+        embree.rebuild();
+        0
+    });
     let mut tracer = Tracer::ready(mesh, METHOD, threads);
-    contenders.push(Contender::new("abvh", threads, move || {
+    let ours = Contender::new("abvh", threads, || {
         tracer.refit();
         0
-    }));
-    contenders
-}
-
-/// Trees to what devices take.
-fn conversions(mesh: &Mesh, threads: usize) -> Vec<Contender<'_>> {
-    let contender = |name, convert: fn(&mut Ours, &Mesh) -> usize| {
-        let pool = pool(threads);
-        let mut ours = built(mesh, &pool);
-        Contender::new(name, threads, move || {
-            pool.install(|| convert(&mut ours, mesh));
-            0
-        })
-    };
-    vec![
-        contender("abvh, a record", |ours, mesh| ours.convert(mesh).bytes()),
-        contender("abvh, treelets", |ours, _| ours.treelets().bytes()),
-    ]
+    });
+    let samples = in_turn(vec![theirs, ours], setting("ABVH_ROUNDS", ROUNDS));
+    let title = format!("{}: refit, {threads} threads", mesh.label);
+    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
 }
 
 /// Build and conversion: what the pipeline's builder thread hands over.
-fn record(mesh: &Mesh, threads: usize) -> Contender<'_> {
+fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
-    let (mut ours, pool) = (Ours::default(), pool(threads));
+    let mut ours = Ours::default();
     Contender::new("abvh, build and convert", threads, move || {
         pool.install(|| ours.make(mesh, &positions).bytes());
         0
@@ -83,9 +60,9 @@ fn record(mesh: &Mesh, threads: usize) -> Contender<'_> {
 }
 
 /// All that is done until rays can be asked on this machine.
-fn traceable(mesh: &Mesh, threads: usize) -> Contender<'_> {
+fn traceable<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
-    let (mut ours, pool) = (Ours::default(), pool(threads));
+    let mut ours = Ours::default();
     let mut tracer = Tracer::new(mesh, METHOD, threads);
     Contender::new("abvh, build to rays", threads, move || {
         let record = pool.install(|| {
@@ -96,26 +73,4 @@ fn traceable(mesh: &Mesh, threads: usize) -> Contender<'_> {
         tracer.refit();
         0
     })
-}
-
-/// What the trees are worth, and the bytes of ours.
-fn print_costs(mesh: &Mesh) {
-    let ours = built(mesh, &pool(1));
-    let own = ours.sah_cost(mesh, &mesh.positions(mesh.start()));
-    let row = |name: &str, cost: f64, nodes: usize| {
-        let [cost, ratio] = [format!("{cost:.2}"), format!("{:.3}", cost / own)];
-        vec![name.to_owned(), cost, ratio, nodes.to_string()]
-    };
-    let mut rows = vec![row("abvh", own, ours.record().node_count())];
-    for tree in built_rivals(&triangles(mesh), &pool(1)) {
-        let nodes = tree.nodes();
-        rows.push(row(tree.name(), sah_cost(&nodes), nodes.len()));
-    }
-    let each = |bytes: usize| bytes as f64 / mesh.triangle_count() as f64;
-    let (record, treelets) = (each(ours.record().bytes()), each(ours.treelets().bytes()));
-    let title = format!(
-        "{}: surface area cost (traversal 1, intersection 1); a record of abvh has {record:.3} bytes a triangle, treelets {treelets:.3}",
-        mesh.label
-    );
-    print_table(&title, "tree|cost|to abvh's|nodes", rows);
 }

@@ -1,40 +1,41 @@
-//! This program and others in turn, sample by sample: builds, conversions, refits and rays.
+//! This program and Embree in turn, sample by sample: builds, refits and rays.
 //!
-//! `cargo bench -p benches --bench duel [-- FILE.json] [GROUP|SCENE]...`, a group being `build`, `convert`, `refit`,
-//! `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path. The others are crates, or
-//! Embree with `--features embree`.
-//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. All share each change of
+//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
+//! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path.
+//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
 //! come as near to a quiet machine as the run did.
 
 mod build;
-#[cfg(not(feature = "embree"))]
-#[path = "crates.rs"]
-mod others;
-#[cfg(feature = "embree")]
-#[path = "embree.rs"]
-mod others;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Contender, Mesh, in_turn, least, median, print_table, setting};
+use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts};
 use serde_json::{Value, json};
 use std::process::Command;
 
 fn main() {
-    let words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
-    let (files, words): (Vec<_>, Vec<_>) = words.partition(|word| word.ends_with(".json"));
-    let scenes = words.iter().filter(|word| word.contains([':', '/']));
-    let mut meshes: Vec<Mesh> = scenes.map(|s| Mesh::open(s).expect("a scene")).collect();
-    let only: Vec<_> = words.iter().filter(|w| !w.contains([':', '/'])).collect();
-    if meshes.is_empty() {
-        meshes = benches::meshes();
-    }
-    let is_asked = |what: &str| only.is_empty() || only.iter().any(|word| *word == what);
-    let (mut groups, before) = (Vec::new(), load());
+    let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
+    let file = words.next();
+    let (scenes, only): (Vec<String>, Vec<String>) =
+        words.partition(|word| word.contains([':', '/']));
+    let mut groups = Vec::new();
+    let before = load();
+    let open = |spec: &String| Mesh::open(spec).expect("a scene");
+    let meshes = match scenes.is_empty() {
+        true => meshes(),
+        false => scenes.iter().map(open).collect(),
+    };
     for mesh in meshes.iter().map(Mesh::soup) {
-        groups.extend(build::all(&mesh, &is_asked));
-        groups.extend(trace::all(&mesh, &is_asked));
+        for threads in thread_counts() {
+            if is_asked(&only, "build") {
+                groups.push(build::times(&mesh, threads));
+            }
+            if is_asked(&only, "refit") {
+                groups.push(build::refits(&mesh, threads));
+            }
+        }
+        groups.extend(trace::all(&mesh, &|what| is_asked(&only, what)));
     }
     let report = json!({
         "machine": machine(),
@@ -42,7 +43,7 @@ fn main() {
         "load_before_and_after": [before, load()],
         "groups": groups,
     });
-    for file in files {
+    if let Some(file) = file {
         let text = serde_json::to_string_pretty(&report).expect("numbers and names");
         std::fs::write(&file, text + "\n").unwrap_or_else(|why| panic!("{file}: {why}"));
     }
@@ -78,6 +79,11 @@ const METHOD: Method = Method {
     layout: Layout::Fast,
 };
 
+/// Whether a group is among those named, or none is.
+fn is_asked(only: &[String], what: &str) -> bool {
+    only.is_empty() || only.iter().any(|word| word == what)
+}
+
 /// How a time becomes a figure.
 #[derive(Clone, Copy)]
 enum Unit {
@@ -103,12 +109,14 @@ impl Unit {
     }
 }
 
-/// Measures one group, prints it and makes JSON of it. All are compared with the first.
-fn measure(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
-    let samples = in_turn(contenders, setting("ABVH_ROUNDS", 15));
-    let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
+/// Prints one group and makes JSON of it. All are compared with the first.
+fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
+    let header = "threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
+    let header: Vec<&str> = std::iter::once(unit.name())
+        .chain(header.split('|'))
+        .collect();
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
-    for one in &samples {
+    for one in samples {
         let [wall, processor] = one.over(&samples[0]);
         let best = unit.of(least(&one.wall));
         let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));
@@ -124,7 +132,7 @@ fn measure(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
             "wall_ms": one.wall, "processor_ms": one.processor, "hits": one.hits,
         }));
     }
+    print_table(title, &header, rows);
     let (unit, baseline) = (unit.name(), &samples[0].name);
-    print_table(title, &(unit.to_owned() + header), rows);
     json!({ "title": title, "unit": unit, "baseline": baseline, "contenders": contenders })
 }

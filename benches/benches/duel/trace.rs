@@ -1,96 +1,208 @@
 //! Rays to hits, written where the caller wants them.
 
-use crate::others::Others;
-use crate::{METHOD, Unit, measure};
+use crate::{METHOD, Unit, report};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, Mesh, Tracer, blocks, camera, diffuse_rays, light, random_rays, setting,
-    shadow_rays, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, in_turn,
+    light, pool, random_rays, setting, shadow_rays, thread_counts,
 };
-use geom::{Camera, Ray};
+use geom::{Camera, Hit, Ray};
+use rayon::ThreadPool;
+use rayon::prelude::*;
 use serde_json::Value;
 
+const ROUNDS: usize = 15;
 /// Rays in no order.
 const RANDOM: usize = 1 << 17;
-/// Rays that one task of others traces, a multiple of a packet's.
-pub(crate) const TASK: usize = 512;
-/// Other crates take long.
-const WIDTH: usize = if cfg!(feature = "embree") { 1920 } else { 512 };
+/// Rays that one task of Embree's traces, a multiple of a packet's.
+const TASK: usize = 512;
+
+/// What contenders are made of.
+struct Stage<'a> {
+    mesh: &'a Mesh,
+    threads: usize,
+    pool: ThreadPool,
+    /// Embree's: fast, and robust.
+    scenes: [EmbreeScene; 2],
+}
 
 /// Rays, and what is asked of them.
-pub(crate) struct Asked {
-    what: &'static str,
-    pub(crate) rays: Vec<Ray>,
-    pub(crate) kind: QueryKind,
+struct Asked {
+    rays: Vec<Ray>,
+    packets: Vec<Packet16>,
+    kind: QueryKind,
 }
 
 impl Asked {
-    /// Whether they lie close together, sixteen by sixteen.
-    pub(crate) fn is_coherent(&self) -> bool {
-        matches!(self.what, "primary" | "shadow")
+    /// Those that are `coherent` lie close together, sixteen by sixteen.
+    fn new(rays: Vec<Ray>, coherent: bool, kind: QueryKind) -> Self {
+        let packets = rays.chunks(16);
+        let packets = packets.map(|rays| Packet16::new(rays, coherent)).collect();
+        Self {
+            rays,
+            packets,
+            kind,
+        }
     }
 }
 
 /// The groups of a mesh that are asked for.
 pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let most = thread_counts().into_iter().max().unwrap_or(1);
-    let width = setting("ABVH_WIDTH", WIDTH) as u32;
+    let width = setting("ABVH_WIDTH", 1920) as u32;
     let camera = camera(mesh, [width, width * 5 / 8]);
     let primary = blocks(&camera, [4, 4]);
     let mut tracer = Tracer::ready(mesh, METHOD, most);
-    let asked = |what| {
-        let (rays, kind) = match what {
-            "primary" => (primary.clone(), Closest),
-            "shadow" => (shadow_rays(mesh, &primary, &mut tracer), Any),
-            "diffuse" => (diffuse_rays(mesh, &primary, &mut tracer), Closest),
-            "random" => (random_rays(mesh, RANDOM), Closest),
-            _ => (random_rays(mesh, RANDOM), Any),
-        };
-        Asked { what, rays, kind }
+    let asked = |what| match what {
+        "primary" => Asked::new(primary.clone(), true, Closest),
+        "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, Any),
+        "diffuse" => Asked::new(diffuse_rays(mesh, &primary, &mut tracer), false, Closest),
+        "random" => Asked::new(random_rays(mesh, RANDOM), false, Closest),
+        _ => Asked::new(random_rays(mesh, RANDOM), false, Any),
     };
-    let kinds = ["primary", "shadow", "diffuse", "random", "random-any"].into_iter();
-    let asked: Vec<Asked> = kinds.filter(|what| is_asked(what)).map(asked).collect();
+    let kinds = ["primary", "shadow", "diffuse", "random", "random-any"];
+    let kinds = kinds.into_iter().filter(|what| is_asked(what));
+    let asked: Vec<(&str, Asked)> = kinds.clone().zip(kinds.map(asked)).collect();
     let both = QueryKind::ClosestAndShadow { light: light(mesh) };
     let mut groups = Vec::new();
     for threads in thread_counts() {
-        let others = Others::new(&mesh.triangles(mesh.start()), threads);
-        let group = |what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>| {
-            let mut contenders = others.contenders(asked);
-            contenders.push(listed(mesh, threads, asked));
-            contenders.extend(camera.map(|camera| seen(mesh, threads, camera)));
-            let rays = asked.iter().map(|asked| asked.rays.len()).sum();
-            let title = format!("{}: {what} rays, {threads} threads", mesh.label);
-            measure(&title, Unit::MillionsOf(rays), contenders)
-        };
-        for one in &asked {
-            let camera = (one.what == "primary").then_some((&camera, Closest));
-            groups.push(group(one.what, &[one], camera));
+        let stage = Stage::new(mesh, threads);
+        for (what, asked) in &asked {
+            let camera = (*what == "primary").then_some((&camera, Closest));
+            groups.push(stage.measure(what, &[asked], camera));
         }
         if is_asked("primary-and-shadow") {
-            let both_of: Vec<_> = asked.iter().filter(|one| one.is_coherent()).collect();
-            groups.push(group("primary-and-shadow", &both_of, Some((&camera, both))));
+            let asked = asked
+                .iter()
+                .filter(|(what, _)| ["primary", "shadow"].contains(what));
+            let asked: Vec<_> = asked.map(|(_, asked)| asked).collect();
+            groups.push(stage.measure("primary-and-shadow", &asked, Some((&camera, both))));
         }
     }
     groups
 }
 
-fn listed<'a>(mesh: &Mesh, threads: usize, asked: &'a [&Asked]) -> Contender<'a> {
-    let mut tracer = Tracer::ready(mesh, METHOD, threads);
-    let mut trace = move |asked: &Asked| {
-        let (rays, kind) = (Rays::List(&asked.rays), asked.kind);
-        tracer.trace(Query { rays, kind })
-    };
-    Contender::new("abvh, lists", threads, move || {
-        asked.iter().map(|asked| trace(asked)).sum()
-    })
-}
+impl<'a> Stage<'a> {
+    fn new(mesh: &'a Mesh, threads: usize) -> Self {
+        let triangles = mesh.triangles(mesh.start());
+        Self {
+            mesh,
+            threads,
+            pool: pool(threads),
+            scenes: [Made::Fast, Made::Robust]
+                .map(|made| EmbreeScene::new(&triangles, threads, made)),
+        }
+    }
 
-/// A camera that sees the same.
-fn seen<'a>(mesh: &Mesh, threads: usize, (camera, kind): (&'a Camera, QueryKind)) -> Contender<'a> {
-    let mut tracer = Tracer::ready(mesh, METHOD, threads);
-    let rays = Rays::Camera(camera);
-    Contender::new("abvh, a camera", threads, move || {
-        tracer.trace(Query { rays, kind })
-    })
+    /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
+    fn measure(&self, what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>) -> Value {
+        let [fast, robust] = &self.scenes;
+        let mut contenders = vec![
+            self.singly("Embree 4, single rays", fast, asked),
+            self.singly("Embree 4 robust, single rays", robust, asked),
+            self.together("Embree 4, packets of 16", fast, asked),
+            self.together("Embree 4 robust, packets of 16", robust, asked),
+            self.listed(asked),
+        ];
+        contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
+        let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
+        let rays = asked.iter().map(|asked| asked.rays.len()).sum();
+        let title = format!("{}: {what} rays, {} threads", self.mesh.label, self.threads);
+        report(&title, Unit::MillionsOf(rays), &samples)
+    }
+
+    fn listed<'b>(&self, asked: &'b [&Asked]) -> Contender<'b> {
+        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
+        let mut trace = move |asked: &Asked| {
+            let (rays, kind) = (Rays::List(&asked.rays), asked.kind);
+            tracer.trace(Query { rays, kind })
+        };
+        Contender::new("abvh, lists", self.threads, move || {
+            asked.iter().map(|asked| trace(asked)).sum()
+        })
+    }
+
+    fn seen<'b>(&self, camera: &'b Camera, kind: QueryKind) -> Contender<'b> {
+        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
+        let rays = Rays::Camera(camera);
+        Contender::new("abvh, a camera", self.threads, move || {
+            tracer.trace(Query { rays, kind })
+        })
+    }
+
+    fn singly<'b>(
+        &'b self,
+        name: &str,
+        scene: &'b EmbreeScene,
+        asked: &'b [&Asked],
+    ) -> Contender<'b> {
+        let closest = |task: usize, asked: &Asked, out: &mut [Hit]| {
+            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
+                *out = scene.closest(ray);
+            }
+        };
+        let any = |task: usize, asked: &Asked, out: &mut [u8]| {
+            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
+                *out = u8::from(scene.is_occluded(ray));
+            }
+        };
+        self.in_tasks(name, asked, (closest, any))
+    }
+
+    fn together<'b>(
+        &'b self,
+        name: &str,
+        scene: &'b EmbreeScene,
+        asked: &'b [&Asked],
+    ) -> Contender<'b> {
+        let packets = |task: usize, asked: &'b Asked| asked.packets[task * TASK / 16..].iter();
+        let closest = move |task: usize, asked: &'b Asked, out: &mut [Hit]| {
+            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
+                scene.packet_closest(packet, out);
+            }
+        };
+        let any = move |task: usize, asked: &'b Asked, out: &mut [u8]| {
+            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
+                scene.packet_occluded(packet, out);
+            }
+        };
+        self.in_tasks(name, asked, (closest, any))
+    }
+
+    /// Tasks write what they find, those of `closest` hits and those of `any` ones and zeros.
+    fn in_tasks<'b>(
+        &'b self,
+        name: &str,
+        asked: &'b [&'b Asked],
+        (closest, any): (
+            impl Fn(usize, &'b Asked, &mut [Hit]) + Send + Sync + 'b,
+            impl Fn(usize, &'b Asked, &mut [u8]) + Send + Sync + 'b,
+        ),
+    ) -> Contender<'b> {
+        let most = asked.iter().map(|asked| asked.rays.len()).max();
+        let mut hits = vec![Hit::MISS; most.unwrap_or(0)];
+        let mut met = vec![0; hits.len()];
+        let mut trace = move |asked: &'b Asked| -> u64 {
+            let count = asked.rays.len();
+            if asked.kind == Any {
+                let tasks = met[..count].par_chunks_mut(TASK).enumerate();
+                let task = |(task, out): (usize, &mut [u8])| {
+                    any(task, asked, out);
+                    out.iter().map(|&met| u64::from(met)).sum::<u64>()
+                };
+                return tasks.map(task).sum();
+            }
+            let tasks = hits[..count].par_chunks_mut(TASK).enumerate();
+            let task = |(task, out): (usize, &mut [Hit])| {
+                closest(task, asked, out);
+                out.iter().filter(|hit| hit.is_hit()).count() as u64
+            };
+            tasks.map(task).sum()
+        };
+        Contender::new(name, self.threads, move || {
+            self.pool
+                .install(|| asked.iter().map(|asked| trace(asked)).sum())
+        })
+    }
 }

@@ -1,13 +1,11 @@
 //! `bvh`: binned builds in parallel; no refit.
 
-use super::obvhs::{ray_of, triangle_of};
 use super::{Node, Rival};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
 use bvh::bvh::{Bvh as Tree, BvhNode};
 use geom::Ray;
-use glam::Vec3;
-use obvhs::triangle::Triangle;
+use nalgebra::Vector3;
 
 /// A tree of the crate `bvh`.
 #[derive(Default)]
@@ -18,16 +16,15 @@ pub(super) struct Bvh {
 
 /// A triangle as the crate wants it.
 struct Shape {
-    triangle: Triangle,
+    corners: geom::Triangle,
     at: u32,
     node: usize,
 }
 
 impl Bounded<f32, 3> for Shape {
     fn aabb(&self) -> Aabb<f32, 3> {
-        let bounds = self.triangle.aabb();
-        let [min, max] = [bounds.min, bounds.max].map(|corner| corner.to_array());
-        Aabb::with_bounds(min.into(), max.into())
+        let bounds = geom::Aabb::of_triangle(&self.corners);
+        Aabb::with_bounds(bounds.min.into(), bounds.max.into())
     }
 }
 
@@ -47,20 +44,19 @@ impl Bvh {
     }
 
     /// The closest hit by shapes in the order in which the ray enters their boxes,
-    /// or any hit if `first` says so. Triangles are left to the crate's callers (its own test culls back faces): here they
-    /// are those of `obvhs`.
+    /// or any hit if `first` says so. Triangles are left to the crate's callers
+    /// (its own test culls back faces).
     fn search(&self, ray: &Ray, first: bool) -> Option<(f32, u32)> {
-        let length = Vec3::from(ray.direction).length();
-        let here = bvh::ray::Ray::new(ray.origin.into(), ray.direction.into());
-        let to_triangle = ray_of(ray);
+        let direction = Vector3::from(ray.direction);
+        let length = direction.norm();
+        let here = bvh::ray::Ray::new(ray.origin.into(), direction);
         let (mut t_best, mut best) = (ray.t_max, None);
         for shape in self.tree().nearest_traverse_iterator(&here, &self.soup) {
             let entry = here.intersection_slice_for_aabb(&shape.aabb());
             if entry.is_some_and(|(near, _)| near > t_best * length) {
                 break;
             }
-            let t = shape.triangle.intersect(&to_triangle);
-            if t < t_best {
+            if let Some(t) = moller_trumbore(ray, &shape.corners).filter(|&t| t < t_best) {
                 (t_best, best) = (t, Some((t, shape.at)));
                 if first {
                     break;
@@ -76,9 +72,17 @@ impl Rival for Bvh {
         "bvh"
     }
 
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
+
+    fn refits_in_parallel(&self) -> Option<bool> {
+        None
+    }
+
     fn take(&mut self, triangles: &[geom::Triangle]) {
-        let shape = |(triangle, at): (&geom::Triangle, u32)| Shape {
-            triangle: triangle_of(triangle),
+        let shape = |(&corners, at): (&geom::Triangle, u32)| Shape {
+            corners,
             at,
             node: 0,
         };
@@ -110,4 +114,19 @@ impl Rival for Bvh {
         };
         self.tree().nodes.iter().map(node).collect()
     }
+}
+
+/// The two-sided test (Möller, Trumbore 1997) without an absolute threshold, over `(0, inf)`.
+fn moller_trumbore(ray: &Ray, corners: &geom::Triangle) -> Option<f32> {
+    let [a, b, c] = corners.map(Vector3::from);
+    let direction = Vector3::from(ray.direction);
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(&ac);
+    let inverse = 1.0 / ab.dot(&p);
+    let from_a = Vector3::from(ray.origin) - a;
+    let u = from_a.dot(&p) * inverse;
+    let q = from_a.cross(&ab);
+    let v = direction.dot(&q) * inverse;
+    let t = ac.dot(&q) * inverse;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
 }

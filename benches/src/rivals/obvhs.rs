@@ -27,12 +27,20 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
         }
     }
 
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
+
     fn refits_in_parallel(&self) -> Option<bool> {
         Some(false)
     }
 
     fn take(&mut self, triangles: &[geom::Triangle]) {
-        self.soup = triangles.iter().map(triangle_of).collect();
+        let convert = |t: &geom::Triangle| {
+            let [v0, v1, v2] = t.map(Vec3A::from);
+            Triangle { v0, v1, v2 }
+        };
+        self.soup = triangles.iter().map(convert).collect();
     }
 
     fn build(&mut self) {
@@ -57,10 +65,14 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
     }
 
     fn refit(&mut self) {
-        let (nodes, members) = (&mut self.tree.nodes, &self.tree.primitive_indices);
+        let Bvh2 {
+            nodes,
+            primitive_indices,
+            ..
+        } = &mut self.tree;
         for node in nodes.iter_mut().filter(|node| node.is_leaf()) {
             let (first, count) = (node.first_index as usize, node.prim_count as usize);
-            let members = members[first..first + count].iter();
+            let members = primitive_indices[first..first + count].iter();
             let boxes = members.map(|&t| self.soup[t as usize].aabb());
             if let Some(bounds) = boxes.reduce(|a, b| a.union(&b)) {
                 node.set_aabb(bounds);
@@ -71,7 +83,7 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
 
     fn closest(&self, ray: &Ray) -> Option<(f32, u32)> {
         let mut hit = RayHit::none();
-        self.tree.ray_traverse(ray_of(ray), &mut hit, |ray, at| {
+        self.tree.ray_traverse(convert(ray), &mut hit, |ray, at| {
             self.soup[self.tree.primitive_indices[at] as usize].intersect(ray)
         });
         let triangle = |at: u32| self.tree.primitive_indices[at as usize];
@@ -79,7 +91,7 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
     }
 
     fn blocked(&self, ray: &Ray) -> bool {
-        !self.tree.ray_traverse_miss(ray_of(ray), |ray, at| {
+        !self.tree.ray_traverse_miss(convert(ray), |ray, at| {
             self.soup[self.tree.primitive_indices[at] as usize].intersect(ray)
         })
     }
@@ -96,11 +108,6 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
     }
 }
 
-pub(super) fn triangle_of(triangle: &geom::Triangle) -> Triangle {
-    let [v0, v1, v2] = triangle.map(Vec3A::from);
-    Triangle { v0, v1, v2 }
-}
-
-pub(super) fn ray_of(ray: &Ray) -> obvhs::ray::Ray {
+fn convert(ray: &Ray) -> obvhs::ray::Ray {
     obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), 0.0, ray.t_max)
 }

@@ -1,0 +1,258 @@
+//! Every stage beside other crates: trees, records, refits and rays.
+//!
+//! `cargo bench -p benches --bench stages [-- STAGE]`, a stage being `build`, `convert`, `refit` or `trace`.
+
+use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
+use benches::{
+    Mesh, Ours, Rival, Tracer, built, camera, criterion, meshes, pool, print_table, rivals,
+    sah_cost, shadow_rays, thread_counts,
+};
+use bvh_layout::Topology;
+use criterion::measurement::WallTime;
+use criterion::{BatchSize, BenchmarkGroup, BenchmarkId, Criterion, Throughput};
+use geom::Ray;
+use rayon::prelude::*;
+
+type Group<'a> = BenchmarkGroup<'a, WallTime>;
+type Stage = fn(&mut Criterion, &Mesh);
+
+fn main() {
+    let mut criterion = criterion();
+    let asked = std::env::args().skip(1).find(|arg| !arg.starts_with('-'));
+    let stages: [(&str, Stage); 4] = [
+        ("build", build),
+        ("convert", convert),
+        ("refit", refit),
+        ("trace", trace),
+    ];
+    for mesh in meshes() {
+        let is_asked = |stage: &str| asked.as_ref().is_none_or(|a| a.starts_with(stage));
+        for (_, stage) in stages.iter().filter(|(name, _)| is_asked(name)) {
+            stage(&mut criterion, &mesh);
+        }
+    }
+    criterion.final_summary();
+}
+
+fn group<'a>(criterion: &'a mut Criterion, stage: &str, mesh: &Mesh) -> Group<'a> {
+    let mut group = criterion.benchmark_group(format!("{stage}/{}", mesh.label));
+    group.throughput(Throughput::Elements(mesh.triangle_count() as u64));
+    group
+}
+
+/// Triangles to trees, with one thread and with all; and what the trees are worth.
+fn build(criterion: &mut Criterion, mesh: &Mesh) {
+    let mut group = group(criterion, "build", mesh);
+    for threads in thread_counts() {
+        build_ours(&mut group, mesh, threads);
+        for mut tree in rivals(&mesh.triangles(mesh.start())) {
+            if threads == 1 || tree.builds_in_parallel() {
+                group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
+                    pool(threads).install(|| b.iter(|| tree.build()));
+                });
+            }
+        }
+    }
+    group.finish();
+    let ours = built(mesh, &pool(1));
+    let cost = ours.sah_cost(mesh, &mesh.positions(mesh.start()));
+    let mut rows = vec![cost_row("abvh", [cost, cost], ours.record().node_count())];
+    rows.extend(trees_of(mesh, 1).iter().map(|tree| {
+        let nodes = tree.nodes();
+        cost_row(tree.name(), [sah_cost(&nodes), cost], nodes.len())
+    }));
+    let label = &mesh.label;
+    let title = format!("{label}: surface area cost (traversal 1, intersection 1)");
+    print_table(&title, &["tree", "cost", "to abvh's", "nodes"], rows);
+}
+
+/// `abvh` is build and convert, off the frame's path; `abvh and refit` adds what the
+/// backend does before rays can use the record, as the rivals' builds do.
+fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
+    let pool = pool(threads);
+    let positions = mesh.positions(mesh.start());
+    let mut ours = Ours::default();
+    group.bench_function(BenchmarkId::new("abvh", threads), |b| {
+        pool.install(|| b.iter(|| ours.make(mesh, &positions).bytes()));
+    });
+    let mut tracer = Tracer::new(mesh, Method::default(), threads);
+    group.bench_function(BenchmarkId::new("abvh and refit", threads), |b| {
+        b.iter(|| {
+            pool.install(|| ours.make(mesh, &positions).bytes());
+            tracer.adopt(ours.record());
+            tracer.refit();
+        });
+    });
+}
+
+/// The rivals' trees at the start of a mesh.
+fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn Rival>> {
+    let mut all = rivals(&mesh.triangles(mesh.start()));
+    pool(threads).install(|| all.iter_mut().for_each(|tree| tree.build()));
+    all
+}
+
+fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
+    let [cost, ratio] = [format!("{cost:.2}"), format!("{:.3}", cost / ours)];
+    vec![name.to_owned(), cost, ratio, nodes.to_string()]
+}
+
+/// Trees to records, and back in.
+fn convert(criterion: &mut Criterion, mesh: &Mesh) {
+    let mut group = group(criterion, "convert", mesh);
+    for threads in thread_counts() {
+        convert_ours(&mut group, mesh, threads);
+    }
+    group.finish();
+    let built = built(mesh, &pool(1));
+    let each = |bytes: usize| bytes as f64 / mesh.triangle_count() as f64;
+    let (record, treelets) = (each(built.record().bytes()), each(built.treelets().bytes()));
+    let row = vec![
+        mesh.label.clone(),
+        format!("{record:.3}"),
+        format!("{:.1} %", record / 0.64),
+        format!("{treelets:.3}"),
+    ];
+    let header = ["mesh", "bytes a triangle", "of 64", "as treelets"];
+    print_table("records", &header, vec![row]);
+}
+
+fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
+    let pool = pool(threads);
+    let mut ours = built(mesh, &pool);
+    group.bench_function(BenchmarkId::new("convert", threads), |b| {
+        pool.install(|| b.iter(|| ours.convert(mesh).bytes()));
+    });
+    group.bench_function(BenchmarkId::new("treelets", threads), |b| {
+        pool.install(|| b.iter_with_large_drop(|| ours.treelets()));
+    });
+    let mut nodes = Vec::new();
+    group.bench_function(BenchmarkId::new("leaf_nodes", threads), |b| {
+        pool.install(|| b.iter(|| ours.record().leaf_nodes(&mut nodes)));
+    });
+    let words = || ours.record().words().to_vec();
+    group.bench_function(BenchmarkId::new("from_words", threads), |b| {
+        pool.install(|| b.iter_batched(words, Topology::from_words, BatchSize::LargeInput));
+    });
+}
+
+/// New positions to boxes, in trees that keep their shape.
+///
+/// For `abvh` this is `preprocess` and `refit`: records for the intersector,
+/// boxes of leaves, boxes of inner nodes. For the others it is boxes of leaves
+/// and of inner nodes; they trace the triangles as they are. `bvh` has no refit.
+fn refit(criterion: &mut Criterion, mesh: &Mesh) {
+    let mut group = group(criterion, "refit", mesh);
+    for threads in thread_counts() {
+        let ours = built(mesh, &pool(threads));
+        let mut tracer = Tracer::new(mesh, Method::default(), threads);
+        tracer.adopt(ours.record());
+        tracer.pose(mesh.middle());
+        group.bench_function(BenchmarkId::new("abvh", threads), |b| {
+            b.iter(|| tracer.refit());
+        });
+        for mut tree in trees_of(mesh, threads) {
+            let in_parallel = tree.refits_in_parallel();
+            if in_parallel.is_some_and(|in_parallel| threads == 1 || in_parallel) {
+                tree.take(&mesh.triangles(mesh.middle()));
+                group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
+                    pool(threads).install(|| b.iter(|| tree.refit()));
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+/// Rays that one task of a rival traces.
+const TASK: usize = 512;
+
+/// Our own ways. A camera's rays run together where the layout can; a list's run one by one.
+const OURS: [(Intersector, Layout); 3] = [
+    (Intersector::Watertight, Layout::Fast),
+    (Intersector::Watertight, Layout::Bvh2),
+    (Intersector::MollerTrumbore, Layout::Bvh2),
+];
+
+/// Rays that a group traces.
+struct Work<'a> {
+    mesh: &'a Mesh,
+    rays: &'a [Ray],
+    any: bool,
+    threads: usize,
+}
+
+/// Rays to hits, on all threads: through the pixels of a picture, and from what they hit to a light.
+///
+/// A table of hits follows each group: trees that answer differently do not do the same work.
+fn trace(criterion: &mut Criterion, mesh: &Mesh) {
+    let threads = thread_counts().pop().unwrap_or(1);
+    let camera = camera(mesh, [512, 320]);
+    let primary = camera.rays().collect::<Vec<_>>();
+    let mut watertight = Tracer::ready(mesh, Method::default(), threads);
+    let shadow = shadow_rays(mesh, &primary, &mut watertight);
+    drop(watertight);
+    for (kind, rays, any) in [("primary", &primary, false), ("shadow", &shadow, true)] {
+        let work = Work {
+            mesh,
+            rays,
+            any,
+            threads,
+        };
+        let name = format!("trace {kind}");
+        let mut group = group(criterion, &name, mesh);
+        group.throughput(Throughput::Elements(rays.len() as u64));
+        let hits = trace_all(&mut group, &work, Rays::Camera(&camera));
+        group.finish();
+        print_table(&name, &["tree", "rays", "hits"], hits);
+    }
+}
+
+fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Vec<String>> {
+    let list = Rays::List(work.rays);
+    let rays = if work.any { list } else { camera };
+    let mut hits = Vec::new();
+    for (intersector, layout) in OURS {
+        let method = Method {
+            intersector,
+            layout,
+        };
+        hits.push(trace_ours(group, work, method, rays));
+        if layout == Layout::Fast && !work.any {
+            hits.push(trace_ours(group, work, method, list));
+        }
+    }
+    for tree in trees_of(work.mesh, work.threads) {
+        let tasks = || work.rays.par_chunks(TASK);
+        let count = || tasks().map(|task| tree.count(task, work.any)).sum();
+        let pool = pool(work.threads);
+        group.bench_function(tree.name(), |b| pool.install(|| b.iter(count)));
+        hits.push(hit_row(tree.name(), work, pool.install(count)));
+    }
+    hits
+}
+
+fn trace_ours(
+    group: &mut Group<'_>,
+    work: &Work<'_>,
+    method: Method,
+    rays: Rays<'_>,
+) -> Vec<String> {
+    let kind = match work.any {
+        true => QueryKind::Any,
+        false => QueryKind::Closest,
+    };
+    let mut tracer = Tracer::ready(work.mesh, method, work.threads);
+    let from = match rays {
+        Rays::Camera(_) => "a camera",
+        Rays::List(_) | Rays::OnDevice(_) => "a list",
+    };
+    let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
+    group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, kind })));
+    hit_row(&name, work, tracer.trace(Query { rays, kind }))
+}
+
+fn hit_row(name: &str, work: &Work<'_>, hits: u64) -> Vec<String> {
+    let rays = work.rays.len();
+    vec![name.to_owned(), rays.to_string(), hits.to_string()]
+}
