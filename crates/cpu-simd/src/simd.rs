@@ -114,7 +114,7 @@ pub(crate) trait Isa: Sized + 'static {
     type Packet: Lanes;
 
     /// Does `part` in a function of its own.
-    fn apart<P: Part<Self>>(part: P) -> P::Out;
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out;
 
     /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
     ///
@@ -158,7 +158,7 @@ pub(crate) trait Work {
 }
 
 /// A part of some work that is done at several places, and compiled once for each set.
-pub(crate) trait Part<I: Isa> {
+pub(crate) trait Outlined<I: Isa> {
     /// What comes of it.
     type Out;
 
@@ -166,7 +166,7 @@ pub(crate) trait Part<I: Isa> {
     fn run(self) -> Self::Out;
 }
 
-impl<I: Isa, W: Work> Part<I> for W {
+impl<I: Isa, W: Work> Outlined<I> for W {
     type Out = W::Out;
 
     #[inline(always)]
@@ -184,7 +184,7 @@ impl Isa for Portable {
     type Packet = Plain<8>;
 
     #[inline(never)]
-    fn apart<P: Part<Self>>(part: P) -> P::Out {
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out {
         part.run()
     }
 }
@@ -226,11 +226,11 @@ impl Level {
     #[inline]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self.0 {
-            Set::Portable => Portable::apart(work),
+            Set::Portable => Portable::outlined(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => x86::Avx2::apart(work),
+            Set::Avx2 => x86::Avx2::outlined(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => x86::Avx512::apart(work),
+            Set::Avx512 => x86::Avx512::outlined(work),
         }
     }
 }

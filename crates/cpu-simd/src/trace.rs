@@ -3,7 +3,7 @@
 use crate::light::{Found, shadow_rays};
 use crate::packet::{self, NONE, Packet};
 use crate::rays::{COLUMNS, Cell, Given, Group, MOST_RAYS, OneRay};
-use crate::simd::{Isa, Lanes, Part, Vector, Work};
+use crate::simd::{Isa, Lanes, Outlined, Vector, Work};
 use crate::tree::{NOWHERE, Wide};
 use crate::walk;
 use backend::{QueryKind, Rays};
@@ -188,7 +188,7 @@ impl TilesTask<'_, '_> {
                 let indices = first + begin..first + begin + rays.len();
                 tracer.singly(indices, &mut state.stack)
             } else {
-                I::apart(Answers {
+                I::outlined(Answers {
                     tracer,
                     rays: &Given::listed(rays),
                     asked,
@@ -211,7 +211,7 @@ impl TilesTask<'_, '_> {
         for x in (0..size[0]).step_by(COLUMNS) {
             for y in (0..size[1]).step_by(rows) {
                 let cell = Cell::new(&self.tiles, [x, y], rows);
-                let found = I::apart(Answers {
+                let found = I::outlined(Answers {
                     tracer: self.tracer,
                     rays: &cell.rays(camera),
                     asked: cell.asked,
@@ -244,7 +244,7 @@ struct Answers<'a, 't, L> {
     state: &'t mut State<'a>,
 }
 
-impl<I: Isa> Part<I> for Answers<'_, '_, I::Packet> {
+impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
     type Out = Found;
 
     #[inline(always)]

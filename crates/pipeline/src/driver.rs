@@ -8,7 +8,7 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Update};
+use crate::schedule::{Pace, Schedule, Update};
 use crate::tree_builder::{Forms, Made};
 use backend::{
     Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
@@ -19,7 +19,7 @@ pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{PendingBuild, Tree};
+use trees::{FIRST, PendingBuild, Tree};
 pub use warm_up::{Warmed, warm_up};
 
 /// Why rendering stopped.
@@ -75,8 +75,7 @@ pub struct Driver {
     tree: Option<Tree>,
     /// The build in flight; at most one.
     build: Option<PendingBuild>,
-    /// The last tree that was asked for.
-    newest: Generation,
+    schedule: Schedule,
     /// What came of the last build, until its boundary.
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
@@ -134,7 +133,7 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             build: None,
-            newest: Generation(0),
+            schedule: Schedule::new(options.update, FIRST),
             finished: None,
             spare: Spare::default(),
             has_best_for: None,
@@ -257,7 +256,7 @@ impl Driver {
         }
     }
 
-    /// Has a tree for the frame: the one in use, or what the policy says.
+    /// Has a tree for the frame: the one in use, or what the schedule says.
     fn bring_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
@@ -267,11 +266,8 @@ impl Driver {
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        self.swap_if_due()?;
-        if outdated && self.build.is_none() && self.options.update.asks_for_trees() {
-            self.ask_for(wanted)?;
-        }
-        Ok(())
+        let plan = self.schedule.begin_frame(self.frames, outdated);
+        self.follow(plan, wanted)
     }
 
     /// Brings positions to `pose`; says whether records and boxes must follow.
@@ -299,10 +295,11 @@ impl Driver {
     fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
         let anew = matches!(self.options.update, Update::Rebuild | Update::DeviceRebuild);
-        if self.tree.is_some() && !(moved && anew) {
-            return Ok(moved);
-        }
-        let generation = self.next_generation();
+        let generation = match &self.tree {
+            None => FIRST,
+            Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
+            Some(_) => return Ok(moved),
+        };
         self.backend.rebuild(generation)?;
         self.record.made = true;
         self.tree = Some(Tree {

@@ -106,7 +106,7 @@ impl Driver {
     /// Frames that may be under way when another is [begun](Self::begin), that one included.
     pub fn most_under_way(&self) -> usize {
         // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        match self.options.update.waits_at_once() && !self.makes_trees() {
+        match self.schedule.waits_at_once() && !self.makes_trees() {
             true => 1,
             false => FRAMES_IN_FLIGHT,
         }

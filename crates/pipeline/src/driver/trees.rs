@@ -3,13 +3,16 @@
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, Submission, TreeMoments, ms};
-use crate::schedule::{Pace, Update};
+use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::for_all::samples;
 use crate::tree_builder::{Built, Made, TreeBuilder, Vertices};
 use backend::{Generation, Snapshot};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Point, Pose};
 use std::time::Instant;
+
+/// The generation of the tree that the first frame builds.
+pub(super) const FIRST: Generation = Generation(1);
 
 /// The tree in use.
 pub(super) struct Tree {
@@ -38,8 +41,6 @@ pub(super) struct PendingBuild {
     asked: Instant,
     /// How many frames it took, once it is finished.
     latency: Option<u64>,
-    /// Whether it is finished, and its moment not too far off.
-    ripe: bool,
     /// Moments early and late in its use.
     pub(super) halves: [f64; 2],
     /// Where it must be cheaper than the tree in use.
@@ -82,8 +83,8 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Tells the predictor how long a finished tree took, and whether to swap to it: at once, but for trees that were
-    /// built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
+    /// Tells the predictor how long a finished tree took, and the schedule when to swap to it: at once, but for trees
+    /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
     pub(super) fn review_finished(&mut self) -> Result<(), PipelineError> {
         if !self.bring_finished()? {
             return Ok(());
@@ -103,11 +104,14 @@ impl Driver {
         let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
         let should_adopt =
             matches!(made, Made::NoBetter) || self.predictor.should_adopt(last, pending.middle);
-        let leave = ahead && !should_adopt;
-        pending.ripe = !leave || self.predictor.newer_tree_due_first(last, pending.middle);
-        if leave && pending.ripe {
+        let generation = pending.generation;
+        if ahead && !should_adopt {
+            if !self.predictor.newer_tree_due_first(last, pending.middle) {
+                return Ok(());
+            }
             self.leave_finished();
         }
+        self.schedule.finished(generation);
         Ok(())
     }
 
@@ -135,17 +139,22 @@ impl Driver {
 
     /// Whether trees are for moments to come.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.options.update.waits_at_once()
+        self.options.predict && !self.schedule.waits_at_once()
     }
 
-    /// Has a tree built for `pose`; at once if the policy waits for it. If that fails, the one in use stays.
-    pub(super) fn ask_for(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut pending = self.ask(pose);
-        if self.options.update.waits_at_once() {
-            return match self.build_now(&mut pending, None)? {
-                Ok(built) => self.adopt(built, &pending),
-                Err(_) => Ok(()),
-            };
+    /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
+    pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
+        if let Some(swap) = plan.swap {
+            self.swap(swap)?;
+        }
+        let Some(generation) = plan.ask else {
+            return Ok(());
+        };
+        let mut pending = self.ask(generation, pose);
+        if self.schedule.waits_at_once() {
+            let built = self.build_now(&mut pending, None)?;
+            self.schedule.forget(generation);
+            return built.map_or(Ok(()), |built| self.adopt(built, &pending));
         }
         self.build = Some(pending);
         match self.predicts() {
@@ -156,7 +165,7 @@ impl Driver {
 
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut pending = self.ask(pose);
+        let mut pending = self.ask(FIRST, pose);
         let built = if self.options.update == Update::TSah {
             let range = self.options.time_range;
             self.build_waiting(&mut pending, 0, |builder, animation| {
@@ -176,13 +185,7 @@ impl Driver {
         self.adopt(built, &pending)
     }
 
-    pub(super) fn next_generation(&mut self) -> Generation {
-        self.newest.0 += 1;
-        self.newest
-    }
-
-    fn ask(&mut self, pose: Pose) -> PendingBuild {
-        let generation = self.next_generation();
+    fn ask(&mut self, generation: Generation, pose: Pose) -> PendingBuild {
         self.record.asked = Some(generation);
         let may_reject = self.may_reject();
         let middle = self.predictor.middle_of_use();
@@ -196,7 +199,6 @@ impl Driver {
             middle,
             asked: Instant::now(),
             latency: None,
-            ripe: false,
             halves: self.predictor.halves_of_use(),
             rival_at: may_reject.then(|| self.animation.pose(middle)),
             arrived: None,
@@ -234,7 +236,7 @@ impl Driver {
             writer,
         };
         if self.builder_thread.start(job).is_err() {
-            self.build = None;
+            self.give_up();
         }
         Ok(())
     }
@@ -243,18 +245,19 @@ impl Driver {
     fn file(&mut self, result: BuildResult<Made>) {
         match result {
             Ok(made) => self.finished = Some(made),
-            Err(_) => self.build = None,
+            Err(_) => self.give_up(),
         }
     }
 
-    /// Swaps to the tree on its way if it is due, waiting for it only in lockstep.
-    pub(super) fn swap_if_due(&mut self) -> Result<(), PipelineError> {
-        let (update, frame) = (self.options.update, self.frames);
-        let is_due = |f: &&PendingBuild| update.swaps_after(frame - f.frame, f.ripe);
-        let Some(pending) = self.build.as_ref().filter(is_due) else {
-            return Ok(());
-        };
-        if !pending.ripe {
+    fn give_up(&mut self) {
+        if let Some(pending) = self.build.take() {
+            self.schedule.forget(pending.generation);
+        }
+    }
+
+    /// Swaps to a finished tree, waiting for it only where the plan says so.
+    fn swap(&mut self, swap: Swap) -> Result<(), PipelineError> {
+        if swap.wait {
             let start = Instant::now();
             self.wait_for_builder()?;
             self.record.build_wait_ms += ms(start.elapsed());
