@@ -58,7 +58,7 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
     let waited = (0..40).any(|_| {
         // The first is built for the key frame to come.
         let (mut last, mut asked, mut waited) = (0.5, 0, false);
-        let run = early(1 << 16, |frame| if frame < 4 { 1 } else { 2 });
+        let run = early(1 << 16, |frame| if frame < 4 { 1 } else { 3 });
         for record in &run.records[1..] {
             if let Some(adopted) = record.adopted {
                 let (now, new) = (record.frame.time, moment(&adopted));
