@@ -18,7 +18,10 @@ pub(crate) fn open<T>(
     (adapter, threads): (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
 ) -> Result<(T, Option<String>), Stop> {
-    if let Some(known) = known(&word(&backend)) {
+    if backend != BackendName::Auto {
+        let name = word(&backend);
+        let absent = || Stop::bad(format!("this program was built without backend {name}"));
+        let known = known(&name).ok_or_else(absent)?;
         let opened = known.open(adapter, threads).map_err(Stop::bad)?;
         return Ok((ready(opened)?, None));
     }

@@ -24,6 +24,15 @@ pub struct Law {
     pub(crate) methods: fn(&Check<'_>) -> Result<Vec<Method>>,
 }
 
+impl Law {
+    /// The same law, tried by the usual intersector alone.
+    #[must_use]
+    pub fn by_usual_intersector(self) -> Self {
+        let methods: fn(&Check<'_>) -> Result<Vec<Method>> = |c| c.layouts();
+        Self { methods, ..self }
+    }
+}
+
 /// What a law is tried on.
 pub(crate) struct Check<'a> {
     pub(crate) case: &'a Case,

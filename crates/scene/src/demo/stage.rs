@@ -24,12 +24,12 @@ pub(super) struct Part {
 
 impl Part {
     /// A part whose vertex at rest at `p` stands at `motion(time)(p)`; `colour` sees the middle of each triangle at rest.
-    pub(super) fn new<F, G>(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb, motion: F) -> Self
+    pub(super) fn new<F, G>(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync, motion: F) -> Self
     where
         F: Fn(f64) -> G + Send + Sync + 'static,
         G: Fn(DVec3) -> DVec3,
     {
-        let triangles = mesh.triangles.iter();
+        let triangles = mesh.triangles.par_iter();
         let colours = triangles.map(|&t| colour(mesh.middle(t))).collect();
         Self {
             mesh,
@@ -45,7 +45,7 @@ impl Part {
 
     pub(super) fn rigid(
         mesh: Mesh,
-        colour: impl Fn(DVec3) -> Rgb,
+        colour: impl Fn(DVec3) -> Rgb + Sync,
         pose: impl Fn(f64) -> DAffine3 + Send + Sync + 'static,
     ) -> Self {
         Self::new(mesh, colour, move |time| {
@@ -55,7 +55,7 @@ impl Part {
     }
 
     /// A part that stands still. No coordinate is `-0`, which blending key frames would change.
-    pub(super) fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb) -> Self {
+    pub(super) fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync) -> Self {
         Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
 
