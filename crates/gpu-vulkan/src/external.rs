@@ -8,6 +8,7 @@ use crate::gpu::Gpu;
 use crate::instance::Host;
 use crate::memory::create_buffer;
 use crate::timeline::Timeline;
+use ash::ext::external_memory_host;
 use ash::{khr, vk};
 use backend::{BackendError, Result};
 use std::ffi::CStr;
@@ -28,9 +29,9 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-/// Extensions by which a device exports, those of them that it offers.
+/// Extensions by which a device shares memory and semaphores, those of them that it offers.
 pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    host.offered(device, &[MEMORY, SEMAPHORE])
+    host.offered(device, &[MEMORY, SEMAPHORE, external_memory_host::NAME])
 }
 
 /// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.
@@ -152,7 +153,7 @@ impl Timeline {
 
 impl Gpu {
     fn check_exports(&self, what: &str, name: &CStr, is_able: fn(&Self) -> bool) -> Result<()> {
-        if self.exporting.contains(&name) && is_able(self) {
+        if self.sharing.contains(&name) && is_able(self) {
             return Ok(());
         }
         let why = format!("the device exports none by {}", name.to_string_lossy());
@@ -174,15 +175,23 @@ impl Gpu {
 }
 
 fn can_export_memory(gpu: &Gpu) -> bool {
-    let info = vk::PhysicalDeviceExternalBufferInfo::default()
-        .usage(USAGE)
-        .handle_type(MEMORY_FD);
-    let mut found = vk::ExternalBufferProperties::default();
-    let (host, physical) = (&gpu.host.instance, gpu.memory.physical);
-    // SAFETY: the device belongs to the instance, which is alive.
-    unsafe { host.get_physical_device_external_buffer_properties(physical, &info, &mut found) };
-    let features = found.external_memory_properties.external_memory_features;
+    let features = buffers(&gpu.host, gpu.memory.physical, (USAGE, MEMORY_FD));
     features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
+}
+
+/// What a device can do with shared memory of a kind, for buffers of a usage.
+pub(crate) fn buffers(
+    host: &Host,
+    device: vk::PhysicalDevice,
+    (usage, kind): (vk::BufferUsageFlags, vk::ExternalMemoryHandleTypeFlags),
+) -> vk::ExternalMemoryFeatureFlags {
+    let info = vk::PhysicalDeviceExternalBufferInfo::default();
+    let info = info.usage(usage).handle_type(kind);
+    let mut found = vk::ExternalBufferProperties::default();
+    let host = &host.instance;
+    // SAFETY: the device belongs to the instance, which is alive.
+    unsafe { host.get_physical_device_external_buffer_properties(device, &info, &mut found) };
+    found.external_memory_properties.external_memory_features
 }
 
 fn can_export_timelines(gpu: &Gpu) -> bool {

@@ -1,6 +1,7 @@
 //! The logical device and its queues.
 
 use crate::external;
+use crate::host_memory::Import;
 use crate::instance::Host;
 use crate::limits::{Extras, Limits};
 use crate::memory::Memory;
@@ -30,8 +31,10 @@ pub struct Gpu {
     /// Bits of a timestamp that count; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
-    /// Extensions by which it exports memory and semaphores.
-    pub(crate) exporting: Vec<&'static CStr>,
+    /// Extensions by which it exports memory and semaphores, and sees pages of the process.
+    pub(crate) sharing: Vec<&'static CStr>,
+    /// How it sees those.
+    pub(crate) import: Option<Import>,
     /// Compiled kernels of earlier runs.
     pub cache: PipelineCache,
     /// Whether it was opened for trees that its driver makes.
@@ -70,8 +73,8 @@ impl Gpu {
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical);
-        let exporting = external::extensions(&host, physical);
-        let vk = create(&host, physical, &queues, (traces_rays, extras, &exporting))?;
+        let sharing = external::extensions(&host, physical);
+        let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
         let all = all_queues(&vk, &queues);
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
@@ -81,6 +84,7 @@ impl Gpu {
                 return Err(e);
             }
         };
+        let import = Import::of(&host, physical, &vk);
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             queues: all,
@@ -93,7 +97,8 @@ impl Gpu {
             limits,
             timestamp_bits: queues.timestamp_bits,
             extras,
-            exporting,
+            sharing,
+            import,
             traces_rays,
             host,
         }))
@@ -150,7 +155,7 @@ fn create(
     host: &Host,
     device: vk::PhysicalDevice,
     queues: &Queues,
-    (traces_rays, extras, exporting): (bool, Extras, &[&CStr]),
+    (traces_rays, extras, sharing): (bool, Extras, &[&CStr]),
 ) -> Result<ash::Device> {
     let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
@@ -181,7 +186,7 @@ fn create(
         vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut robustness =
         vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default().pipeline_robustness(true);
-    let mut extensions: Vec<_> = exporting.iter().map(|name| name.as_ptr()).collect();
+    let mut extensions: Vec<_> = sharing.iter().map(|name| name.as_ptr()).collect();
     if traces_rays {
         extensions.extend(RAY_EXTENSIONS.map(CStr::as_ptr));
     }

@@ -16,6 +16,7 @@ pub mod commands;
 pub mod errors;
 pub mod external;
 pub mod gpu;
+mod host_memory;
 mod host_points;
 pub mod instance;
 mod lent;

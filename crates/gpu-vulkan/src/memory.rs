@@ -3,6 +3,7 @@
 use crate::errors::failed_for;
 use crate::external::ExternalMemory;
 use crate::gpu::Gpu;
+use crate::host_memory::HostMemory;
 use crate::instance::Host;
 use ash::ext::memory_budget;
 use ash::vk;
@@ -34,10 +35,11 @@ impl Memory {
         device: &ash::Device,
         addressed: bool,
     ) -> Result<Self> {
-        // Blocks begin small for small scenes and double as more are needed.
-        let sizes = AllocationSizes::new(16 << 20, 16 << 20)
-            .with_max_device_memblock_size(256 << 20)
-            .with_max_host_memblock_size(64 << 20);
+        // Blocks begin small for small scenes and double as more are needed. While one is allocated, nobody submits:
+        // a block of 256 MiB takes 5 ms, one of 64 takes 1.5.
+        let sizes = AllocationSizes::new(16 << 20, 4 << 20)
+            .with_max_device_memblock_size(64 << 20)
+            .with_max_host_memblock_size(16 << 20);
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: host.instance.clone(),
             device: device.clone(),
@@ -158,20 +160,29 @@ fn device_bytes(allocation: &Allocation) -> u64 {
     }
 }
 
-/// A buffer with memory of its own.
+/// A buffer with its memory.
 pub struct Buffer {
     /// Its handle.
     pub vk: vk::Buffer,
     /// How large it is.
     pub bytes: u64,
-    allocation: Option<Allocation>,
-    /// Whose it is, if it is not this one's own.
-    lent: Option<Arc<ExternalMemory>>,
+    memory: BufferMemory,
     gpu: Arc<Gpu>,
 }
 
+enum BufferMemory {
+    /// Part of an allocation.
+    Allocated(Allocation),
+    /// Pages of the process.
+    Host(HostMemory),
+    /// Not the buffer's own.
+    Lent(#[expect(dead_code, reason = "it lives as long")] Arc<ExternalMemory>),
+    /// None yet, or none any more.
+    Nothing,
+}
+
 /// What buffers may be used for. All of a driver's work on its trees goes by address.
-fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
+pub(crate) fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
     let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::UNIFORM_BUFFER
         | vk::BufferUsageFlags::TRANSFER_SRC
@@ -220,6 +231,17 @@ impl Buffer {
     pub fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
+        if let BufferUse::Staging | BufferUse::Readback = place
+            && let Some((vk, pages)) = HostMemory::buffer(gpu, (what, bytes))
+        {
+            gpu.memory.made.fetch_add(1, Ordering::Relaxed);
+            return Ok(Self {
+                vk,
+                bytes,
+                memory: BufferMemory::Host(pages),
+                gpu: Arc::clone(gpu),
+            });
+        }
         let info = vk::BufferCreateInfo::default().usage(usage(gpu.traces_rays));
         let buffer = create_buffer(gpu, (what, bytes), info)?;
         // SAFETY: the buffer was just made from this device.
@@ -227,8 +249,7 @@ impl Buffer {
         let mut made = Self {
             vk: buffer,
             bytes,
-            allocation: None,
-            lent: None,
+            memory: BufferMemory::Nothing,
             gpu: Arc::clone(gpu),
         };
         let location = match place {
@@ -239,7 +260,7 @@ impl Buffer {
         let allocation = gpu.memory.allocate(what, requirements, location)?;
         // SAFETY: the allocation is not freed before the buffer is destroyed.
         let (memory, offset) = (unsafe { allocation.memory() }, allocation.offset());
-        made.allocation = Some(allocation);
+        made.memory = BufferMemory::Allocated(allocation);
         // SAFETY: the memory meets the buffer's requirements and is bound once.
         unsafe { gpu.vk.bind_buffer_memory(buffer, memory, offset) }
             .map_err(failed_for(what, bytes))?;
@@ -262,19 +283,21 @@ impl Buffer {
         Ok(Self {
             vk: memory.vk,
             bytes: memory.bytes,
-            allocation: None,
-            lent: Some(Arc::clone(memory)),
+            memory: BufferMemory::Lent(Arc::clone(memory)),
             gpu: Arc::clone(gpu),
         })
     }
 
     pub(crate) fn is_lent(&self) -> bool {
-        self.lent.is_some()
+        matches!(self.memory, BufferMemory::Lent(_))
     }
 
     /// Bytes that it takes of the device's own memory.
     pub fn held(&self) -> u64 {
-        self.allocation.as_ref().map_or(0, device_bytes)
+        match &self.memory {
+            BufferMemory::Allocated(allocation) => device_bytes(allocation),
+            _ => 0,
+        }
     }
 
     /// Where the device finds it, if it traces rays through its driver's trees.
@@ -286,17 +309,22 @@ impl Buffer {
 
     /// What the device has written, for buffers of [`BufferUse::Readback`].
     pub fn read<T: Pod>(&self, count: usize) -> &[T] {
-        let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice);
+        let bytes = match &self.memory {
+            BufferMemory::Allocated(allocation) => allocation.mapped_slice(),
+            BufferMemory::Host(memory) => Some(&memory.pages[..]),
+            _ => None,
+        };
         let bytes = bytes.expect("readback buffers are mapped");
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
     /// What the device will read, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
     pub(crate) fn view_mut<T: Pod>(&mut self) -> &mut [T] {
-        let bytes = self
-            .allocation
-            .as_mut()
-            .and_then(Allocation::mapped_slice_mut);
+        let bytes = match &mut self.memory {
+            BufferMemory::Allocated(allocation) => allocation.mapped_slice_mut(),
+            BufferMemory::Host(memory) => Some(&mut memory.pages[..]),
+            _ => None,
+        };
         let bytes = bytes.expect("upload buffers are mapped");
         let whole = self.bytes as usize / size_of::<T>() * size_of::<T>();
         bytemuck::cast_slice_mut(&mut bytes[..whole])
@@ -326,8 +354,10 @@ impl Drop for Buffer {
         }
         // SAFETY: whoever drops a buffer has waited for the submissions that use it.
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
-        if let Some(allocation) = self.allocation.take() {
-            self.gpu.memory.free(allocation);
+        match std::mem::replace(&mut self.memory, BufferMemory::Nothing) {
+            BufferMemory::Allocated(allocation) => self.gpu.memory.free(allocation),
+            BufferMemory::Host(memory) => memory.free(&self.gpu),
+            BufferMemory::Lent(_) | BufferMemory::Nothing => (),
         }
     }
 }
