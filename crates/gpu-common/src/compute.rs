@@ -4,7 +4,7 @@ mod trace;
 
 use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale};
+use crate::{Engine, GpuDevice, LastUse, Options, Pipelines, Stage, Stale};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -170,10 +170,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(generation > self.tree().generation, "generations rise");
         let engine = &mut self.engine;
-        let recording = engine.frames.recording;
+        let (recording, last) = (engine.frames.recording, engine.frames.submitted);
         assert!(!recording, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
-        current.adopt(&mut engine.gpu, (tree, generation))?;
+        current.adopt(&mut engine.gpu, (tree, generation), last)?;
         self.progress = Progress::default();
         self.stale = self.stale.min(Stale::Records);
         Ok(())
@@ -188,7 +188,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
         let arrival = current.send(gpu, (tree, generation))?;
-        gpu.has_been_sent(arrival)
+        let sent = LastUse { arrival, ticket: 0 };
+        gpu.has_ended(sent, false)
     }
 
     fn wants_treelets(&self) -> bool {

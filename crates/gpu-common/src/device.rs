@@ -1,6 +1,6 @@
 //! What a GPU interface has to do.
 
-use crate::{Clock, KernelCode, Stage};
+use crate::{Clock, KernelCode, LastUse, Stage};
 use backend::{Device, DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
@@ -46,36 +46,6 @@ pub enum KernelForm {
     CheckedWgsl,
 }
 
-/// What goes to the device beside the frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sent {
-    /// A tree's record.
-    Tree,
-    /// The positions of a key frame.
-    KeyFrame,
-}
-
-impl Sent {
-    /// Its name in messages.
-    pub fn what(self) -> &'static str {
-        match self {
-            Self::Tree => "the tree's record",
-            Self::KeyFrame => "key frames",
-        }
-    }
-
-    /// Bytes from which on few are kept at a time, for their memory counts more than a wait.
-    pub const LARGE: u64 = 64 << 20;
-
-    /// Bytes to make room for, so that the next one fits too: trees of one scene differ little, key frames not at all.
-    pub fn room(self, bytes: u64) -> u64 {
-        match self {
-            Self::Tree => bytes + bytes / 32,
-            Self::KeyFrame => bytes,
-        }
-    }
-}
-
 /// A kernel to be recorded.
 pub struct Dispatch<'a, D: GpuDevice> {
     /// Its parameters, and whether it may run beside the one before it.
@@ -111,7 +81,7 @@ pub struct LentRays<B> {
 
 /// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
-/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
+/// Only `upload`, `end_read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
 /// in their order; what is recorded reads what was recorded before. Where copies have queues of their own, the device puts
 /// them in order with the submissions that need them; what does nothing here is for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
@@ -123,7 +93,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     type Maker: Send + Sync + 'static;
     /// What one submission needs for itself.
     type Slot: GpuSlot<Self>;
-    /// Positions on their way to the host.
+    /// Positions, or other bytes, on their way to the host.
     type Copy: Send;
     /// Memory of the host that things are sent from.
     type Staging: Send + 'static;
@@ -160,6 +130,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// [writes](GpuDevice::write) [`BufferName::Rays`]; the others kernels write, or the host while nothing is under way. What
     /// is too large is refused with the need.
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;
+
+    /// Likewise, of a name for messages, to [send](GpuDevice::send) to.
+    fn room(&self, what: &'static str, bytes: u64) -> Result<Self::Buffer>;
 
     /// Bytes that kernels may use.
     fn size(buffer: &Self::Buffer) -> u64;
@@ -198,14 +171,36 @@ pub trait GpuDevice: Send + Sized + 'static {
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()>;
 
-    /// Waits for what was submitted and shows the first `count` elements of a buffer in [`parts`](crate::parts), each with the number of
-    /// those before it: one is looked at while the next ones are copied. What fills the buffer must be finished.
+    /// Begins to copy bytes of a buffer to the host. What fills the buffer must be finished.
+    fn begin_read(&mut self, from: &Self::Buffer, bytes: Range<u64>) -> Result<Self::Copy>;
+
+    /// Waits for a copy of so many bytes, and shows them.
+    fn end_read(&mut self, copy: Self::Copy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()>;
+
+    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
+    /// the next ones are copied.
     fn read<T: Pod>(
         &mut self,
         from: &Self::Buffer,
         count: usize,
-        look: impl FnMut(usize, &[T]),
-    ) -> Result<()>;
+        mut look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        const BYTES: usize = 8 << 20;
+        let most = BYTES / size_of::<T>();
+        let parts = (0..count).step_by(most);
+        let parts = parts.map(|start| start..count.min(start + most));
+        let begun = parts.map(|part| {
+            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
+            Ok((self.begin_read(from, bytes[0]..bytes[1])?, part))
+        });
+        for (copy, part) in begun.collect::<Result<Vec<_>>>()? {
+            let bytes = part.len() * size_of::<T>();
+            self.end_read(copy, bytes, |bytes| {
+                look(part.start, bytemuck::cast_slice(bytes));
+            })?;
+        }
+        Ok(())
+    }
 
     /// Likewise, all of them together.
     fn read_all<T: Pod>(&mut self, from: &Self::Buffer, count: usize) -> Result<Vec<T>> {
@@ -214,39 +209,30 @@ pub trait GpuDevice: Send + Sized + 'static {
         Ok(all)
     }
 
-    /// Begins to send something part by part, beside the frames. Gives its buffer, and a number to be
-    /// [expected](GpuDevice::expect) before it is read.
-    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Self::Buffer, u64)>;
-
-    /// Memory to send something from, with room for as much as the last of its kind took; `None` before the first, or where
-    /// whoever fills it would save nothing.
-    fn staging(&mut self, what: Sent) -> Result<Option<Self::Staging>>;
+    /// Memory to send a tree of so many bytes from, and perhaps a larger one.
+    fn staging(&mut self, bytes: u64) -> Result<Self::Staging>;
 
     /// Writes what is to be sent, part by part, on any thread; says whether there was room.
     fn fill(staging: &mut Self::Staging, parts: &[&[u32]]) -> bool;
 
-    /// As [`GpuDevice::send`], of what was filled. Never copies on this thread.
-    fn send_filled(&mut self, what: Sent, staging: Self::Staging) -> Result<(Self::Buffer, u64)>;
+    /// Begins to send so many bytes that were filled, beside the frames. Gives a number to be [expected](GpuDevice::expect)
+    /// before they are read. Never copies on this thread.
+    fn send(&mut self, from: Self::Staging, bytes: u64, to: &Self::Buffer) -> Result<u64>;
 
     /// Memory for a key frame that is [sent](GpuDevice::send_key) from there.
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
-    /// As [`GpuDevice::send`], of a key frame. A buffer that held another one may get the runs of vertices alone that differ.
-    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Self::Buffer, u64)>;
+    /// As [`GpuDevice::send`], of runs of a key frame's vertices.
+    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Self::Buffer)
+    -> Result<u64>;
 
-    /// Whether what was sent is there. Never waits.
-    fn has_been_sent(&self, _arrival: u64) -> Result<bool> {
-        Ok(true)
-    }
+    /// Whether a buffer's last use is over, so that others may follow. Waits for that only if it `may_wait`.
+    fn has_ended(&self, last: LastUse, may_wait: bool) -> Result<bool>;
 
     /// The next submission waits until this was sent, and all before it.
     fn expect(&mut self, _arrival: u64) {}
-
-    /// Takes back a buffer, to send another of its kind in it once nothing reads it any more: the last so many submissions
-    /// do not.
-    fn recycle(&mut self, what: Sent, buffer: Self::Buffer, unused_for: u64);
 
     /// What makes kernels ready.
     fn pipeline_maker(&self) -> Self::Maker;
@@ -291,8 +277,11 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Waits until the device has nothing left to do.
     fn wait_idle(&self) -> Result<()>;
 
-    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames.
-    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes;
+    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames. An engine's
+    /// own on a lent device do not count, nor does memory of the host.
+    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
+        bytes
+    }
 }
 
 /// Commands, parameters, counts and marks of time of one submission.

@@ -127,7 +127,8 @@ impl<D: GpuDevice> Engine<D> {
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
         self.pose = pose;
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.keys.bring(gpu, &scene.animation, pose)?;
+        let last = self.frames.submitted;
+        scene.keys.bring(gpu, (&scene.animation, pose), last)?;
         let work = [work::interpolate(params, self.scene().vertices())];
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
@@ -208,7 +209,8 @@ impl<D: GpuDevice> Engine<D> {
         self.traces.submitted(ticket);
         self.snapshots.submitted(ticket, copy);
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.keys.submitted(&mut self.gpu, &scene.animation)?;
+        let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
+        keys.submitted(gpu, &scene.animation, ticket)?;
         Ok(ticket)
     }
 

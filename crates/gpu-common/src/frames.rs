@@ -18,7 +18,8 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 pub struct Frames<D: GpuDevice> {
     slots: Vec<Slot<D>>,
     pub(crate) recording: bool,
-    submitted: u64,
+    /// The last ticket.
+    pub(crate) submitted: Ticket,
     /// Submissions with a trace so far.
     traces: u64,
     /// Further ones until a submission is forgotten.
@@ -166,7 +167,7 @@ impl<D: GpuDevice> Frames<D> {
         Ok(Self {
             slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
             recording: false,
-            submitted: 0,
+            submitted: Ticket(0),
             traces: 0,
             kept: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
@@ -178,7 +179,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Which of so many [`SLOTS`] the recording takes, or the next one will.
     fn place(&self) -> usize {
-        self.submitted as usize % SLOTS
+        self.submitted.0 as usize % SLOTS
     }
 
     /// The slot being recorded, begun if need be.
@@ -210,13 +211,13 @@ impl<D: GpuDevice> Frames<D> {
             let oldest = self.under_way().next();
             self.finish(gpu, oldest.expect("counted just now"))?;
         }
-        let ticket = Ticket(self.submitted + 1);
+        let ticket = Ticket(self.submitted.0 + 1);
         let place = self.place();
         let (slot, at) = (&mut self.slots[place], Instant::now());
         slot.readback_bytes = positions.map_or(0, |(_, bytes)| bytes);
         let copy = gpu.submit(&mut slot.own, ticket, positions)?;
         self.recording = false;
-        self.submitted = ticket.0;
+        self.submitted = ticket;
         self.traces += u64::from(traced);
         self.ledger.push_back(Submission {
             ticket,

@@ -2,17 +2,17 @@
 
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
+use crate::staging::fill;
 use crate::timeline::Timeline;
 use crate::vulkan_device::VulkanDevice;
 use backend::Result;
 use geom::{KeyFrame, Point, SharedMemory};
-use gpu_common::{GpuDevice, Sent};
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
-/// Positions that the transfer queue copies, or will.
-pub struct PositionsCopy {
+/// Positions, or other bytes, that the transfer queue copies, or will.
+pub struct HostCopy {
     pub(crate) buffer: Buffer,
     /// The transfer's value.
     pub(crate) done_at: u64,
@@ -75,21 +75,23 @@ impl KeysRead {
 }
 
 impl VulkanDevice {
-    /// Begins to send a key frame, but for positions that are lent.
+    /// Begins to send runs of a key frame, which are not lent.
     pub(crate) fn send_host_key(
         &mut self,
         key: &KeyFrame,
-        moving: &[Range<usize>],
-    ) -> Result<(Buffer, u64)> {
-        let Some(memory) = key.shared::<HostPoints>() else {
-            return self.send(Sent::KeyFrame, &[bytemuck::cast_slice(key)]);
-        };
-        let from = (&memory.buffer, size_of_val(&key[..]) as u64);
-        let new = bytes_of(&self.lent.others(moving));
-        let road = (&mut self.upload, &self.done);
-        let sender = &mut self.senders[Sent::KeyFrame as usize];
-        let sent = sender.send_from(road, from, Some(&new))?;
-        self.keys_read.note(&self.upload.done, (sent.1, key))?;
-        Ok(sent)
+        runs: &[Range<usize>],
+        to: &Buffer,
+    ) -> Result<u64> {
+        if let Some(memory) = key.shared::<HostPoints>() {
+            let from = [&memory.buffer, to];
+            let value = self.upload.start_ranges(from, &bytes_of(runs))?;
+            self.keys_read.note(&self.upload.done, (value, key))?;
+            return Ok(value);
+        }
+        let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
+        let staging = &mut self.key_staging;
+        let mut from = staging.take(&self.gpu, done, [bytes; 2])?;
+        fill(&mut from, &[bytemuck::cast_slice(key)]);
+        staging.send(&mut self.upload, (from, bytes), to)
     }
 }

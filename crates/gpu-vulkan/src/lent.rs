@@ -2,14 +2,13 @@
 
 use crate::external::ExternalMemory;
 use crate::memory::{Buffer, BufferUse};
-use crate::pool::LastUse;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::{LentRays, without};
+use gpu_common::{GpuDevice, LastUse, LentRays, without};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -132,13 +131,12 @@ impl VulkanDevice {
         }
         self.copy_points(None)?;
         self.upload.wait()?;
-        let Some(all) = &self.lent.points.all else {
+        let Some(all) = self.lent.points.all.take() else {
             return Ok(None);
         };
-        let (windows, road, mut points) = (&mut self.windows, &mut self.readback, Vec::new());
-        let keep = |_, part: &[Point]| points.extend_from_slice(part);
-        windows.read(&self.gpu, road, all, run.end, keep)?;
-        Ok(Some(points.split_off(run.start)))
+        let points = self.read_all(&all, run.end);
+        self.lent.points.all = Some(all);
+        Ok(Some(points?.split_off(run.start)))
     }
 
     /// Begins to copy what was brought, and all of it to a key frame. Gives the upload's value, if there is anything to copy.
@@ -163,8 +161,8 @@ impl VulkanDevice {
         let after: Vec<Moment> = self.lent.waits().collect();
         let filled_at = self.upload.start_in_order(&copies, &after)?;
         for (from, ..) in self.lent.points.pending.drain(..) {
-            let ticket = 0;
-            self.outgrown.put(from, LastUse { filled_at, ticket });
+            let (arrival, ticket) = (filled_at, 0);
+            self.outgrown.put(from, LastUse { arrival, ticket });
         }
         Ok(Some(filled_at))
     }

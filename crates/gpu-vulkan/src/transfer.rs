@@ -6,8 +6,6 @@ use crate::memory::{Buffer, BufferUse};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
-use bytemuck::Pod;
-use gpu_common::parts;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -53,7 +51,12 @@ impl Transfer {
         self.start_regions(buffers, &pieces(&(0..bytes), to_at), after)
     }
 
-    /// Likewise, of bytes of one buffer to the same place in another.
+    /// Likewise, of bytes of one buffer to the beginning of another.
+    pub(crate) fn start_part(&mut self, buffers: [&Buffer; 2], part: &Range<u64>) -> Result<u64> {
+        self.start_regions(buffers, &pieces(part, 0), None)
+    }
+
+    /// Likewise, to the same place in another.
     pub(crate) fn start_ranges(
         &mut self,
         buffers: [&Buffer; 2],
@@ -143,44 +146,6 @@ impl Drop for Transfer {
     fn drop(&mut self) {
         // A lost device has nothing to wait for.
         let _ = self.wait();
-    }
-}
-
-/// Windows through which the host looks at a buffer, part by part.
-#[derive(Default)]
-pub(crate) struct Windows(Vec<Buffer>);
-
-impl Windows {
-    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
-    /// the next ones are copied. Whatever fills the buffer must be finished.
-    pub(crate) fn read<T: Pod>(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        road: &mut Transfer,
-        from: &Buffer,
-        count: usize,
-        mut look: impl FnMut(usize, &[T]),
-    ) -> Result<()> {
-        let parts = parts::<T>(count);
-        for (i, part) in parts.clone().enumerate() {
-            let size = (part.len() * size_of::<T>()) as u64;
-            if self.0.get(i).is_none_or(|window| window.bytes < size) {
-                road.wait()?;
-                self.0.truncate(i);
-                let window = Buffer::new(gpu, "a view for the host", size, BufferUse::Readback);
-                self.0.push(window?);
-            }
-        }
-        let begun = parts.clone().zip(&self.0).map(|(part, window)| {
-            let [begin, end] = [part.start, part.end].map(|at| (at * size_of::<T>()) as u64);
-            road.start_regions([from, window], &pieces(&(begin..end), 0), None)
-        });
-        let copies = begun.collect::<Result<Vec<_>>>()?;
-        for ((part, copied), window) in parts.zip(copies).zip(&self.0) {
-            road.done.wait(copied)?;
-            look(part.start, window.read(part.len()));
-        }
-        Ok(())
     }
 }
 

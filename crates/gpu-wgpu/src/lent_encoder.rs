@@ -1,11 +1,10 @@
 //! Commands that go into an encoder of the program's, which submits it itself.
 
-use crate::buffers::{Mapping, PositionsCopy, READBACK, copy, make};
+use crate::buffers::{HostCopy, Mapping, READBACK, copy, make};
 use crate::gpu::Gpu;
 use crate::slot::Slot;
 use crate::wgpu_device::WgpuDevice;
 use backend::{Result, Ticket};
-use gpu_common::Sent;
 use std::collections::VecDeque;
 use wgpu::{Buffer, CommandEncoder, MapMode, SubmissionIndex};
 
@@ -15,17 +14,13 @@ pub(crate) struct LentEncoder {
     encoder: Option<CommandEncoder>,
     /// Not seen to be done, the oldest first, each with a later place in the queue if one is known.
     under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
-    /// Buffers that came back while such submissions might read them. What the queue writes would come before these.
-    held: Vec<(Ticket, Sent, Buffer)>,
 }
 
 impl LentEncoder {
-    /// Whether a buffer is to be held that comes back now.
-    pub(crate) fn holds(&mut self, what: Sent, buffer: &Buffer) -> bool {
-        let newest = self.under_way.back();
-        let held = newest.map(|&(ticket, _)| (ticket, what, buffer.clone()));
-        self.held.extend(held);
-        newest.is_some()
+    /// Whether nothing of the submission, nor of those before it, is under way in an encoder. What the queue writes would come
+    /// before those.
+    pub(crate) fn is_past(&self, ticket: u64) -> bool {
+        self.under_way.iter().all(|(of, _)| of.0 > ticket)
     }
 
     /// Waits for the submission, if it is such a one and is known to be in the queue.
@@ -37,11 +32,9 @@ impl LentEncoder {
         }
     }
 
-    /// A submission is done, and so are all before it: gives the buffers that were held for them.
-    pub(crate) fn finished(&mut self, ticket: Ticket) -> Vec<(Sent, Buffer)> {
+    /// A submission is done, and so are all before it.
+    pub(crate) fn finished(&mut self, ticket: Ticket) {
         self.under_way.retain(|(of, _)| *of > ticket);
-        let done = self.held.extract_if(.., |(of, ..)| *of <= ticket);
-        done.map(|(_, what, buffer)| (what, buffer)).collect()
     }
 }
 
@@ -52,7 +45,7 @@ impl WgpuDevice {
         slot: &mut Slot,
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<PositionsCopy>> {
+    ) -> Result<Option<HostCopy>> {
         let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
             let encoded = self.encode(&mut encoder, slot, positions);
             self.scene.encoder.encoder = Some(encoder);
@@ -78,7 +71,7 @@ impl WgpuDevice {
         encoder: &mut CommandEncoder,
         slot: &mut Slot,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<(Mapping, Option<PositionsCopy>)> {
+    ) -> Result<(Mapping, Option<HostCopy>)> {
         let gpu = &self.gpu;
         self.scene.points.encode(gpu, encoder)?;
         slot.encode(gpu, encoder)?;
@@ -93,7 +86,11 @@ impl WgpuDevice {
         };
         copy(gpu, encoder, (from, 0), &buffer, bytes)?;
         let mapping = Mapping::on_submit(encoder, &buffer, MapMode::Read);
-        let copy = PositionsCopy { buffer, mapping };
+        let copy = HostCopy {
+            buffer,
+            mapping,
+            place: None,
+        };
         Ok((slot.report(encoder), Some(copy)))
     }
 
