@@ -114,7 +114,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         tree.grow(&mut engine.gpu, &shape)?;
         let scene = (animation.scale_exponent(), animation.vertex_count());
-        let extents = &mut engine.frames.record(&engine.gpu)?.extents;
+        let extents = &mut engine.frames.record()?.extents;
         let plan = Plan::new(self.method, scene, &shape, extents.boxes.is_some());
         extents.uncounted = Some(0);
         extents.refitted(Extent::Whole);
@@ -216,8 +216,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, shape) = (self.params(), &self.tree().shape);
         let (work, uncounted) = self.progress.preprocess(self.method, params, shape);
         self.run(Stage::Preprocess, &work)?;
-        let engine = &mut self.engine;
-        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(uncounted);
+        self.engine.frames.record()?.extents.uncounted = Some(uncounted);
         let tree = self.tree.as_ref().expect("a scene was loaded");
         self.progress.preprocessed(&tree.shape);
         self.stale = Stale::Boxes;
@@ -232,8 +231,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, shape) = (self.params(), &self.tree().shape);
         let (work, extent) = self.progress.refit(self.method, params, shape);
         self.run(Stage::Refit, &work)?;
-        let engine = &mut self.engine;
-        engine.frames.record(&engine.gpu)?.extents.refitted(extent);
+        self.engine.frames.record()?.extents.refitted(extent);
         self.progress.refitted();
         self.stale = Stale::Fresh;
         Ok(())

@@ -86,7 +86,7 @@ pub struct LentRays<B> {
 /// them in order with the submissions that need them; what does nothing here is for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
-    type Buffer: Send;
+    type Buffer: Send + 'static;
     /// A kernel ready to be bound.
     type Pipeline: Send + Sync + 'static;
     /// On any thread, makes kernels ready beside the device's owner, or has the device take [another scene](GpuDevice::beside).
@@ -95,8 +95,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     type Slot: GpuSlot<Self>;
     /// Positions, or other bytes, on their way to the host.
     type Copy: Send;
-    /// Memory of the host that things are sent from.
-    type Staging: Send + 'static;
 
     /// Opens a device.
     ///
@@ -209,15 +207,15 @@ pub trait GpuDevice: Send + Sized + 'static {
         Ok(all)
     }
 
-    /// Memory to send a tree of so many bytes from, and perhaps a larger one.
-    fn staging(&mut self, bytes: u64) -> Result<Self::Staging>;
+    /// Memory of the host to send a tree of so many bytes from, and perhaps a larger one.
+    fn staging(&mut self, bytes: u64) -> Result<Self::Buffer>;
 
     /// Writes what is to be sent, part by part, on any thread; says whether there was room.
-    fn fill(staging: &mut Self::Staging, parts: &[&[u32]]) -> bool;
+    fn fill(staging: &mut Self::Buffer, parts: &[&[u32]]) -> bool;
 
     /// Begins to send so many bytes that were filled, beside the frames. Gives a number to be [expected](GpuDevice::expect)
     /// before they are read. Never copies on this thread.
-    fn send(&mut self, from: Self::Staging, bytes: u64, to: &Self::Buffer) -> Result<u64>;
+    fn send(&mut self, from: Self::Buffer, bytes: u64, to: &Self::Buffer) -> Result<u64>;
 
     /// Memory for a key frame that is [sent](GpuDevice::send_key) from there.
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
@@ -254,11 +252,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
     fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
 
-    /// Has callbacks run that tell of copies, without waiting.
-    fn poll(&mut self) -> Result<()> {
-        Ok(())
-    }
-
     /// Whether positions have arrived. Never waits.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 
@@ -267,9 +260,6 @@ pub trait GpuDevice: Send + Sized + 'static {
 
     /// Positions that have arrived, which may outlive the device.
     fn take(&mut self, copy: Self::Copy, vertices: usize) -> Result<Snapshot>;
-
-    /// Drops what a recording that is not going to be submitted asked for.
-    fn abandon(&mut self) {}
 
     /// Waits for all that is under way, and lets go of all that belongs to the scene, but for what [slots](GpuSlot::forget) have.
     fn unload(&mut self) -> Result<()>;
@@ -290,25 +280,20 @@ pub trait GpuSlot<D: GpuDevice>: Send {
     const SPLITS: bool = false;
 
     /// Begins a recording, with all counts 0 and a mark of time. The last submission must have been finished.
-    fn begin(&mut self, gpu: &D) -> Result<()>;
+    fn begin(&mut self) -> Result<()>;
 
     /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
     /// The first may run beside the last of the call before, if it says so and no stage was ended between.
-    fn dispatch(
-        &mut self,
-        gpu: &D,
-        all: &[Dispatch<'_, D>],
-        find: Find<'_, '_, D::Buffer>,
-    ) -> Result<()>;
+    fn dispatch(&mut self, all: &[Dispatch<'_, D>], find: Find<'_, '_, D::Buffer>) -> Result<()>;
 
     /// Ends a stage: all that was recorded since the last one ended is timed as its work.
-    fn end_stage(&mut self, gpu: &D, stage: Stage) -> Result<()>;
+    fn end_stage(&mut self, stage: Stage) -> Result<()>;
 
     /// Records that the first so many bytes of counts are 0 again.
-    fn clear_counts(&mut self, gpu: &D, bytes: u64) -> Result<()>;
+    fn clear_counts(&mut self, bytes: u64) -> Result<()>;
 
     /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
-    fn split(&mut self, _gpu: &D) -> Result<()> {
+    fn split(&mut self) -> Result<()> {
         Ok(())
     }
 

@@ -147,8 +147,8 @@ impl<D: GpuDevice> Engine<D> {
     where
         D: 'a,
     {
-        let gpu = &self.gpu;
-        self.pipelines.prepare(gpu, work.iter().map(|w| w.kernel))?;
+        let kernels = work.iter().map(|w| w.kernel);
+        self.pipelines.prepare(&self.gpu, kernels)?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let pipelines = &self.pipelines;
         let (key, position) = (self.pose.key, self.position);
@@ -156,8 +156,8 @@ impl<D: GpuDevice> Engine<D> {
             let found = own(name).or_else(|| scene.get(name, key, position));
             found.unwrap_or_else(|| panic!("no buffer {name:?}"))
         };
-        let slot = self.frames.record(gpu)?;
-        slot.record(gpu, pipelines, stage, work, &find)
+        let slot = self.frames.record()?;
+        slot.record(pipelines, stage, work, &find)
     }
 
     /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
@@ -196,7 +196,7 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
-        self.frames.record(&self.gpu)?.split(&self.gpu)
+        self.frames.record()?.split()
     }
 
     /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
@@ -219,7 +219,6 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.recording = false;
         self.snapshots.requested = None;
         self.traces.pending.clear();
-        self.gpu.abandon();
     }
 
     /// Waits for a submission and says what it did.
@@ -290,8 +289,8 @@ fn test_arithmetic<D: GpuDevice>(
     buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
     let find = |name| buffers.get(name).expect("it names no other buffer");
     let work = [work::arithmetic(all.len())];
-    let slot = frames.record(gpu)?;
-    slot.record(gpu, pipelines, None, &work, &find)?;
+    let slot = frames.record()?;
+    slot.record(pipelines, None, &work, &find)?;
     let (ticket, _) = frames.submit(gpu, None, (false, 0))?;
     frames.retire(gpu, ticket)?;
     let results = gpu.read_all(find(BufferName::Results), all.len())?;

@@ -50,6 +50,7 @@ pub struct Slot<D: GpuDevice> {
     stages: Vec<Stage>,
     /// Those that had nothing to do.
     idle: Vec<Stage>,
+    max_groups: u32,
     /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
     open: bool,
     /// What preprocess and refit went over.
@@ -63,18 +64,19 @@ impl<D: GpuDevice> Slot<D> {
             own: gpu.slot()?,
             stages: Vec::new(),
             idle: Vec::new(),
+            max_groups: gpu.max_groups(),
             open: false,
             extents: Extents::default(),
             readback_bytes: 0,
         })
     }
 
-    fn begin(&mut self, gpu: &D) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         self.stages.clear();
         self.idle.clear();
         (self.open, self.readback_bytes) = (false, 0);
         self.extents = Extents::default();
-        self.own.begin(gpu)
+        self.own.begin()
     }
 
     /// Records kernels, as a stage or as part of none. What cannot be recorded is refused before anything is. `interpolate`
@@ -82,14 +84,13 @@ impl<D: GpuDevice> Slot<D> {
     /// it begins the frame's.
     pub(crate) fn record(
         &mut self,
-        gpu: &D,
         pipelines: &Pipelines<D>,
         stage: Option<Stage>,
         work: &[Work],
         find: Find<'_, '_, D::Buffer>,
     ) -> Result<()> {
         if stage.is_none() || !work.first().is_some_and(|w| w.alongside) {
-            self.close(gpu)?;
+            self.close()?;
         }
         if work.is_empty() && !self.stages.is_empty() {
             self.idle.extend(stage);
@@ -97,14 +98,14 @@ impl<D: GpuDevice> Slot<D> {
         }
         let again = |stage: Stage| stage == Stage::Preprocess && self.stages.contains(&stage);
         if stage.is_some_and(again) {
-            self.own.clear_counts(gpu, LEAF_COUNTS)?;
+            self.own.clear_counts(LEAF_COUNTS)?;
         }
-        let dispatch = |work| dispatch(gpu, pipelines, work);
+        let dispatch = |work| dispatch(pipelines, work, self.max_groups);
         let all = work.iter().map(dispatch).collect::<Result<Vec<_>>>()?;
-        self.own.dispatch(gpu, &all, find)?;
+        self.own.dispatch(&all, find)?;
         self.open = stage == Some(Stage::Interpolate);
         match stage.filter(|_| !self.open) {
-            Some(stage) => self.end(gpu, stage),
+            Some(stage) => self.end(stage),
             None => Ok(()),
         }
     }
@@ -112,44 +113,42 @@ impl<D: GpuDevice> Slot<D> {
     /// Records a stage that is no list of kernels.
     pub fn record_as(
         &mut self,
-        gpu: &D,
         stage: Stage,
         record: impl FnOnce(&mut D::Slot) -> Result<()>,
     ) -> Result<()> {
-        self.close(gpu)?;
+        self.close()?;
         record(&mut self.own)?;
-        self.end(gpu, stage)
+        self.end(stage)
     }
 
     /// Ends `interpolate`, if it is open: what follows is not to run beside it.
-    fn close(&mut self, gpu: &D) -> Result<()> {
+    fn close(&mut self) -> Result<()> {
         match std::mem::take(&mut self.open) {
-            true => self.end(gpu, Stage::Interpolate),
+            true => self.end(Stage::Interpolate),
             false => Ok(()),
         }
     }
 
-    fn end(&mut self, gpu: &D, stage: Stage) -> Result<()> {
+    fn end(&mut self, stage: Stage) -> Result<()> {
         self.stages.push(stage);
-        self.own.end_stage(gpu, stage)
+        self.own.end_stage(stage)
     }
 
     /// Notes that positions recorded so far go to the host.
-    pub(crate) fn split(&mut self, gpu: &D) -> Result<()> {
+    pub(crate) fn split(&mut self) -> Result<()> {
         if !D::Slot::SPLITS {
             return Ok(());
         }
-        self.close(gpu)?;
-        self.own.split(gpu)
+        self.close()?;
+        self.own.split()
     }
 }
 
 fn dispatch<'a, D: GpuDevice>(
-    gpu: &D,
     pipelines: &'a Pipelines<D>,
     work: &'a Work,
+    limit: u32,
 ) -> Result<Dispatch<'a, D>> {
-    let limit = gpu.max_groups();
     let refused = |need: u32| BackendError::Limit {
         what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
         need: need.into(),
@@ -183,11 +182,11 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// The slot being recorded, begun if need be.
-    pub fn record(&mut self, gpu: &D) -> Result<&mut Slot<D>> {
+    pub fn record(&mut self) -> Result<&mut Slot<D>> {
         let place = self.place();
         let slot = &mut self.slots[place];
         if !self.recording {
-            slot.begin(gpu)?;
+            slot.begin()?;
             self.recording = true;
         }
         Ok(slot)
@@ -206,7 +205,7 @@ impl<D: GpuDevice> Frames<D> {
         positions: Option<(&D::Buffer, u64)>,
         (traced, never_active): (bool, u64),
     ) -> Result<(Ticket, Option<D::Copy>)> {
-        self.record(gpu)?.close(gpu)?;
+        self.record()?.close()?;
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
             self.finish(gpu, oldest.expect("counted just now"))?;

@@ -36,7 +36,7 @@ pub use device::{
 };
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
-pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
+pub use pipelines::{KernelCode, Pipelines, compile_door, device_door, lock};
 pub use pool::{LastUse, Pool, with_slack};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, Traces, are_given};

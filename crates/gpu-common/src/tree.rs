@@ -1,12 +1,12 @@
 //! The tree in use: buffers of its nodes and records, and how it came to be.
 
-use crate::{BufferTable, GpuDevice, LastUse, Pool, with_slack};
+use crate::{BufferTable, GpuDevice, LastUse, Pool, lock, with_slack};
 use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     animation: Arc<Animation>,
@@ -18,8 +18,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     last_bytes: u64,
     /// The tree to come, likewise.
     sent: Option<(Generation, D::Buffer, u64)>,
-    /// Where the next tree can be written, to be sent from there.
-    written: Arc<Mutex<Option<Written<D>>>>,
+    /// The next tree, written by whoever built it.
+    written: Arc<Mutex<Option<Written<D::Buffer>>>>,
     /// Nodes and costs are as large as the trees so far asked for.
     pub(crate) buffers: BufferTable<D>,
     /// What making trees here takes; none before the first.
@@ -68,27 +68,23 @@ impl<D: GpuDevice> TreeBuffers<D> {
         gpu: &mut D,
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
-        // Held elsewhere only while a tree is written, of which there is one at a time.
-        let mut written = lock(&self.written);
-        let staging = match written.take() {
+        // What was written and never sent is of no use any more.
+        let mut staging = match lock(&self.written).take() {
             Some(spare) => spare.staging,
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,
         };
-        *written = Some(Written {
-            staging,
-            bytes: 0,
-            generation: Generation(0),
-        });
-        drop(written);
         let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
         let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
-                if let Some(written) = lock(&to).as_mut()
-                    && D::fill(&mut written.staging, parts)
-                {
-                    (written.bytes, written.generation) = (bytes(parts), generation);
+                // Too little memory is dropped: the next tree gets other.
+                if D::fill(&mut staging, parts) {
+                    *lock(&to) = Some(Written {
+                        staging,
+                        bytes: bytes(parts),
+                        generation,
+                    });
                 }
             });
         })))
@@ -126,8 +122,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         &self,
         gpu: &mut D,
         (tree, generation): (&Topology, Generation),
-    ) -> Result<(D::Staging, u64)> {
-        // Memory that the tree was not written to is too small: the next one gets other.
+    ) -> Result<(D::Buffer, u64)> {
         let written = lock(&self.written).take();
         if let Some(written) = written.filter(|written| written.generation == generation) {
             return Ok((written.staging, written.bytes));
@@ -209,15 +204,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
 }
 
 /// A tree where it can be sent from.
-struct Written<D: GpuDevice> {
-    staging: D::Staging,
+struct Written<B> {
+    staging: B,
     bytes: u64,
-    /// The tree that is written there; 0 if none is.
     generation: Generation,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn bytes(parts: &[&[u32]]) -> u64 {

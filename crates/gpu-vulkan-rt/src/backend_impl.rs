@@ -71,9 +71,9 @@ impl Backend for DriverTreeBackend {
         let cleansed = scene.cleansed.as_ref();
         let work = cleansed.map(|_| work::cleanse(params, triangles, scene.centre));
         let own = |name| cleansed.filter(|_| name == BufferName::Cleansed);
-        let engine = &mut self.engine;
-        engine.run(Some(Stage::Preprocess), work.as_slice(), own)?;
-        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(0);
+        let stage = Some(Stage::Preprocess);
+        self.engine.run(stage, work.as_slice(), own)?;
+        self.engine.frames.record()?.extents.uncounted = Some(0);
         (self.stale, self.uncounted) = (Stale::Boxes, true);
         Ok(())
     }
@@ -204,8 +204,8 @@ impl DriverTreeBackend {
         let scene = scene.expect("a scene was loaded");
         let positions = &engine.scene().positions[engine.position];
         let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
-        let slot = engine.frames.record(&engine.gpu)?;
-        slot.record_as(&engine.gpu, Stage::Refit, |slot| {
+        let slot = engine.frames.record()?;
+        slot.record_as(Stage::Refit, |slot| {
             scene.tree.make(&slot.commands, from, anew);
             Ok(())
         })?;
@@ -241,9 +241,9 @@ impl DriverTreeBackend {
     ) -> Result<()> {
         let params = work::rays(self.params(), query, are_given(query));
         let engine = &mut self.engine;
-        let slot = engine.frames.record(&engine.gpu)?;
+        let slot = engine.frames.record()?;
         if size[0] == 0 || !trace.has_tree {
-            return slot.record_as(&engine.gpu, Stage::TracePrimary, |_| Ok(()));
+            return slot.record_as(Stage::TracePrimary, |_| Ok(()));
         }
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = engine.scene.as_ref().expect("a scene was loaded");
@@ -257,7 +257,7 @@ impl DriverTreeBackend {
             found.unwrap_or(&scene.root)
         };
         let rays = &self.rays;
-        slot.record_as(&engine.gpu, Stage::TracePrimary, |slot| {
+        slot.record_as(Stage::TracePrimary, |slot| {
             slot.commands.barrier(KERNELS, RAYS);
             let pipeline = (rays.vk, &rays.layouts);
             slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;

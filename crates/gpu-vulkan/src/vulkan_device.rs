@@ -114,7 +114,7 @@ impl VulkanDevice {
         let arrived = self.arriving.map(|value| self.upload.done.at(value));
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
         let after = arrived.into_iter().chain(unread);
-        let after: Vec<Moment> = after.chain(self.lent.waits()).collect();
+        let after: Vec<Moment> = after.chain(self.lent.waits.iter().copied()).collect();
         let parts = slot.commands.all();
         let batch = |(i, &commands)| Batch {
             commands: Some(commands),
@@ -127,7 +127,8 @@ impl VulkanDevice {
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
-        self.lent.are_awaited();
+        // So does what follows.
+        self.lent.waits.clear();
         self.submitted = ticket.0;
         let done = (&self.upload, &self.done);
         self.outgrown.prune(|last| has_ended(done, last, false))
@@ -140,7 +141,6 @@ impl GpuDevice for VulkanDevice {
     type Maker = Arc<Gpu>;
     type Slot = Slot;
     type Copy = HostCopy;
-    type Staging = Buffer;
 
     fn open(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
@@ -357,10 +357,6 @@ impl GpuDevice for VulkanDevice {
     fn take(&mut self, copy: HostCopy, vertices: usize) -> Result<Snapshot> {
         let (buffer, count) = (copy.buffer, vertices);
         Ok(self.spares.lend(HostPoints { buffer, count }))
-    }
-
-    fn abandon(&mut self) {
-        self.overwritten = None;
     }
 
     fn unload(&mut self) -> Result<()> {

@@ -2,11 +2,11 @@
 
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
 use crate::buffers::{READBACK, make, unmap};
-use crate::faults::{Faults, lock};
+use crate::faults::Faults;
 use crate::limits::{check, generous, useful_features};
 use crate::pipelines::PipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::{KernelForm, Options, Validation, device_door};
+use gpu_common::{KernelForm, Options, Validation, device_door, lock};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};

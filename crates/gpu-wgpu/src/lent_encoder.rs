@@ -56,10 +56,7 @@ impl WgpuDevice {
             let mut encoder = self.gpu.encoder("a frame")?;
             let encoded = self.encode(&mut encoder, slot, positions)?;
             let place = self.gpu.submit([encoder]);
-            (
-                Some(place.inspect_err(|_| slot.recall(&self.gpu))?),
-                encoded,
-            )
+            (Some(place.inspect_err(|_| slot.recall())?), encoded)
         };
         slot.sent = Some((place, report));
         Ok(copy)
@@ -74,7 +71,7 @@ impl WgpuDevice {
     ) -> Result<(Mapping, Option<HostCopy>)> {
         let gpu = &self.gpu;
         self.scene.points.encode(gpu, encoder)?;
-        slot.encode(gpu, encoder)?;
+        slot.encode(encoder)?;
         let Some((from, bytes)) = positions else {
             return Ok((slot.report(encoder), None));
         };

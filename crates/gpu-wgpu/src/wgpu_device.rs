@@ -84,7 +84,6 @@ impl GpuDevice for WgpuDevice {
     type Maker = Arc<Gpu>;
     type Slot = Slot;
     type Copy = HostCopy;
-    type Staging = Buffer;
 
     fn open(options: &Options) -> Result<Self> {
         Gpu::open(options).map(|gpu| Self::over(Arc::new(gpu)))
@@ -252,16 +251,13 @@ impl GpuDevice for WgpuDevice {
 
     fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
         self.scene.encoder.wait(&self.gpu, ticket)?;
-        let finished = slot.finish(&self.gpu)?;
+        let finished = slot.finish()?;
         self.scene.encoder.finished(ticket);
         Ok(finished)
     }
 
-    fn poll(&mut self) -> Result<()> {
-        self.gpu.poll()
-    }
-
     fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
+        self.gpu.poll()?;
         copy.mapping.poll(&self.gpu)
     }
 
