@@ -49,11 +49,11 @@ impl DerefMut for HostPoints {
 
 impl SharedMemory for HostPoints {}
 
-/// Where runs of positions lie.
-fn bytes_of(runs: &[Range<usize>]) -> Vec<Range<u64>> {
+/// Where runs of positions lie, to be copied to the same place.
+fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
     let place = |v: usize| (v * size_of::<Point>()) as u64;
-    let all = runs.iter();
-    all.map(|run| place(run.start)..place(run.end)).collect()
+    let bytes = |run: &Range<usize>| (place(run.start)..place(run.end), place(run.start));
+    runs.iter().map(bytes).collect()
 }
 
 /// Key frames that the device copies from where they lie: they stay until it has.
@@ -84,7 +84,7 @@ impl VulkanDevice {
     ) -> Result<u64> {
         if let Some(memory) = key.shared::<HostPoints>() {
             let from = [&memory.buffer, to];
-            let value = self.upload.start_ranges(from, &bytes_of(runs))?;
+            let value = self.upload.start(from, &bytes_of(runs), None)?;
             self.keys_read.note(&self.upload.done, (value, key))?;
             return Ok(value);
         }

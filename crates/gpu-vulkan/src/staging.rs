@@ -76,7 +76,7 @@ impl Staging {
         (from, bytes): (Buffer, u64),
         to: &Buffer,
     ) -> Result<u64> {
-        let arrival = road.start([&from, to], (0, bytes), None)?;
+        let arrival = road.start([&from, to], &[(0..bytes, 0)], None)?;
         self.free.put(from, LastUse { arrival, ticket: 0 });
         Ok(arrival)
     }

@@ -40,43 +40,22 @@ impl Transfer {
         })
     }
 
-    /// Starts to copy so many bytes from the beginning of one buffer to a place in another, after some moment, if one is
-    /// given. Returns the value of the timeline that says it is finished. Never waits.
+    /// Starts to copy parts of one buffer, each to a place in another, after some moment, if one is given. Returns the value of
+    /// the timeline that says it is finished. Never waits.
     pub fn start(
         &mut self,
         buffers: [&Buffer; 2],
-        (to_at, bytes): (u64, u64),
+        parts: &[(Range<u64>, u64)],
         after: Option<Moment>,
     ) -> Result<u64> {
-        self.start_regions(buffers, &pieces(&(0..bytes), to_at), after)
-    }
-
-    /// Likewise, of bytes of one buffer to the beginning of another.
-    pub(crate) fn start_part(&mut self, buffers: [&Buffer; 2], part: &Range<u64>) -> Result<u64> {
-        self.start_regions(buffers, &pieces(part, 0), None)
-    }
-
-    /// Likewise, to the same place in another.
-    pub(crate) fn start_ranges(
-        &mut self,
-        buffers: [&Buffer; 2],
-        ranges: &[Range<u64>],
-    ) -> Result<u64> {
-        let regions = ranges.iter().flat_map(|r| pieces(r, r.start));
+        let regions = parts.iter().flat_map(|(bytes, at)| pieces(bytes, *at));
         let regions: Vec<_> = regions.collect();
-        self.start_regions(buffers, &regions, None)
-    }
-
-    fn start_regions(
-        &mut self,
-        buffers: [&Buffer; 2],
-        regions: &[vk::BufferCopy],
-        after: Option<Moment>,
-    ) -> Result<u64> {
         if regions.is_empty() && after.is_none() {
             return Ok(self.last);
         }
-        self.start_recorded(after.as_slice(), |commands| commands.copy(buffers, regions))
+        self.start_recorded(after.as_slice(), |commands| {
+            commands.copy(buffers, &regions);
+        })
     }
 
     /// Likewise, each copy after those before it, and all after some moments.
@@ -159,8 +138,8 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
     for (data, to) in all {
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
-            let place = ((i * most) as u64, piece.len() as u64);
-            road.start([&window, to], place, None)?;
+            let part = (0..piece.len() as u64, (i * most) as u64);
+            road.start([&window, to], &[part], None)?;
             road.wait()?;
         }
     }

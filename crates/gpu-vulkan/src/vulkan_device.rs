@@ -87,7 +87,7 @@ impl VulkanDevice {
         is_own(up) && is_own(back) && !Arc::ptr_eq(up, back)
     }
 
-    fn copy_to_window(&mut self, from: &Buffer, bytes: &Range<u64>) -> Result<HostCopy> {
+    fn copy_to_window(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
         let size = bytes.end - bytes.start;
         let buffer = match self.windows.iter().position(|w| w.bytes >= size) {
             Some(i) => self.windows.swap_remove(i),
@@ -97,7 +97,7 @@ impl VulkanDevice {
                 Buffer::new(&self.gpu, what, size, BufferUse::Readback)?
             }
         };
-        let done_at = self.readback.start_part([from, &buffer], bytes)?;
+        let done_at = self.readback.start([from, &buffer], &[(bytes, 0)], None)?;
         Ok(HostCopy { buffer, done_at })
     }
 
@@ -251,7 +251,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
-        let begun = self.copy_to_window(from, &bytes);
+        let begun = self.copy_to_window(from, bytes);
         if begun.is_err() {
             // Those that are under way are given up with it.
             self.readback.wait()?;
@@ -335,9 +335,8 @@ impl GpuDevice for VulkanDevice {
             return Ok(None);
         };
         let ready = self.first_part.at(ticket.0);
-        let done_at = self
-            .readback
-            .start([from, &buffer], (0, bytes), Some(ready))?;
+        let all = [(0..bytes, 0)];
+        let done_at = self.readback.start([from, &buffer], &all, Some(ready))?;
         Ok(Some(HostCopy { buffer, done_at }))
     }
 

@@ -6,7 +6,7 @@ use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
 use gpu_common::refuse_above;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -86,7 +86,7 @@ pub(crate) fn copy_part(
 }
 
 /// Records a copy in pieces to the beginning of a buffer.
-pub(crate) fn copy(
+fn copy(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
     (from, at): (&Buffer, u64),
@@ -163,6 +163,28 @@ pub struct HostCopy {
     pub(crate) mapping: Mapping,
     /// The place in the queue; that of positions is their frame's.
     pub(crate) place: Option<SubmissionIndex>,
+}
+
+impl HostCopy {
+    /// Records a copy to the beginning of a spare buffer, if that is large enough, else of one for `what`.
+    pub(crate) fn record(
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        (from, bytes): (&Buffer, Range<u64>),
+        (what, spare): (&str, Option<Buffer>),
+    ) -> Result<Self> {
+        let size = bytes.end - bytes.start;
+        let buffer = match spare.filter(|b| b.size() >= size) {
+            Some(buffer) => buffer,
+            None => make(gpu, what, size, READBACK)?,
+        };
+        copy(gpu, encoder, (from, bytes.start), &buffer, size)?;
+        Ok(Self {
+            mapping: Mapping::on_submit(encoder, &buffer, MapMode::Read),
+            buffer,
+            place: None,
+        })
+    }
 }
 
 /// Positions that have arrived, and the buffer that is mapped for them until it is used again.

@@ -1,12 +1,12 @@
 //! Commands that go into an encoder of the program's, which submits it itself.
 
-use crate::buffers::{HostCopy, Mapping, READBACK, copy, make};
+use crate::buffers::{HostCopy, Mapping};
 use crate::gpu::Gpu;
 use crate::slot::Slot;
 use crate::wgpu_device::WgpuDevice;
 use backend::{Result, Ticket};
 use std::collections::VecDeque;
-use wgpu::{Buffer, CommandEncoder, MapMode, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
 
 /// The encoder that the next submission goes into, and submissions that went into others.
 #[derive(Default)]
@@ -72,23 +72,14 @@ impl WgpuDevice {
         let gpu = &self.gpu;
         self.scene.points.encode(gpu, encoder)?;
         slot.encode(encoder)?;
-        let Some((from, bytes)) = positions else {
-            return Ok((slot.report(encoder), None));
-        };
-        let spare = self.scene.spares.pop();
-        let spare = spare.and_then(|s| s.unmapped(&gpu.device));
-        let buffer = match spare.filter(|b| b.size() >= bytes) {
-            Some(buffer) => buffer,
-            None => make(gpu, "vertices for the builder", bytes, READBACK)?,
-        };
-        copy(gpu, encoder, (from, 0), &buffer, bytes)?;
-        let mapping = Mapping::on_submit(encoder, &buffer, MapMode::Read);
-        let copy = HostCopy {
-            buffer,
-            mapping,
-            place: None,
-        };
-        Ok((slot.report(encoder), Some(copy)))
+        let copy = positions.map(|(from, bytes)| {
+            let spare = self.scene.spares.pop();
+            let spare = spare.and_then(|s| s.unmapped(&gpu.device));
+            let to = ("vertices for the builder", spare);
+            HostCopy::record(gpu, encoder, (from, 0..bytes), to)
+        });
+        let copy = copy.transpose()?;
+        Ok((slot.report(encoder), copy))
     }
 
     /// Commands of nothing yet.

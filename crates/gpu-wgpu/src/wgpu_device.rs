@@ -1,9 +1,7 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{
-    Arrived, HostCopy, Mapping, READBACK, STORAGE, copy, make, unmap, unreadable, upload, write,
-};
+use crate::buffers::{Arrived, HostCopy, STORAGE, make, unmap, unreadable, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
@@ -21,7 +19,7 @@ use gpu_common::{
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
 use std::sync::Arc;
-use wgpu::{Buffer, MapMode};
+use wgpu::Buffer;
 
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
@@ -172,19 +170,12 @@ impl GpuDevice for WgpuDevice {
     fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
         let (gpu, windows) = (&self.gpu, &mut self.scene.windows);
         let (what, size) = ("a view for the host", bytes.end - bytes.start);
-        let buffer = match windows.iter().position(|w| w.size() >= size) {
-            Some(i) => windows.swap_remove(i),
-            None => make(gpu, what, size, READBACK)?,
-        };
+        let fits = windows.iter().position(|w| w.size() >= size);
+        let spare = fits.map(|i| windows.swap_remove(i));
         let mut encoder = gpu.encoder(what)?;
-        copy(gpu, &mut encoder, (from, bytes.start), &buffer, size)?;
-        let mapping = Mapping::on_submit(&encoder, &buffer, MapMode::Read);
+        let copy = HostCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
         let place = Some(gpu.submit([encoder])?);
-        Ok(HostCopy {
-            buffer,
-            mapping,
-            place,
-        })
+        Ok(HostCopy { place, ..copy })
     }
 
     fn end_read(&mut self, read: HostCopy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()> {
