@@ -22,7 +22,6 @@ pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) tree: Option<TreeBuffers<D>>,
     /// How the scene is traced.
     method: Method,
-    stale: Stale,
     /// Which parts of the tree in use stand.
     progress: Progress,
     /// Whether the device knows how far the coordinates reach of the key frame that arrived last.
@@ -53,7 +52,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine,
             tree: None,
             method: Method::default(),
-            stale: Stale::Positions,
             progress: Progress::default(),
             measured: false,
         }
@@ -96,7 +94,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Whether the tree in use was made here, of the positions at hand: it has its records and boxes.
     fn is_made_whole(&self) -> bool {
         let made_here = self.tree().made_here;
-        let anew = made_here && self.stale < Stale::Fresh;
+        let anew = made_here && self.engine.stale < Stale::Fresh;
         assert!(!anew, "a tree made on the device is made anew");
         made_here
     }
@@ -156,11 +154,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             let later = work::kernels_of_arriving_keys(method);
             engine.pipelines.begin(&engine.gpu, later);
         }
-        // What is under way or recorded belongs to the scene before.
-        engine.abandon();
         engine.unload()?;
         self.tree = None;
-        (self.stale, self.progress) = (Stale::Positions, Progress::default());
+        self.progress = Progress::default();
         let tree = TreeBuffers::new(&engine.gpu, &animation, method)?;
         engine.load(animation)?;
         (self.tree, self.method) = (Some(tree), method);
@@ -175,7 +171,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(&mut engine.gpu, (tree, generation), last)?;
         self.progress = Progress::default();
-        self.stale = self.stale.min(Stale::Records);
+        self.engine.stale = self.engine.stale.min(Stale::Records);
         Ok(())
     }
 
@@ -203,12 +199,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         let params = self.params_at(pose);
         self.engine.interpolate(pose, params)?;
-        (self.stale, self.measured) = (Stale::Records, false);
+        self.measured = false;
         Ok(())
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
         if self.is_made_whole() {
             return Ok(());
@@ -219,12 +215,15 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.engine.frames.record()?.extents.uncounted = Some(uncounted);
         let tree = self.tree.as_ref().expect("a scene was loaded");
         self.progress.preprocessed(&tree.shape);
-        self.stale = Stale::Boxes;
+        self.engine.stale = Stale::Boxes;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        assert!(
+            self.engine.stale >= Stale::Boxes,
+            "boxes of leaves come first"
+        );
         if self.is_made_whole() {
             return Ok(());
         }
@@ -233,7 +232,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.run(Stage::Refit, &work)?;
         self.engine.frames.record()?.extents.refitted(extent);
         self.progress.refitted();
-        self.stale = Stale::Fresh;
+        self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
@@ -242,12 +241,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(generation > self.tree().generation, "generations rise");
         self.check_rebuild()?;
-        self.stale = self.stale.min(Stale::Records);
+        self.engine.stale = self.engine.stale.min(Stale::Records);
         self.make_tree(generation)?;
-        self.stale = Stale::Fresh;
+        self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
@@ -266,7 +265,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let traced =
             all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]));
         if traced.is_err() {
-            self.engine.traces.refuse_pending();
+            self.engine.frames.refuse_pending();
         }
         traced
     }
@@ -310,7 +309,6 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
         self.engine.request_positions()
     }
 
@@ -318,10 +316,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let submitted = self.engine.submit(self.engine.scene().never_active);
         match &submitted {
             Ok(_) => self.progress.submitted(),
-            // What was recorded never ran, so nothing on the device is up to date.
             Err(_) => {
                 self.engine.abandon();
-                (self.stale, self.progress) = (Stale::Positions, Progress::default());
+                self.progress = Progress::default();
             }
         }
         submitted

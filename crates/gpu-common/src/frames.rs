@@ -1,6 +1,6 @@
-//! Submissions: recorded, under way, and the reports of those that are done.
+//! Submissions: recorded, under way, and the reports and traces of those that are done.
 
-use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage};
+use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage, Trace};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
 use shaders::work::Work;
 use shaders::{Counts, Extents, RasterBackoff, TreeStats};
@@ -20,12 +20,16 @@ pub struct Frames<D: GpuDevice> {
     pub(crate) recording: bool,
     /// The last ticket.
     pub(crate) submitted: Ticket,
+    /// Traces that are recorded but not submitted yet, in order.
+    pub pending: Vec<Trace<D>>,
+    /// Likewise, so that their buffers stay, but nobody's.
+    refused: Vec<Trace<D>>,
     /// Submissions with a trace so far.
-    traces: u64,
+    traced: u64,
     /// Further ones until a submission is forgotten.
-    pub(crate) kept: usize,
+    pub(crate) kept: u64,
     /// From the oldest that is remembered to the newest.
-    ledger: VecDeque<Submission>,
+    ledger: VecDeque<Submission<D>>,
     /// What preprocess and refit said last.
     tree_stats: TreeStats,
     /// What traces by rasterization said last.
@@ -33,10 +37,11 @@ pub struct Frames<D: GpuDevice> {
     clock: Clock,
 }
 
-struct Submission {
+struct Submission<D: GpuDevice> {
     ticket: Ticket,
+    traces: Vec<Trace<D>>,
     /// Submissions with a trace, up to and including this one.
-    traces: u64,
+    traced: u64,
     never_active: u64,
     at: Instant,
     /// `None` while it is under way.
@@ -167,8 +172,10 @@ impl<D: GpuDevice> Frames<D> {
             slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
             recording: false,
             submitted: Ticket(0),
-            traces: 0,
-            kept: FRAMES_IN_FLIGHT,
+            pending: Vec::new(),
+            refused: Vec::new(),
+            traced: 0,
+            kept: FRAMES_IN_FLIGHT as u64,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
@@ -192,9 +199,42 @@ impl<D: GpuDevice> Frames<D> {
         Ok(slot)
     }
 
-    /// Bytes of device memory of all slots.
+    /// Bytes of device memory of all slots, and of all traces.
     pub(crate) fn bytes(&self) -> u64 {
-        self.slots.iter().map(|slot| slot.own.bytes()).sum()
+        let slots = self.slots.iter().map(|slot| slot.own.bytes());
+        let kept = self.ledger.iter().flat_map(|s| &s.traces);
+        let traces = kept.chain(&self.pending).chain(&self.refused);
+        slots.chain(traces.map(Trace::held)).sum()
+    }
+
+    /// What was recorded together is refused, since one of it was.
+    pub(crate) fn refuse_pending(&mut self) {
+        self.refused.append(&mut self.pending);
+    }
+
+    /// Drops what was recorded.
+    pub(crate) fn abandon(&mut self) {
+        self.recording = false;
+        self.pending.clear();
+        self.refused.clear();
+    }
+
+    /// A trace that nobody may ask for any more, once the recording is submitted with one. It is older than the submissions
+    /// that may be under way, so nothing uses it.
+    pub fn expired(&mut self) -> Option<Trace<D>> {
+        let oldest = self.ledger.iter_mut().find(|s| !s.traces.is_empty())?;
+        let is_old = self.traced - oldest.traced >= self.kept;
+        is_old.then(|| oldest.traces.remove(0))
+    }
+
+    /// What a submission's trace of that place found.
+    ///
+    /// # Panics
+    /// If it had no such trace, or was too long ago.
+    pub(crate) fn trace(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
+        let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
+        let found = submission.and_then(|s| s.traces.get_mut(place));
+        found.expect("this submission had no trace, or was too long ago")
     }
 
     /// Submits the recording with the positions asked for; waits for the oldest
@@ -203,7 +243,7 @@ impl<D: GpuDevice> Frames<D> {
         &mut self,
         gpu: &mut D,
         positions: Option<(&D::Buffer, u64)>,
-        (traced, never_active): (bool, u64),
+        never_active: u64,
     ) -> Result<(Ticket, Option<D::Copy>)> {
         self.record()?.close()?;
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
@@ -217,10 +257,13 @@ impl<D: GpuDevice> Frames<D> {
         let copy = gpu.submit(&mut slot.own, ticket, positions)?;
         self.recording = false;
         self.submitted = ticket;
-        self.traces += u64::from(traced);
+        let mut traces = std::mem::take(&mut self.pending);
+        traces.append(&mut self.refused);
+        self.traced += u64::from(!traces.is_empty());
         self.ledger.push_back(Submission {
             ticket,
-            traces: self.traces,
+            traces,
+            traced: self.traced,
             never_active,
             at,
             report: None,
@@ -236,8 +279,8 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     fn forget_the_old(&mut self) {
-        let (traces, kept) = (self.traces, self.kept as u64);
-        let old = |s: &Submission| traces - s.traces > kept && s.report.is_some();
+        let (traced, kept) = (self.traced, self.kept);
+        let old = |s: &Submission<D>| traced - s.traced > kept && s.report.is_some();
         while self.ledger.front().is_some_and(old) {
             self.ledger.pop_front();
         }
@@ -245,7 +288,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Waits for a submission, and so for all before it.
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
-        let open = |s: &&mut Submission| s.ticket <= ticket && s.report.is_none();
+        let open = |s: &&mut Submission<D>| s.ticket <= ticket && s.report.is_none();
         for submission in self.ledger.iter_mut().filter(open) {
             let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
             let done = gpu.finish(&mut slot.own, submission.ticket)?;
@@ -291,8 +334,8 @@ impl<D: GpuDevice> Frames<D> {
         if let Some(last) = self.ledger.back().map(|s| s.ticket) {
             self.finish(gpu, last)?;
         }
-        self.recording = false;
         self.ledger.clear();
+        self.kept = FRAMES_IN_FLIGHT as u64;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
         gpu.unload()?;

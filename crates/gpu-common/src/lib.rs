@@ -39,4 +39,4 @@ pub use frames::{Frames, Slot};
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door, lock};
 pub use pool::{LastUse, Pool, with_slack};
 pub use scene::SceneBuffers;
-pub use traces::{Trace, Traces, are_given};
+pub use traces::{Trace, are_given};

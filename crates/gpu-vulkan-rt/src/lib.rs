@@ -17,7 +17,7 @@ mod tree;
 pub use support::ray_adapters;
 
 use backend::{BackendError, Method, Result};
-use gpu_common::{Engine, Options, Pipelines, Stale};
+use gpu_common::{Engine, Options, Pipelines};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -53,7 +53,6 @@ pub struct DriverTreeBackend {
     engine: Engine<VulkanDevice>,
     prefer: Prefer,
     scene: Option<DriverScene>,
-    stale: Stale,
     /// Whether the recording has positions at which triangles are to be counted.
     uncounted: bool,
     rays: RayPipeline,
@@ -95,7 +94,6 @@ impl DriverTreeBackend {
             engine,
             prefer,
             scene: None,
-            stale: Stale::Positions,
             uncounted: false,
             rays,
         })

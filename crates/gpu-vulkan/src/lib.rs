@@ -16,7 +16,6 @@ pub mod commands;
 pub mod errors;
 pub mod external;
 pub mod gpu;
-mod host_points;
 pub mod instance;
 mod lent;
 mod limits;

@@ -1,13 +1,12 @@
 //! What Vulkan does for a backend.
 
 use crate::gpu::{Gpu, Queue};
-use crate::host_points::{HostCopy, HostPoints, KeysRead};
 use crate::instance::{Host, all};
 use crate::lent::Lent;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
-use crate::staging::{Staging, fill, has_ended};
+use crate::staging::{HostCopy, HostPoints, KeysRead, Staging, fill, has_ended};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Transfer, load};
 use crate::validation::messages;
