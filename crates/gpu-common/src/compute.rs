@@ -4,7 +4,7 @@ mod trace;
 
 use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, LastUse, Options, Pipelines, Stage, Stale};
+use crate::{Engine, GpuDevice, LastUse, Options, Stage, Stale};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -43,8 +43,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
-        let pipelines = Pipelines::of(&gpu, [common("arithmetic")])?;
-        Engine::new(gpu, pipelines).map(Self::with)
+        Engine::new(gpu, [common("arithmetic")]).map(Self::with)
     }
 
     fn with(engine: Engine<D>) -> Self {

@@ -9,7 +9,7 @@ use backend::{
 use geom::{Animation, Point, Pose};
 use shaders::arithmetic::{self, Findings};
 use shaders::work::{self, Work};
-use shaders::{BufferName, Params, Traits};
+use shaders::{BufferName, Kernel, Params, Traits};
 use std::sync::Arc;
 
 /// What must run before a trace.
@@ -51,11 +51,12 @@ pub struct Engine<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> Engine<D> {
-    /// Puts the device's arithmetic to the test by one of the kernels.
+    /// Makes kernels ready, and puts the device's arithmetic to the test by one of them.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if it is wrong.
-    pub fn new(mut gpu: D, mut pipelines: Pipelines<D>) -> Result<Self> {
+    /// [`backend::BackendError::NoDevice`] if it is wrong, or the driver refuses a kernel.
+    pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
+        let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu)?;
         let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let device = Device {

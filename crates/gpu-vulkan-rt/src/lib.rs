@@ -17,7 +17,7 @@ mod tree;
 pub use support::ray_adapters;
 
 use backend::{BackendError, Method, Result};
-use gpu_common::{Engine, Options, Pipelines};
+use gpu_common::{Engine, Options};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -87,8 +87,7 @@ impl DriverTreeBackend {
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);
-        let kernels = Pipelines::of(&device, shared.into_iter().chain(RAY_KERNELS))?;
-        let mut engine = Engine::new(device, kernels)?;
+        let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
         let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
         Ok(Self {
             engine,

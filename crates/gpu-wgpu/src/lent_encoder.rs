@@ -11,9 +11,9 @@ use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
 /// The encoder that the next submission goes into, and submissions that went into others.
 #[derive(Default)]
 pub(crate) struct LentEncoder {
-    encoder: Option<CommandEncoder>,
+    pub(crate) encoder: Option<CommandEncoder>,
     /// Not seen to be done, the oldest first, each with a later place in the queue if one is known.
-    under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
+    pub(crate) under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
 }
 
 impl LentEncoder {
@@ -39,31 +39,8 @@ impl LentEncoder {
 }
 
 impl WgpuDevice {
-    /// Submits a recording, or leaves it in the program's encoder.
-    pub(crate) fn submit_or_leave(
-        &mut self,
-        slot: &mut Slot,
-        ticket: Ticket,
-        positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<HostCopy>> {
-        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
-            let encoded = self.encode(&mut encoder, slot, positions);
-            self.scene.encoder.encoder = Some(encoder);
-            let encoded = encoded?;
-            self.scene.encoder.under_way.push_back((ticket, None));
-            (None, encoded)
-        } else {
-            let mut encoder = self.gpu.encoder("a frame")?;
-            let encoded = self.encode(&mut encoder, slot, positions)?;
-            let place = self.gpu.submit([encoder]);
-            (Some(place.inspect_err(|_| slot.recall())?), encoded)
-        };
-        slot.sent = Some((place, report));
-        Ok(copy)
-    }
-
     /// Writes a recording into an encoder; gives its report, and the positions that it copies.
-    fn encode(
+    pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
         slot: &mut Slot,

@@ -231,13 +231,27 @@ impl GpuDevice for WgpuDevice {
         Slot::new(&self.gpu)
     }
 
+    /// Or leaves the recording in the program's encoder.
     fn submit(
         &mut self,
         slot: &mut Slot,
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<HostCopy>> {
-        self.submit_or_leave(slot, ticket, positions)
+        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
+            let encoded = self.encode(&mut encoder, slot, positions);
+            self.scene.encoder.encoder = Some(encoder);
+            let encoded = encoded?;
+            self.scene.encoder.under_way.push_back((ticket, None));
+            (None, encoded)
+        } else {
+            let mut encoder = self.gpu.encoder("a frame")?;
+            let encoded = self.encode(&mut encoder, slot, positions)?;
+            let place = self.gpu.submit([encoder]);
+            (Some(place.inspect_err(|_| slot.recall())?), encoded)
+        };
+        slot.sent = Some((place, report));
+        Ok(copy)
     }
 
     fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
