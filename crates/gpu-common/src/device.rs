@@ -18,8 +18,9 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Whether to run under the interface's validation layer.
     pub validation: Validation,
-    /// In which form kernels go in, where the interface takes more than one.
-    pub kernels: KernelForm,
+    /// Whether kernels go in as WGSL with checks of bounds and loops added, where the interface takes that. Else they are SPIR-V
+    /// where the device takes it, or WGSL without checks.
+    pub checks_kernels: bool,
 }
 
 /// Whether to run under a validation layer, with synchronisation validation where the interface has it.
@@ -32,18 +33,6 @@ pub enum Validation {
     IfInstalled,
     /// With it, or not at all. wgpu cannot tell whether it is installed.
     Required,
-}
-
-/// In which form kernels go in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum KernelForm {
-    /// SPIR-V where the device takes it, else WGSL.
-    #[default]
-    Best,
-    /// WGSL, without checks added.
-    TrustedWgsl,
-    /// WGSL, with checks of bounds and loops added.
-    CheckedWgsl,
 }
 
 /// A kernel to be recorded.

@@ -31,9 +31,7 @@ use buffers::BufferTable;
 pub use buffers::{refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
-pub use device::{
-    Dispatch, Find, Finished, GpuDevice, GpuSlot, KernelForm, LentRays, Options, Validation,
-};
+pub use device::{Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, Validation};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door, lock};

@@ -4,7 +4,7 @@ use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm,
 use abvh::own_device::OwnDevice;
 use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
-use gpu_common::{KernelForm, Options};
+use gpu_common::Options;
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, LazyLock, mpsc};
@@ -68,19 +68,15 @@ pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
     heard.recv().unwrap()
 }
 
-/// Nor does it matter which form of the kernels runs.
+/// Nor does it matter which form of the kernels runs: here WGSL without checks.
 pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
     let mut lent = lent(&own_device(limits)).unwrap();
     let found = answers(&mut lent, &animation, &camera);
-    for kernels in [
-        KernelForm::Best,
-        KernelForm::TrustedWgsl,
-        KernelForm::CheckedWgsl,
-    ] {
+    for checks_kernels in [false, true] {
         let options = Options {
-            kernels,
+            checks_kernels,
             ..Options::default()
         };
         let mut own = WgpuBackend::new(&options).unwrap();
