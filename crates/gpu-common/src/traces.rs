@@ -92,59 +92,7 @@ impl<D: GpuDevice> Trace<D> {
     pub(crate) fn held(&self) -> u64 {
         self.buffers.held()
     }
-}
 
-fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
-    if !matches!(query.rays, Rays::OnDevice(_)) {
-        return Ok(None);
-    }
-    let lent = gpu.take_lent_rays();
-    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
-    lent.ok_or_else(refused).map(Some)
-}
-
-/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
-/// made here they have the same bits.
-pub fn are_given(query: &Query<'_>) -> bool {
-    !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
-}
-
-/// A query's rays as kernels have them, and whether any given one may be extreme.
-pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
-    match query.rays {
-        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-        rays => work::Rays::Given(rays.count() as u32, extremes),
-    }
-}
-
-/// Sends rays, and says whether any is extreme.
-fn send<D: GpuDevice>(
-    gpu: &mut D,
-    rays: Rays<'_>,
-    to: &mut D::Buffer,
-    is_extreme: impl Fn(&Ray) -> bool + Sync,
-) -> Result<bool> {
-    let extremes = AtomicBool::new(false);
-    let row = |ray: Ray| {
-        let row = if ray.is_valid() { ray } else { Ray::VOID };
-        if is_extreme(&row) {
-            extremes.store(true, Ordering::Relaxed);
-        }
-        row
-    };
-    match rays {
-        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
-        Rays::Camera(camera) => {
-            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
-            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
-            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
-        }
-        Rays::OnDevice(_) => (),
-    }
-    Ok(extremes.into_inner())
-}
-
-impl<D: GpuDevice> Trace<D> {
     /// Its rays, hits or shadows.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let answers = match self.kind {
@@ -228,4 +176,54 @@ impl<D: GpuDevice> Trace<D> {
             places.for_each(|(place, &one)| *place = of(one));
         })
     }
+}
+
+fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
+    if !matches!(query.rays, Rays::OnDevice(_)) {
+        return Ok(None);
+    }
+    let lent = gpu.take_lent_rays();
+    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
+    lent.ok_or_else(refused).map(Some)
+}
+
+/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
+/// made here they have the same bits.
+pub fn are_given(query: &Query<'_>) -> bool {
+    !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
+}
+
+/// A query's rays as kernels have them, and whether any given one may be extreme.
+pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
+    match query.rays {
+        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+        rays => work::Rays::Given(rays.count() as u32, extremes),
+    }
+}
+
+/// Sends rays, and says whether any is extreme.
+fn send<D: GpuDevice>(
+    gpu: &mut D,
+    rays: Rays<'_>,
+    to: &mut D::Buffer,
+    is_extreme: impl Fn(&Ray) -> bool + Sync,
+) -> Result<bool> {
+    let extremes = AtomicBool::new(false);
+    let row = |ray: Ray| {
+        let row = if ray.is_valid() { ray } else { Ray::VOID };
+        if is_extreme(&row) {
+            extremes.store(true, Ordering::Relaxed);
+        }
+        row
+    };
+    match rays {
+        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
+        Rays::Camera(camera) => {
+            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
+            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
+            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
+        }
+        Rays::OnDevice(_) => (),
+    }
+    Ok(extremes.into_inner())
 }
