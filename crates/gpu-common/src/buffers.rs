@@ -78,9 +78,9 @@ impl<D: GpuDevice> BufferTable<D> {
         let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
             return Ok(());
         };
-        let most = gpu.max_buffer_bytes().max(bytes);
-        let larger = most.min(with_slack(bytes));
-        let larger = gpu.buffer(name, larger)?;
+        let larger = gpu.buffer(name, with_slack(bytes));
+        // The device may have no more than what is needed.
+        let larger = larger.or_else(|_| gpu.buffer(name, bytes))?;
         gpu.discard(std::mem::replace(buffer, larger));
         Ok(())
     }

@@ -107,9 +107,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Workgroups that a dispatch may have along an axis.
     fn max_groups(&self) -> u32;
 
-    /// Bytes that one buffer may have.
-    fn max_buffer_bytes(&self) -> u64;
-
     /// Refuses, by the limit's name, a device on which one of these kernels cannot run.
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()>;
 

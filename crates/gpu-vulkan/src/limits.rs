@@ -44,11 +44,6 @@ impl Limits {
         }
     }
 
-    /// Bytes that one buffer may have.
-    pub(crate) fn buffer_bytes(&self) -> u64 {
-        self.storage_range.min(self.allocation)
-    }
-
     /// Refuses a buffer that a kernel cannot span or memory cannot hold in one piece.
     ///
     /// # Errors

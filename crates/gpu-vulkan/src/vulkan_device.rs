@@ -179,10 +179,6 @@ impl GpuDevice for VulkanDevice {
         self.gpu.limits.groups
     }
 
-    fn max_buffer_bytes(&self) -> u64 {
-        self.gpu.limits.buffer_bytes()
-    }
-
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
         self.gpu.limits.admit_kernels(wanted)
     }

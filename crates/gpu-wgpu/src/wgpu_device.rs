@@ -6,7 +6,7 @@ use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
 use crate::lent_encoder::LentEncoder;
-use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
+use crate::limits::{LEAST_OF_64_BITS, check_kernels};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
 use crate::staging::{Staging, fill};
@@ -114,10 +114,6 @@ impl GpuDevice for WgpuDevice {
 
     fn max_groups(&self) -> u32 {
         self.gpu.limits.max_compute_workgroups_per_dimension
-    }
-
-    fn max_buffer_bytes(&self) -> u64 {
-        span(&self.gpu.limits)
     }
 
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {

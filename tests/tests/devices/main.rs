@@ -39,8 +39,6 @@ use std::sync::{Arc, Mutex};
 trait Subject: Backend {
     /// Buffers made since it was opened.
     fn buffers_made(&self) -> u64;
-    /// Bytes that a buffer may have.
-    fn max_buffer_bytes(&self) -> u64;
     /// The first words of a buffer of the tree in use.
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32>;
 }
@@ -48,10 +46,6 @@ trait Subject: Backend {
 impl<D: GpuDevice> Subject for ComputeBackend<D> {
     fn buffers_made(&self) -> u64 {
         self.gpu().buffers_made()
-    }
-
-    fn max_buffer_bytes(&self) -> u64 {
-        self.gpu().max_buffer_bytes()
     }
 
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32> {
