@@ -17,6 +17,7 @@ const GAP: usize = 1 << 12;
 
 /// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
 pub(crate) struct KeySlots<D: GpuDevice> {
+    /// In the order in which they were sent.
     slots: Vec<KeySlot<D>>,
     /// Buffers that made room for others.
     free: Pool<D>,
@@ -136,6 +137,10 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
+        // Positions that are lent may be copied from the one that was sent before.
+        if let Some(before) = self.slots.last_mut() {
+            before.read_by = self.next;
+        }
         while self.slots.len() >= self.kept {
             // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
             let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
@@ -144,7 +149,7 @@ impl<D: GpuDevice> KeySlots<D> {
             let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
                 break;
             };
-            let old = self.slots.swap_remove(oldest);
+            let old = self.slots.remove(oldest);
             let (arrival, ticket) = (old.arrival, old.read_by);
             self.free.put(old.buffer, LastUse { arrival, ticket });
         }
