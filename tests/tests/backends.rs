@@ -8,7 +8,7 @@
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
 use cpu_ref::CpuBackend;
-use gpu_common::{KernelForm, Options, Validation};
+use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
@@ -28,8 +28,8 @@ const BACKENDS: &[(&str, &str, Open)] = &[
     ("vulkan-rt:fast-trace", "vulkan-rt", || {
         driver(Prefer::FastTrace)
     }),
-    ("wgpu", "wgpu", || wgpu(KernelForm::Best)),
-    ("wgpu-wgsl", "wgpu", || wgpu(KernelForm::CheckedWgsl)),
+    ("wgpu", "wgpu", || wgpu(false)),
+    ("wgpu-wgsl", "wgpu", || wgpu(true)),
 ];
 
 fn driver(prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
@@ -49,10 +49,10 @@ fn vulkan() -> Options {
     }
 }
 
-fn wgpu(kernels: KernelForm) -> backend::Result<Box<dyn Backend>> {
+fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Backend>> {
     let options = Options {
         validation: Validation::IfInstalled,
-        kernels,
+        checks_kernels,
         ..Default::default()
     };
     Ok(Box::new(WgpuBackend::new(&options)?))

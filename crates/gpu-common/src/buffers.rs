@@ -1,16 +1,9 @@
 //! Buffers found by their names, and parts of what lies in them.
 
-use crate::GpuDevice;
+use crate::{GpuDevice, with_slack};
 use backend::{BackendError, Result};
 use shaders::BufferName;
 use std::ops::Range;
-
-/// In which parts so many elements come to the host.
-pub fn parts<T>(count: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
-    const BYTES: usize = 8 << 20;
-    let most = BYTES / size_of::<T>();
-    (0..count.div_ceil(most)).map(move |i| i * most..count.min((i + 1) * most))
-}
 
 /// Runs in order but for what others, in order too, have of them.
 #[must_use]
@@ -79,16 +72,15 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(&mut self.0[at].1)
     }
 
-    /// Puts a larger buffer, with some to spare, in the place of one that is too small. Trees of one scene differ little in
-    /// size.
+    /// Puts a larger buffer, with some to spare, in the place of one that is too small.
     pub(crate) fn grow(&mut self, gpu: &mut D, name: BufferName, bytes: u64) -> Result<()> {
         let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
         let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
             return Ok(());
         };
-        let most = gpu.max_buffer_bytes().max(bytes);
-        let larger = most.min(bytes + bytes / 32);
-        let larger = gpu.buffer(name, larger)?;
+        let larger = gpu.buffer(name, with_slack(bytes));
+        // The device may have no more than what is needed.
+        let larger = larger.or_else(|_| gpu.buffer(name, bytes))?;
         gpu.discard(std::mem::replace(buffer, larger));
         Ok(())
     }

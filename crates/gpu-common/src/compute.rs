@@ -4,7 +4,7 @@ mod trace;
 
 use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, Options, Pipelines, Stage, Stale};
+use crate::{Engine, GpuDevice, LastUse, Options, Stage, Stale};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -22,7 +22,6 @@ pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) tree: Option<TreeBuffers<D>>,
     /// How the scene is traced.
     method: Method,
-    stale: Stale,
     /// Which parts of the tree in use stand.
     progress: Progress,
     /// Whether the device knows how far the coordinates reach of the key frame that arrived last.
@@ -44,8 +43,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// # Errors
     /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
-        let pipelines = Pipelines::of(&gpu, [common("arithmetic")])?;
-        Engine::new(gpu, pipelines).map(Self::with)
+        Engine::new(gpu, [common("arithmetic")]).map(Self::with)
     }
 
     fn with(engine: Engine<D>) -> Self {
@@ -53,7 +51,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine,
             tree: None,
             method: Method::default(),
-            stale: Stale::Positions,
             progress: Progress::default(),
             measured: false,
         }
@@ -96,7 +93,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Whether the tree in use was made here, of the positions at hand: it has its records and boxes.
     fn is_made_whole(&self) -> bool {
         let made_here = self.tree().made_here;
-        let anew = made_here && self.stale < Stale::Fresh;
+        let anew = made_here && self.engine.stale < Stale::Fresh;
         assert!(!anew, "a tree made on the device is made anew");
         made_here
     }
@@ -114,7 +111,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         tree.grow(&mut engine.gpu, &shape)?;
         let scene = (animation.scale_exponent(), animation.vertex_count());
-        let extents = &mut engine.frames.record(&engine.gpu)?.extents;
+        let extents = &mut engine.frames.record()?.extents;
         let plan = Plan::new(self.method, scene, &shape, extents.boxes.is_some());
         extents.uncounted = Some(0);
         extents.refitted(Extent::Whole);
@@ -156,11 +153,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             let later = work::kernels_of_arriving_keys(method);
             engine.pipelines.begin(&engine.gpu, later);
         }
-        // What is under way or recorded belongs to the scene before.
-        engine.abandon();
         engine.unload()?;
         self.tree = None;
-        (self.stale, self.progress) = (Stale::Positions, Progress::default());
+        self.progress = Progress::default();
         let tree = TreeBuffers::new(&engine.gpu, &animation, method)?;
         engine.load(animation)?;
         (self.tree, self.method) = (Some(tree), method);
@@ -170,12 +165,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(generation > self.tree().generation, "generations rise");
         let engine = &mut self.engine;
-        let recording = engine.frames.recording;
+        let (recording, last) = (engine.frames.recording, engine.frames.submitted);
         assert!(!recording, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
-        current.adopt(&mut engine.gpu, (tree, generation))?;
+        current.adopt(&mut engine.gpu, (tree, generation), last)?;
         self.progress = Progress::default();
-        self.stale = self.stale.min(Stale::Records);
+        self.engine.stale = self.engine.stale.min(Stale::Records);
         Ok(())
     }
 
@@ -188,7 +183,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
         let arrival = current.send(gpu, (tree, generation))?;
-        gpu.has_been_sent(arrival)
+        let sent = LastUse { arrival, ticket: 0 };
+        gpu.has_ended(sent, false)
     }
 
     fn wants_treelets(&self) -> bool {
@@ -202,12 +198,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         let params = self.params_at(pose);
         self.engine.interpolate(pose, params)?;
-        (self.stale, self.measured) = (Stale::Records, false);
+        self.measured = false;
         Ok(())
     }
 
     fn preprocess(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(self.tree().generation > Generation(0), "a tree comes first");
         if self.is_made_whole() {
             return Ok(());
@@ -215,26 +211,27 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, shape) = (self.params(), &self.tree().shape);
         let (work, uncounted) = self.progress.preprocess(self.method, params, shape);
         self.run(Stage::Preprocess, &work)?;
-        let engine = &mut self.engine;
-        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(uncounted);
+        self.engine.frames.record()?.extents.uncounted = Some(uncounted);
         let tree = self.tree.as_ref().expect("a scene was loaded");
         self.progress.preprocessed(&tree.shape);
-        self.stale = Stale::Boxes;
+        self.engine.stale = Stale::Boxes;
         Ok(())
     }
 
     fn refit(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Boxes, "boxes of leaves come first");
+        assert!(
+            self.engine.stale >= Stale::Boxes,
+            "boxes of leaves come first"
+        );
         if self.is_made_whole() {
             return Ok(());
         }
         let (params, shape) = (self.params(), &self.tree().shape);
         let (work, extent) = self.progress.refit(self.method, params, shape);
         self.run(Stage::Refit, &work)?;
-        let engine = &mut self.engine;
-        engine.frames.record(&engine.gpu)?.extents.refitted(extent);
+        self.engine.frames.record()?.extents.refitted(extent);
         self.progress.refitted();
-        self.stale = Stale::Fresh;
+        self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
@@ -243,12 +240,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
         assert!(generation > self.tree().generation, "generations rise");
         self.check_rebuild()?;
-        self.stale = self.stale.min(Stale::Records);
+        self.engine.stale = self.engine.stale.min(Stale::Records);
         self.make_tree(generation)?;
-        self.stale = Stale::Fresh;
+        self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
@@ -267,7 +264,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let traced =
             all.try_for_each(|(place, query)| self.trace_one_of(query, [place, queries.len()]));
         if traced.is_err() {
-            self.engine.traces.refuse_pending();
+            self.engine.frames.refuse_pending();
         }
         traced
     }
@@ -311,7 +308,6 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
         self.engine.request_positions()
     }
 
@@ -319,10 +315,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let submitted = self.engine.submit(self.engine.scene().never_active);
         match &submitted {
             Ok(_) => self.progress.submitted(),
-            // What was recorded never ran, so nothing on the device is up to date.
             Err(_) => {
                 self.engine.abandon();
-                (self.stale, self.progress) = (Stale::Positions, Progress::default());
+                self.progress = Progress::default();
             }
         }
         submitted

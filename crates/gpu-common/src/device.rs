@@ -1,6 +1,6 @@
 //! What a GPU interface has to do.
 
-use crate::{Clock, KernelCode, Stage};
+use crate::{Clock, KernelCode, LastUse, Stage};
 use backend::{Device, DeviceBytes, Result, Snapshot, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
@@ -18,8 +18,9 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Whether to run under the interface's validation layer.
     pub validation: Validation,
-    /// In which form kernels go in, where the interface takes more than one.
-    pub kernels: KernelForm,
+    /// Whether kernels go in as WGSL with checks of bounds and loops added, where the interface takes that. Else they are SPIR-V
+    /// where the device takes it, or WGSL without checks.
+    pub checks_kernels: bool,
 }
 
 /// Whether to run under a validation layer, with synchronisation validation where the interface has it.
@@ -32,48 +33,6 @@ pub enum Validation {
     IfInstalled,
     /// With it, or not at all. wgpu cannot tell whether it is installed.
     Required,
-}
-
-/// In which form kernels go in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum KernelForm {
-    /// SPIR-V where the device takes it, else WGSL.
-    #[default]
-    Best,
-    /// WGSL, without checks added.
-    TrustedWgsl,
-    /// WGSL, with checks of bounds and loops added.
-    CheckedWgsl,
-}
-
-/// What goes to the device beside the frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sent {
-    /// A tree's record.
-    Tree,
-    /// The positions of a key frame.
-    KeyFrame,
-}
-
-impl Sent {
-    /// Its name in messages.
-    pub fn what(self) -> &'static str {
-        match self {
-            Self::Tree => "the tree's record",
-            Self::KeyFrame => "key frames",
-        }
-    }
-
-    /// Bytes from which on few are kept at a time, for their memory counts more than a wait.
-    pub const LARGE: u64 = 64 << 20;
-
-    /// Bytes to make room for, so that the next one fits too: trees of one scene differ little, key frames not at all.
-    pub fn room(self, bytes: u64) -> u64 {
-        match self {
-            Self::Tree => bytes + bytes / 32,
-            Self::KeyFrame => bytes,
-        }
-    }
 }
 
 /// A kernel to be recorded.
@@ -111,22 +70,20 @@ pub struct LentRays<B> {
 
 /// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
-/// Only `upload`, `read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
+/// Only `upload`, `end_read`, `finish`, `unload` and `wait_idle` may wait, for what this scene had the device do. Submissions run
 /// in their order; what is recorded reads what was recorded before. Where copies have queues of their own, the device puts
 /// them in order with the submissions that need them; what does nothing here is for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
-    type Buffer: Send;
+    type Buffer: Send + 'static;
     /// A kernel ready to be bound.
     type Pipeline: Send + Sync + 'static;
     /// On any thread, makes kernels ready beside the device's owner, or has the device take [another scene](GpuDevice::beside).
     type Maker: Send + Sync + 'static;
     /// What one submission needs for itself.
     type Slot: GpuSlot<Self>;
-    /// Positions on their way to the host.
+    /// Positions, or other bytes, on their way to the host.
     type Copy: Send;
-    /// Memory of the host that things are sent from.
-    type Staging: Send + 'static;
 
     /// Opens a device.
     ///
@@ -150,9 +107,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Workgroups that a dispatch may have along an axis.
     fn max_groups(&self) -> u32;
 
-    /// Bytes that one buffer may have.
-    fn max_buffer_bytes(&self) -> u64;
-
     /// Refuses, by the limit's name, a device on which one of these kernels cannot run.
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()>;
 
@@ -160,6 +114,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// [writes](GpuDevice::write) [`BufferName::Rays`]; the others kernels write, or the host while nothing is under way. What
     /// is too large is refused with the need.
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;
+
+    /// Likewise, of a name for messages, to [send](GpuDevice::send) to.
+    fn room(&self, what: &'static str, bytes: u64) -> Result<Self::Buffer>;
 
     /// Bytes that kernels may use.
     fn size(buffer: &Self::Buffer) -> u64;
@@ -198,14 +155,36 @@ pub trait GpuDevice: Send + Sized + 'static {
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()>;
 
-    /// Waits for what was submitted and shows the first `count` elements of a buffer in [`parts`](crate::parts), each with the number of
-    /// those before it: one is looked at while the next ones are copied. What fills the buffer must be finished.
+    /// Begins to copy bytes of a buffer to the host. What fills the buffer must be finished.
+    fn begin_read(&mut self, from: &Self::Buffer, bytes: Range<u64>) -> Result<Self::Copy>;
+
+    /// Waits for a copy of so many bytes, and shows them.
+    fn end_read(&mut self, copy: Self::Copy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()>;
+
+    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
+    /// the next ones are copied.
     fn read<T: Pod>(
         &mut self,
         from: &Self::Buffer,
         count: usize,
-        look: impl FnMut(usize, &[T]),
-    ) -> Result<()>;
+        mut look: impl FnMut(usize, &[T]),
+    ) -> Result<()> {
+        const BYTES: usize = 8 << 20;
+        let most = BYTES / size_of::<T>();
+        let parts = (0..count).step_by(most);
+        let parts = parts.map(|start| start..count.min(start + most));
+        let begun = parts.map(|part| {
+            let bytes = [part.start, part.end].map(|n| (n * size_of::<T>()) as u64);
+            Ok((self.begin_read(from, bytes[0]..bytes[1])?, part))
+        });
+        for (copy, part) in begun.collect::<Result<Vec<_>>>()? {
+            let bytes = part.len() * size_of::<T>();
+            self.end_read(copy, bytes, |bytes| {
+                look(part.start, bytemuck::cast_slice(bytes));
+            })?;
+        }
+        Ok(())
+    }
 
     /// Likewise, all of them together.
     fn read_all<T: Pod>(&mut self, from: &Self::Buffer, count: usize) -> Result<Vec<T>> {
@@ -214,39 +193,30 @@ pub trait GpuDevice: Send + Sized + 'static {
         Ok(all)
     }
 
-    /// Begins to send something part by part, beside the frames. Gives its buffer, and a number to be
-    /// [expected](GpuDevice::expect) before it is read.
-    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Self::Buffer, u64)>;
-
-    /// Memory to send something from, with room for as much as the last of its kind took; `None` before the first, or where
-    /// whoever fills it would save nothing.
-    fn staging(&mut self, what: Sent) -> Result<Option<Self::Staging>>;
+    /// Memory of the host to send a tree of so many bytes from, and perhaps a larger one.
+    fn staging(&mut self, bytes: u64) -> Result<Self::Buffer>;
 
     /// Writes what is to be sent, part by part, on any thread; says whether there was room.
-    fn fill(staging: &mut Self::Staging, parts: &[&[u32]]) -> bool;
+    fn fill(staging: &mut Self::Buffer, parts: &[&[u32]]) -> bool;
 
-    /// As [`GpuDevice::send`], of what was filled. Never copies on this thread.
-    fn send_filled(&mut self, what: Sent, staging: Self::Staging) -> Result<(Self::Buffer, u64)>;
+    /// Begins to send so many bytes that were filled, beside the frames. Gives a number to be [expected](GpuDevice::expect)
+    /// before they are read. Never copies on this thread.
+    fn send(&mut self, from: Self::Buffer, bytes: u64, to: &Self::Buffer) -> Result<u64>;
 
     /// Memory for a key frame that is [sent](GpuDevice::send_key) from there.
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
-    /// As [`GpuDevice::send`], of a key frame. A buffer that held another one may get the runs of vertices alone that differ.
-    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Self::Buffer, u64)>;
+    /// As [`GpuDevice::send`], of runs of a key frame's vertices.
+    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Self::Buffer)
+    -> Result<u64>;
 
-    /// Whether what was sent is there. Never waits.
-    fn has_been_sent(&self, _arrival: u64) -> Result<bool> {
-        Ok(true)
-    }
+    /// Whether a buffer's last use is over, so that others may follow. Waits for that only if it `may_wait`.
+    fn has_ended(&self, last: LastUse, may_wait: bool) -> Result<bool>;
 
     /// The next submission waits until this was sent, and all before it.
     fn expect(&mut self, _arrival: u64) {}
-
-    /// Takes back a buffer, to send another of its kind in it once nothing reads it any more: the last so many submissions
-    /// do not.
-    fn recycle(&mut self, what: Sent, buffer: Self::Buffer, unused_for: u64);
 
     /// What makes kernels ready.
     fn pipeline_maker(&self) -> Self::Maker;
@@ -268,11 +238,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
     fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
 
-    /// Has callbacks run that tell of copies, without waiting.
-    fn poll(&mut self) -> Result<()> {
-        Ok(())
-    }
-
     /// Whether positions have arrived. Never waits.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 
@@ -282,17 +247,17 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Positions that have arrived, which may outlive the device.
     fn take(&mut self, copy: Self::Copy, vertices: usize) -> Result<Snapshot>;
 
-    /// Drops what a recording that is not going to be submitted asked for.
-    fn abandon(&mut self) {}
-
     /// Waits for all that is under way, and lets go of all that belongs to the scene, but for what [slots](GpuSlot::forget) have.
     fn unload(&mut self) -> Result<()>;
 
     /// Waits until the device has nothing left to do.
     fn wait_idle(&self) -> Result<()>;
 
-    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames.
-    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes;
+    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames. An engine's
+    /// own on a lent device do not count, nor does memory of the host.
+    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
+        bytes
+    }
 }
 
 /// Commands, parameters, counts and marks of time of one submission.
@@ -301,25 +266,20 @@ pub trait GpuSlot<D: GpuDevice>: Send {
     const SPLITS: bool = false;
 
     /// Begins a recording, with all counts 0 and a mark of time. The last submission must have been finished.
-    fn begin(&mut self, gpu: &D) -> Result<()>;
+    fn begin(&mut self) -> Result<()>;
 
     /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
     /// The first may run beside the last of the call before, if it says so and no stage was ended between.
-    fn dispatch(
-        &mut self,
-        gpu: &D,
-        all: &[Dispatch<'_, D>],
-        find: Find<'_, '_, D::Buffer>,
-    ) -> Result<()>;
+    fn dispatch(&mut self, all: &[Dispatch<'_, D>], find: Find<'_, '_, D::Buffer>) -> Result<()>;
 
     /// Ends a stage: all that was recorded since the last one ended is timed as its work.
-    fn end_stage(&mut self, gpu: &D, stage: Stage) -> Result<()>;
+    fn end_stage(&mut self, stage: Stage) -> Result<()>;
 
     /// Records that the first so many bytes of counts are 0 again.
-    fn clear_counts(&mut self, gpu: &D, bytes: u64) -> Result<()>;
+    fn clear_counts(&mut self, bytes: u64) -> Result<()>;
 
     /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
-    fn split(&mut self, _gpu: &D) -> Result<()> {
+    fn split(&mut self) -> Result<()> {
         Ok(())
     }
 

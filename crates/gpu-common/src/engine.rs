@@ -1,7 +1,6 @@
 //! What frames of any kind take of a device.
 
 use crate::snapshots::Snapshots;
-use crate::traces::Traces;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
     BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
@@ -10,7 +9,7 @@ use backend::{
 use geom::{Animation, Point, Pose};
 use shaders::arithmetic::{self, Findings};
 use shaders::work::{self, Work};
-use shaders::{BufferName, Params, Traits};
+use shaders::{BufferName, Kernel, Params, Traits};
 use std::sync::Arc;
 
 /// What must run before a trace.
@@ -34,10 +33,8 @@ pub enum Stale {
 pub struct Engine<D: GpuDevice> {
     /// Who is at work.
     pub device: Device,
-    /// Submissions.
+    /// Submissions, and what they found.
     pub frames: Frames<D>,
-    /// What they found.
-    pub traces: Traces<D>,
     snapshots: Snapshots<D>,
     /// The scene, once one is loaded.
     pub scene: Option<SceneBuffers<D>>,
@@ -45,6 +42,8 @@ pub struct Engine<D: GpuDevice> {
     pub position: usize,
     /// The moment that positions were last interpolated at.
     pub pose: Pose,
+    /// What must run before a trace.
+    pub stale: Stale,
     /// Kernels ready to be bound.
     pub pipelines: Pipelines<D>,
     /// The device itself.
@@ -52,11 +51,12 @@ pub struct Engine<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> Engine<D> {
-    /// Puts the device's arithmetic to the test by one of the kernels.
+    /// Makes kernels ready, and puts the device's arithmetic to the test by one of them.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if it is wrong.
-    pub fn new(mut gpu: D, mut pipelines: Pipelines<D>) -> Result<Self> {
+    /// [`backend::BackendError::NoDevice`] if it is wrong, or the driver refuses a kernel.
+    pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
+        let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu)?;
         let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let device = Device {
@@ -77,11 +77,11 @@ impl<D: GpuDevice> Engine<D> {
         Self {
             device,
             frames,
-            traces: Traces::default(),
             snapshots: Snapshots::default(),
             scene: None,
             position: 0,
             pose: Pose::default(),
+            stale: Stale::Positions,
             pipelines,
             gpu,
         }
@@ -106,11 +106,11 @@ impl<D: GpuDevice> Engine<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
 
-    /// Waits for what is under way and lets go of the scene.
+    /// Drops what was recorded, waits for what is under way, and lets go of the scene.
     pub fn unload(&mut self) -> Result<()> {
+        self.abandon();
         self.frames.unload(&mut self.gpu)?;
-        (self.traces, self.snapshots) = (Traces::default(), Snapshots::default());
-        self.keep(FRAMES_IN_FLIGHT);
+        self.snapshots = Snapshots::default();
         (self.scene, self.position) = (None, 0);
         Ok(())
     }
@@ -127,9 +127,12 @@ impl<D: GpuDevice> Engine<D> {
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
         self.pose = pose;
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.keys.bring(gpu, &scene.animation, pose)?;
+        let last = self.frames.submitted;
+        scene.keys.bring(gpu, (&scene.animation, pose), last)?;
         let work = [work::interpolate(params, self.scene().vertices())];
-        self.run(Some(Stage::Interpolate), &work, |_| None)
+        self.run(Some(Stage::Interpolate), &work, |_| None)?;
+        self.stale = Stale::Records;
+        Ok(())
     }
 
     /// Records kernels, as a stage or as part of none, and makes those that are not ready yet. `own` gives buffers that are not
@@ -146,8 +149,8 @@ impl<D: GpuDevice> Engine<D> {
     where
         D: 'a,
     {
-        let gpu = &self.gpu;
-        self.pipelines.prepare(gpu, work.iter().map(|w| w.kernel))?;
+        let kernels = work.iter().map(|w| w.kernel);
+        self.pipelines.prepare(&self.gpu, kernels)?;
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let pipelines = &self.pipelines;
         let (key, position) = (self.pose.key, self.position);
@@ -155,8 +158,8 @@ impl<D: GpuDevice> Engine<D> {
             let found = own(name).or_else(|| scene.get(name, key, position));
             found.unwrap_or_else(|| panic!("no buffer {name:?}"))
         };
-        let slot = self.frames.record(gpu)?;
-        slot.record(gpu, pipelines, stage, work, &find)
+        let slot = self.frames.record()?;
+        slot.record(pipelines, stage, work, &find)
     }
 
     /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
@@ -164,7 +167,8 @@ impl<D: GpuDevice> Engine<D> {
     /// # Panics
     /// If no trace is pending.
     pub fn shade(&mut self, query: &Query<'_>, params: Params) -> Result<()> {
-        let mut trace = self.traces.pending.pop().expect("a trace is recorded");
+        let pending = self.frames.pending.pop();
+        let mut trace = pending.expect("a trace is recorded");
         let is_shaded = trace.has_tree && self.scene().has_palette();
         let shaded = match (query.rays, query.kind.light()) {
             (Rays::Camera(camera), Some(lamp)) if is_shaded => {
@@ -174,7 +178,7 @@ impl<D: GpuDevice> Engine<D> {
             }
             _ => Ok(()),
         };
-        self.traces.pending.push(trace);
+        self.frames.pending.push(trace);
         shaded
     }
 
@@ -187,15 +191,17 @@ impl<D: GpuDevice> Engine<D> {
     /// Waits for a submission and copies its pixels, if there are any.
     pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
         self.wait(ticket)?;
-        self.traces.get(ticket, 0).fetch_pixels(&mut self.gpu, out)
+        let trace = self.frames.trace(ticket, 0);
+        trace.fetch_pixels(&mut self.gpu, out)
     }
 
     /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.
     pub fn request_positions(&mut self) -> Result<()> {
+        assert!(self.stale >= Stale::Records, "positions come first");
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.make_positions(&mut self.gpu)?;
         self.snapshots.request(self.position);
-        self.frames.record(&self.gpu)?.split(&self.gpu)
+        self.frames.record()?.split()
     }
 
     /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
@@ -203,21 +209,20 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
         let positions = self.snapshots.requested.map(place);
-        let about = (!self.traces.pending.is_empty(), never_active);
-        let (ticket, copy) = self.frames.submit(&mut self.gpu, positions, about)?;
-        self.traces.submitted(ticket);
+        let submitted = self.frames.submit(&mut self.gpu, positions, never_active);
+        let (ticket, copy) = submitted?;
         self.snapshots.submitted(ticket, copy);
         let scene = self.scene.as_mut().expect("a scene was loaded");
-        scene.keys.submitted(&mut self.gpu, &scene.animation)?;
+        let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
+        keys.submitted(gpu, &scene.animation, ticket)?;
         Ok(ticket)
     }
 
-    /// Drops what was recorded: it is not going to be submitted.
+    /// Drops what was recorded: it is not going to be submitted, so nothing on the device is up to date.
     pub fn abandon(&mut self) {
-        self.frames.recording = false;
+        self.stale = Stale::Positions;
+        self.frames.abandon();
         self.snapshots.requested = None;
-        self.traces.pending.clear();
-        self.gpu.abandon();
     }
 
     /// Waits for a submission and says what it did.
@@ -228,13 +233,12 @@ impl<D: GpuDevice> Engine<D> {
     /// Waits for a submission and lends what its trace of that place found.
     pub fn hits(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         self.wait(ticket)?;
-        self.traces.get(ticket, place).fetch(&mut self.gpu)
+        self.frames.trace(ticket, place).fetch(&mut self.gpu)
     }
 
     /// Keeps what submissions found until so many further ones with a trace were made: see [`backend::Backend::keep`].
     pub fn keep(&mut self, traces: usize) {
-        let traces = traces.max(FRAMES_IN_FLIGHT);
-        (self.frames.kept, self.traces.most_kept) = (traces, traces);
+        self.frames.kept = traces.max(FRAMES_IN_FLIGHT) as u64;
     }
 
     /// The oldest positions requested, if they have arrived.
@@ -249,7 +253,7 @@ impl<D: GpuDevice> Engine<D> {
             tree,
             scratch,
             scene: self.scene.as_ref().map_or(0, SceneBuffers::held),
-            frames: frames + self.traces.held() + self.frames.bytes(),
+            frames: frames + self.frames.bytes(),
         };
         self.gpu.with_own_bytes(bytes)
     }
@@ -288,9 +292,9 @@ fn test_arithmetic<D: GpuDevice>(
     buffers.fill(gpu, &[(BufferName::Operands, operands)])?;
     let find = |name| buffers.get(name).expect("it names no other buffer");
     let work = [work::arithmetic(all.len())];
-    let slot = frames.record(gpu)?;
-    slot.record(gpu, pipelines, None, &work, &find)?;
-    let (ticket, _) = frames.submit(gpu, None, (false, 0))?;
+    let slot = frames.record()?;
+    slot.record(pipelines, None, &work, &find)?;
+    let (ticket, _) = frames.submit(gpu, None, 0)?;
     frames.retire(gpu, ticket)?;
     let results = gpu.read_all(find(BufferName::Results), all.len())?;
     let adapter = gpu.device().adapter;

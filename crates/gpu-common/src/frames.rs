@@ -1,6 +1,6 @@
-//! Submissions: recorded, under way, and the reports of those that are done.
+//! Submissions: recorded, under way, and the reports and traces of those that are done.
 
-use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage};
+use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage, Trace};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
 use shaders::work::Work;
 use shaders::{Counts, Extents, RasterBackoff, TreeStats};
@@ -18,13 +18,18 @@ const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 pub struct Frames<D: GpuDevice> {
     slots: Vec<Slot<D>>,
     pub(crate) recording: bool,
-    submitted: u64,
+    /// The last ticket.
+    pub(crate) submitted: Ticket,
+    /// Traces that are recorded but not submitted yet, in order.
+    pub pending: Vec<Trace<D>>,
+    /// Likewise, so that their buffers stay, but nobody's.
+    refused: Vec<Trace<D>>,
     /// Submissions with a trace so far.
-    traces: u64,
+    traced: u64,
     /// Further ones until a submission is forgotten.
-    pub(crate) kept: usize,
+    pub(crate) kept: u64,
     /// From the oldest that is remembered to the newest.
-    ledger: VecDeque<Submission>,
+    ledger: VecDeque<Submission<D>>,
     /// What preprocess and refit said last.
     tree_stats: TreeStats,
     /// What traces by rasterization said last.
@@ -32,10 +37,11 @@ pub struct Frames<D: GpuDevice> {
     clock: Clock,
 }
 
-struct Submission {
+struct Submission<D: GpuDevice> {
     ticket: Ticket,
+    traces: Vec<Trace<D>>,
     /// Submissions with a trace, up to and including this one.
-    traces: u64,
+    traced: u64,
     never_active: u64,
     at: Instant,
     /// `None` while it is under way.
@@ -49,6 +55,7 @@ pub struct Slot<D: GpuDevice> {
     stages: Vec<Stage>,
     /// Those that had nothing to do.
     idle: Vec<Stage>,
+    max_groups: u32,
     /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
     open: bool,
     /// What preprocess and refit went over.
@@ -62,18 +69,19 @@ impl<D: GpuDevice> Slot<D> {
             own: gpu.slot()?,
             stages: Vec::new(),
             idle: Vec::new(),
+            max_groups: gpu.max_groups(),
             open: false,
             extents: Extents::default(),
             readback_bytes: 0,
         })
     }
 
-    fn begin(&mut self, gpu: &D) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         self.stages.clear();
         self.idle.clear();
         (self.open, self.readback_bytes) = (false, 0);
         self.extents = Extents::default();
-        self.own.begin(gpu)
+        self.own.begin()
     }
 
     /// Records kernels, as a stage or as part of none. What cannot be recorded is refused before anything is. `interpolate`
@@ -81,14 +89,13 @@ impl<D: GpuDevice> Slot<D> {
     /// it begins the frame's.
     pub(crate) fn record(
         &mut self,
-        gpu: &D,
         pipelines: &Pipelines<D>,
         stage: Option<Stage>,
         work: &[Work],
         find: Find<'_, '_, D::Buffer>,
     ) -> Result<()> {
         if stage.is_none() || !work.first().is_some_and(|w| w.alongside) {
-            self.close(gpu)?;
+            self.close()?;
         }
         if work.is_empty() && !self.stages.is_empty() {
             self.idle.extend(stage);
@@ -96,14 +103,14 @@ impl<D: GpuDevice> Slot<D> {
         }
         let again = |stage: Stage| stage == Stage::Preprocess && self.stages.contains(&stage);
         if stage.is_some_and(again) {
-            self.own.clear_counts(gpu, LEAF_COUNTS)?;
+            self.own.clear_counts(LEAF_COUNTS)?;
         }
-        let dispatch = |work| dispatch(gpu, pipelines, work);
+        let dispatch = |work| dispatch(pipelines, work, self.max_groups);
         let all = work.iter().map(dispatch).collect::<Result<Vec<_>>>()?;
-        self.own.dispatch(gpu, &all, find)?;
+        self.own.dispatch(&all, find)?;
         self.open = stage == Some(Stage::Interpolate);
         match stage.filter(|_| !self.open) {
-            Some(stage) => self.end(gpu, stage),
+            Some(stage) => self.end(stage),
             None => Ok(()),
         }
     }
@@ -111,44 +118,42 @@ impl<D: GpuDevice> Slot<D> {
     /// Records a stage that is no list of kernels.
     pub fn record_as(
         &mut self,
-        gpu: &D,
         stage: Stage,
         record: impl FnOnce(&mut D::Slot) -> Result<()>,
     ) -> Result<()> {
-        self.close(gpu)?;
+        self.close()?;
         record(&mut self.own)?;
-        self.end(gpu, stage)
+        self.end(stage)
     }
 
     /// Ends `interpolate`, if it is open: what follows is not to run beside it.
-    fn close(&mut self, gpu: &D) -> Result<()> {
+    fn close(&mut self) -> Result<()> {
         match std::mem::take(&mut self.open) {
-            true => self.end(gpu, Stage::Interpolate),
+            true => self.end(Stage::Interpolate),
             false => Ok(()),
         }
     }
 
-    fn end(&mut self, gpu: &D, stage: Stage) -> Result<()> {
+    fn end(&mut self, stage: Stage) -> Result<()> {
         self.stages.push(stage);
-        self.own.end_stage(gpu, stage)
+        self.own.end_stage(stage)
     }
 
     /// Notes that positions recorded so far go to the host.
-    pub(crate) fn split(&mut self, gpu: &D) -> Result<()> {
+    pub(crate) fn split(&mut self) -> Result<()> {
         if !D::Slot::SPLITS {
             return Ok(());
         }
-        self.close(gpu)?;
-        self.own.split(gpu)
+        self.close()?;
+        self.own.split()
     }
 }
 
 fn dispatch<'a, D: GpuDevice>(
-    gpu: &D,
     pipelines: &'a Pipelines<D>,
     work: &'a Work,
+    limit: u32,
 ) -> Result<Dispatch<'a, D>> {
-    let limit = gpu.max_groups();
     let refused = |need: u32| BackendError::Limit {
         what: format!("kernel {} (workgroups along an axis)", work.kernel.name),
         need: need.into(),
@@ -166,9 +171,11 @@ impl<D: GpuDevice> Frames<D> {
         Ok(Self {
             slots: (0..SLOTS).map(|_| Slot::new(gpu)).collect::<Result<_>>()?,
             recording: false,
-            submitted: 0,
-            traces: 0,
-            kept: FRAMES_IN_FLIGHT,
+            submitted: Ticket(0),
+            pending: Vec::new(),
+            refused: Vec::new(),
+            traced: 0,
+            kept: FRAMES_IN_FLIGHT as u64,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
@@ -178,23 +185,56 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Which of so many [`SLOTS`] the recording takes, or the next one will.
     fn place(&self) -> usize {
-        self.submitted as usize % SLOTS
+        self.submitted.0 as usize % SLOTS
     }
 
     /// The slot being recorded, begun if need be.
-    pub fn record(&mut self, gpu: &D) -> Result<&mut Slot<D>> {
+    pub fn record(&mut self) -> Result<&mut Slot<D>> {
         let place = self.place();
         let slot = &mut self.slots[place];
         if !self.recording {
-            slot.begin(gpu)?;
+            slot.begin()?;
             self.recording = true;
         }
         Ok(slot)
     }
 
-    /// Bytes of device memory of all slots.
+    /// Bytes of device memory of all slots, and of all traces.
     pub(crate) fn bytes(&self) -> u64 {
-        self.slots.iter().map(|slot| slot.own.bytes()).sum()
+        let slots = self.slots.iter().map(|slot| slot.own.bytes());
+        let kept = self.ledger.iter().flat_map(|s| &s.traces);
+        let traces = kept.chain(&self.pending).chain(&self.refused);
+        slots.chain(traces.map(Trace::held)).sum()
+    }
+
+    /// What was recorded together is refused, since one of it was.
+    pub(crate) fn refuse_pending(&mut self) {
+        self.refused.append(&mut self.pending);
+    }
+
+    /// Drops what was recorded.
+    pub(crate) fn abandon(&mut self) {
+        self.recording = false;
+        self.pending.clear();
+        self.refused.clear();
+    }
+
+    /// A trace that nobody may ask for any more, once the recording is submitted with one. It is older than the submissions
+    /// that may be under way, so nothing uses it.
+    pub fn expired(&mut self) -> Option<Trace<D>> {
+        let oldest = self.ledger.iter_mut().find(|s| !s.traces.is_empty())?;
+        let is_old = self.traced - oldest.traced >= self.kept;
+        is_old.then(|| oldest.traces.remove(0))
+    }
+
+    /// What a submission's trace of that place found.
+    ///
+    /// # Panics
+    /// If it had no such trace, or was too long ago.
+    pub(crate) fn trace(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
+        let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
+        let found = submission.and_then(|s| s.traces.get_mut(place));
+        found.expect("this submission had no trace, or was too long ago")
     }
 
     /// Submits the recording with the positions asked for; waits for the oldest
@@ -203,24 +243,27 @@ impl<D: GpuDevice> Frames<D> {
         &mut self,
         gpu: &mut D,
         positions: Option<(&D::Buffer, u64)>,
-        (traced, never_active): (bool, u64),
+        never_active: u64,
     ) -> Result<(Ticket, Option<D::Copy>)> {
-        self.record(gpu)?.close(gpu)?;
+        self.record()?.close()?;
         while self.under_way().count() >= FRAMES_IN_FLIGHT {
             let oldest = self.under_way().next();
             self.finish(gpu, oldest.expect("counted just now"))?;
         }
-        let ticket = Ticket(self.submitted + 1);
+        let ticket = Ticket(self.submitted.0 + 1);
         let place = self.place();
         let (slot, at) = (&mut self.slots[place], Instant::now());
         slot.readback_bytes = positions.map_or(0, |(_, bytes)| bytes);
         let copy = gpu.submit(&mut slot.own, ticket, positions)?;
         self.recording = false;
-        self.submitted = ticket.0;
-        self.traces += u64::from(traced);
+        self.submitted = ticket;
+        let mut traces = std::mem::take(&mut self.pending);
+        traces.append(&mut self.refused);
+        self.traced += u64::from(!traces.is_empty());
         self.ledger.push_back(Submission {
             ticket,
-            traces: self.traces,
+            traces,
+            traced: self.traced,
             never_active,
             at,
             report: None,
@@ -236,8 +279,8 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     fn forget_the_old(&mut self) {
-        let (traces, kept) = (self.traces, self.kept as u64);
-        let old = |s: &Submission| traces - s.traces > kept && s.report.is_some();
+        let (traced, kept) = (self.traced, self.kept);
+        let old = |s: &Submission<D>| traced - s.traced > kept && s.report.is_some();
         while self.ledger.front().is_some_and(old) {
             self.ledger.pop_front();
         }
@@ -245,7 +288,7 @@ impl<D: GpuDevice> Frames<D> {
 
     /// Waits for a submission, and so for all before it.
     fn finish(&mut self, gpu: &mut D, ticket: Ticket) -> Result<()> {
-        let open = |s: &&mut Submission| s.ticket <= ticket && s.report.is_none();
+        let open = |s: &&mut Submission<D>| s.ticket <= ticket && s.report.is_none();
         for submission in self.ledger.iter_mut().filter(open) {
             let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
             let done = gpu.finish(&mut slot.own, submission.ticket)?;
@@ -291,8 +334,8 @@ impl<D: GpuDevice> Frames<D> {
         if let Some(last) = self.ledger.back().map(|s| s.ticket) {
             self.finish(gpu, last)?;
         }
-        self.recording = false;
         self.ledger.clear();
+        self.kept = FRAMES_IN_FLIGHT as u64;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
         gpu.unload()?;

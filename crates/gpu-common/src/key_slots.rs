@@ -1,7 +1,8 @@
 //! Key frames on the device: all of them, or those around the moment that is played.
 
-use crate::{GpuDevice, Sent};
-use backend::Result;
+use crate::pool::LARGE;
+use crate::{GpuDevice, LastUse, Pool};
+use backend::{Result, Ticket};
 use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
 use std::ops::Range;
@@ -16,12 +17,16 @@ const GAP: usize = 1 << 12;
 
 /// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
 pub(crate) struct KeySlots<D: GpuDevice> {
+    /// In the order in which they were sent.
     slots: Vec<KeySlot<D>>,
+    /// Buffers that made room for others.
+    free: Pool<D>,
     /// How many are kept of a stream.
     kept: usize,
     /// Rises with each use.
     clock: u64,
-    submissions: u64,
+    /// The ticket of the submission that is recorded.
+    next: u64,
     /// What was brought last, and may be read again.
     pose: Pose,
     /// Vertices that are not the same in all key frames.
@@ -31,7 +36,7 @@ pub(crate) struct KeySlots<D: GpuDevice> {
 struct KeySlot<D: GpuDevice> {
     key: usize,
     buffer: D::Buffer,
-    /// See [`GpuDevice::send`].
+    /// See [`GpuDevice::send_key`].
     arrival: u64,
     /// By the clock: how soon it makes room for others.
     used: u64,
@@ -59,25 +64,32 @@ impl<D: GpuDevice> KeySlots<D> {
         gpu.upload(&contents.collect::<Vec<_>>())?;
         Ok(Self {
             slots,
+            free: Pool::default(),
             kept: match (animation.vertex_count() * size_of::<Point>()) as u64 {
-                Sent::LARGE.. => LARGE_KEPT,
+                LARGE.. => LARGE_KEPT,
                 _ => KEPT,
             },
             clock: 0,
-            submissions: 0,
+            next: 0,
             pose: Pose::default(),
             moving: animation.static_parts().moving_runs(GAP),
         })
     }
 
-    /// Has the key frames of a pose be there for all that is recorded from now on. Waits for those that have to be read.
-    pub(crate) fn bring(&mut self, gpu: &mut D, animation: &Animation, pose: Pose) -> Result<()> {
-        self.pose = pose;
+    /// Has the key frames of a pose be there for all that is recorded from now on, after the last submission. Waits for those
+    /// that have to be read.
+    pub(crate) fn bring(
+        &mut self,
+        gpu: &mut D,
+        (animation, pose): (&Animation, Pose),
+        last: Ticket,
+    ) -> Result<()> {
+        (self.pose, self.next) = (pose, last.0 + 1);
         for key in pose.keys() {
             if self.find(key).is_none() {
                 self.send(gpu, (key, &animation.key(key)?))?;
             }
-            let next = self.submissions + 1;
+            let next = self.next;
             let slot = self.touch(key).expect("it was sent");
             slot.read_by = next;
             gpu.expect(slot.arrival);
@@ -86,8 +98,13 @@ impl<D: GpuDevice> KeySlots<D> {
     }
 
     /// What was recorded is submitted. Sends one of the key frames that are played next, if it was read.
-    pub(crate) fn submitted(&mut self, gpu: &mut D, animation: &Animation) -> Result<()> {
-        self.submissions += 1;
+    pub(crate) fn submitted(
+        &mut self,
+        gpu: &mut D,
+        animation: &Animation,
+        ticket: Ticket,
+    ) -> Result<()> {
+        self.next = ticket.0 + 1;
         let upcoming = animation.upcoming(self.kept);
         let wanted = upcoming.iter().find(|(key, _)| self.find(*key).is_none());
         let Some((key, frame)) = wanted else {
@@ -120,20 +137,34 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Sends a key frame of a stream, in the place of the one that was used longest ago.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
+        // Positions that are lent may be copied from the one that was sent before.
+        if let Some(before) = self.slots.last_mut() {
+            before.read_by = self.next;
+        }
         while self.slots.len() >= self.kept {
             // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
             let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
             let all = self.slots.iter().enumerate();
-            let free = all.filter(|(_, slot)| slot.read_by <= self.submissions && !is_played(slot));
+            let free = all.filter(|(_, slot)| slot.read_by < self.next && !is_played(slot));
             let Some((oldest, _)) = free.min_by_key(|(_, slot)| slot.used) else {
                 break;
             };
-            let KeySlot {
-                buffer, read_by, ..
-            } = self.slots.swap_remove(oldest);
-            gpu.recycle(Sent::KeyFrame, buffer, self.submissions - read_by);
+            let old = self.slots.remove(oldest);
+            let (arrival, ticket) = (old.arrival, old.read_by);
+            self.free.put(old.buffer, LastUse { arrival, ticket });
         }
-        let (buffer, arrival) = gpu.send_key(frame, &self.moving)?;
+        let bytes = size_of_val(&frame[..]) as u64;
+        let (buffer, held_another) = self.free.fit(
+            bytes,
+            |last, may_wait| gpu.has_ended(last, may_wait),
+            || gpu.room("key frames", bytes),
+        )?;
+        let all = 0..frame.len();
+        let runs = match held_another {
+            true => &self.moving,
+            false => std::slice::from_ref(&all),
+        };
+        let arrival = gpu.send_key(frame, runs, &buffer)?;
         self.clock += 1;
         self.slots.push(KeySlot {
             key,
@@ -156,6 +187,7 @@ impl<D: GpuDevice> KeySlots<D> {
 
     /// Bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        self.slots.iter().map(|slot| D::held(&slot.buffer)).sum()
+        let slots = self.slots.iter().map(|slot| D::held(&slot.buffer));
+        slots.sum::<u64>() + self.free.held()
     }
 }

@@ -21,20 +21,20 @@ mod frames;
 mod inspect;
 mod key_slots;
 mod pipelines;
+mod pool;
 mod scene;
 mod snapshots;
 mod traces;
 mod tree;
 
 use buffers::BufferTable;
-pub use buffers::{parts, refuse_above, without};
+pub use buffers::{refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
-pub use device::{
-    Dispatch, Find, Finished, GpuDevice, GpuSlot, KernelForm, LentRays, Options, Sent, Validation,
-};
+pub use device::{Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, Validation};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
-pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
+pub use pipelines::{KernelCode, Pipelines, compile_door, device_door, lock};
+pub use pool::{LastUse, Pool, with_slack};
 pub use scene::SceneBuffers;
-pub use traces::{Trace, Traces, are_given};
+pub use traces::{Trace, are_given};

@@ -21,8 +21,8 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// key frame that arrived reach.
     others: BufferTable<D>,
     moving_row_count: Option<usize>,
-    /// Colours and tones, once pictures are asked for.
-    palette: Option<BufferTable<D>>,
+    /// Colours and tones; none until pictures are asked for.
+    palette: BufferTable<D>,
     /// `k` of `docs/design/hits.md`.
     pub scale_exponent: i32,
     /// Triangles that are inactive in every key frame, and so in no tree.
@@ -43,7 +43,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
             keys: KeySlots::new(gpu, &animation)?,
             positions: Vec::new(),
             moving_row_count: rows.map(|rows| rows.len()),
-            palette: None,
+            palette: BufferTable::new(gpu, [])?,
             never_active: (animation.triangle_count() - animation.live_count()) as u64,
             scale_exponent: animation.scale_exponent(),
             animation,
@@ -72,12 +72,12 @@ impl<D: GpuDevice> SceneBuffers<D> {
             (BufferName::Colours, cast_slice(&palette.colours)),
             (BufferName::Tones, cast_slice(&palette.tones)),
         ];
-        self.palette = Some(BufferTable::filled(gpu, &contents)?);
+        self.palette = BufferTable::filled(gpu, &contents)?;
         Ok(())
     }
 
     pub(crate) fn has_palette(&self) -> bool {
-        self.palette.is_some()
+        self.palette.get(BufferName::Colours).is_some()
     }
 
     /// One of its buffers, at a pose's key frame and in one of the two position buffers.
@@ -87,19 +87,14 @@ impl<D: GpuDevice> SceneBuffers<D> {
             BufferName::Later => self.keys.get(key.saturating_add(1)),
             // Where no rays are given, kernels that take both kinds read none.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
-            other => {
-                let palette = || self.palette.as_ref().and_then(|p| p.get(other));
-                self.others.get(other).or_else(palette)
-            }
+            other => self.others.get(other).or_else(|| self.palette.get(other)),
         }
     }
 
     /// Bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        let tables = [Some(&self.others), self.palette.as_ref()];
-        let tables = tables.into_iter().flatten().map(BufferTable::held);
-        let positions = self.positions.iter().map(D::held);
-        self.keys.held() + positions.chain(tables).sum::<u64>()
+        let positions = self.positions.iter().map(D::held).sum::<u64>();
+        self.keys.held() + positions + self.others.held() + self.palette.held()
     }
 
     /// Bytes of all positions.

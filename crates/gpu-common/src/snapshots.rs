@@ -59,7 +59,6 @@ impl<D: GpuDevice> Snapshots<D> {
         gpu: &mut D,
         vertices: usize,
     ) -> Result<Option<(Ticket, Snapshot)>> {
-        gpu.poll()?;
         match self.under_way.front() {
             Some((.., copy)) if gpu.has_arrived(copy)? => (),
             _ => return Ok(None),

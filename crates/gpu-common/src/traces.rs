@@ -1,36 +1,18 @@
 //! The output of traces, kept until it is too old to be asked for.
 
 use crate::{BufferTable, GpuDevice, LentRays};
-use backend::{
-    BackendError, FRAMES_IN_FLIGHT, Hits, Intersector, Query, QueryKind, Rays, Result, Ticket,
-};
+use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
 use shaders::{BufferName, work};
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// The place of a trace that is recorded, so that its buffers stay, but is nobody's.
-const REFUSED: usize = usize::MAX;
 
 /// Bytes that one task copies.
 const RUN: usize = 1 << 18;
 
-/// Traces, oldest first.
-pub struct Traces<D: GpuDevice> {
-    kept: VecDeque<Trace<D>>,
-    /// Of how many submissions, besides the newest.
-    pub(crate) most_kept: usize,
-    /// Recorded but not submitted yet, in order.
-    pub pending: Vec<Trace<D>>,
-}
-
 /// One trace: its output, and its rays if kernels do not make them.
 pub struct Trace<D: GpuDevice> {
-    ticket: Ticket,
-    /// Among those of its submission.
-    place: usize,
     /// Rays.
     pub count: usize,
     /// What was looked for.
@@ -50,33 +32,15 @@ pub struct Trace<D: GpuDevice> {
     fetched: bool,
 }
 
-impl<D: GpuDevice> Default for Traces<D> {
-    fn default() -> Self {
-        Self {
-            kept: VecDeque::new(),
-            most_kept: FRAMES_IN_FLIGHT,
-            pending: Vec::new(),
-        }
-    }
-}
-
-impl<D: GpuDevice> Traces<D> {
-    /// Buffers for a query, taken from the oldest trace if they fit. That one is
-    /// older than the submissions that may be under way, so nothing uses it any more. The query is the next of its submission.
-    pub fn make(
-        &mut self,
+impl<D: GpuDevice> Trace<D> {
+    /// Buffers for a query, taken from an `old` trace if they fit. The query is the next of its submission.
+    pub fn new(
         gpu: &mut D,
         query: &Query<'_>,
         (intersector, has_tree): (Intersector, bool),
+        old: Option<Self>,
         is_extreme: impl Fn(&Ray) -> bool + Sync,
-    ) -> Result<Trace<D>> {
-        while self.submissions() > self.most_kept + 1 {
-            self.kept.pop_front();
-        }
-        let old = match self.submissions() > self.most_kept {
-            true => self.kept.pop_front(),
-            false => None,
-        };
+    ) -> Result<Self> {
         let (mut buffers, found) = match old {
             Some(old) => (old.buffers, old.found),
             None => (BufferTable::new(gpu, [])?, Hits::default()),
@@ -111,9 +75,7 @@ impl<D: GpuDevice> Traces<D> {
             let words = shaders::occluded_words(intersector, count as u64);
             buffers.fit(gpu, BufferName::Occluded, words * 4)?;
         }
-        Ok(Trace {
-            ticket: Ticket(0),
-            place: self.pending_count(),
+        Ok(Self {
             count,
             kind,
             has_tree,
@@ -126,101 +88,11 @@ impl<D: GpuDevice> Traces<D> {
         })
     }
 
-    /// How many are pending and not refused.
-    pub(crate) fn pending_count(&self) -> usize {
-        let is_asked = |trace: &&Trace<D>| trace.place != REFUSED;
-        self.pending.iter().filter(is_asked).count()
-    }
-
-    /// What was recorded together is refused, since one of it was.
-    pub(crate) fn refuse_pending(&mut self) {
-        for trace in &mut self.pending {
-            trace.place = REFUSED;
-        }
-    }
-
-    /// The traces that are pending were submitted.
-    pub(crate) fn submitted(&mut self, ticket: Ticket) {
-        let pending = self.pending.drain(..);
-        let submitted = pending.map(|trace| Trace { ticket, ..trace });
-        self.kept.extend(submitted);
-    }
-
-    /// How many submissions' traces are kept, of the oldest perhaps a part.
-    fn submissions(&self) -> usize {
-        let pairs = self.kept.iter().zip(self.kept.iter().skip(1));
-        let changes = pairs.filter(|(one, next)| one.ticket != next.ticket);
-        changes.count() + usize::from(!self.kept.is_empty())
-    }
-
-    /// What a submission's trace of that place found.
-    ///
-    /// # Panics
-    /// If it had no such trace, or was too long ago.
-    pub(crate) fn get(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
-        let mut all = self.kept.iter_mut();
-        let found = all.find(|t| (t.ticket, t.place) == (ticket, place));
-        found.expect("this submission had no trace, or was too long ago")
-    }
-
     /// Bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
-        let all = self.kept.iter().chain(&self.pending);
-        all.map(|trace| trace.buffers.held()).sum()
+        self.buffers.held()
     }
-}
 
-fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
-    if !matches!(query.rays, Rays::OnDevice(_)) {
-        return Ok(None);
-    }
-    let lent = gpu.take_lent_rays();
-    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
-    lent.ok_or_else(refused).map(Some)
-}
-
-/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
-/// made here they have the same bits.
-pub fn are_given(query: &Query<'_>) -> bool {
-    !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
-}
-
-/// A query's rays as kernels have them, and whether any given one may be extreme.
-pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
-    match query.rays {
-        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
-        rays => work::Rays::Given(rays.count() as u32, extremes),
-    }
-}
-
-/// Sends rays, and says whether any is extreme.
-fn send<D: GpuDevice>(
-    gpu: &mut D,
-    rays: Rays<'_>,
-    to: &mut D::Buffer,
-    is_extreme: impl Fn(&Ray) -> bool + Sync,
-) -> Result<bool> {
-    let extremes = AtomicBool::new(false);
-    let row = |ray: Ray| {
-        let row = if ray.is_valid() { ray } else { Ray::VOID };
-        if is_extreme(&row) {
-            extremes.store(true, Ordering::Relaxed);
-        }
-        row
-    };
-    match rays {
-        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
-        Rays::Camera(camera) => {
-            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
-            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
-            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
-        }
-        Rays::OnDevice(_) => (),
-    }
-    Ok(extremes.into_inner())
-}
-
-impl<D: GpuDevice> Trace<D> {
     /// Its rays, hits or shadows.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let answers = match self.kind {
@@ -304,4 +176,54 @@ impl<D: GpuDevice> Trace<D> {
             places.for_each(|(place, &one)| *place = of(one));
         })
     }
+}
+
+fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<LentRays<D::Buffer>>> {
+    if !matches!(query.rays, Rays::OnDevice(_)) {
+        return Ok(None);
+    }
+    let lent = gpu.take_lent_rays();
+    let refused = || BackendError::no_rays_on_device(gpu.device().backend);
+    lent.ok_or_else(refused).map(Some)
+}
+
+/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
+/// made here they have the same bits.
+pub fn are_given(query: &Query<'_>) -> bool {
+    !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
+}
+
+/// A query's rays as kernels have them, and whether any given one may be extreme.
+pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
+    match query.rays {
+        Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
+        rays => work::Rays::Given(rays.count() as u32, extremes),
+    }
+}
+
+/// Sends rays, and says whether any is extreme.
+fn send<D: GpuDevice>(
+    gpu: &mut D,
+    rays: Rays<'_>,
+    to: &mut D::Buffer,
+    is_extreme: impl Fn(&Ray) -> bool + Sync,
+) -> Result<bool> {
+    let extremes = AtomicBool::new(false);
+    let row = |ray: Ray| {
+        let row = if ray.is_valid() { ray } else { Ray::VOID };
+        if is_extreme(&row) {
+            extremes.store(true, Ordering::Relaxed);
+        }
+        row
+    };
+    match rays {
+        Rays::List(list) => gpu.write(to, list.len(), |i| row(list[i]))?,
+        Rays::Camera(camera) => {
+            let pixel = |i: usize| [i as u32 % camera.width, i as u32 / camera.width];
+            let ray = |[x, y]: [u32; 2]| row(camera.ray(x, y));
+            gpu.write(to, camera.pixels(), |i| ray(pixel(i)))?;
+        }
+        Rays::OnDevice(_) => (),
+    }
+    Ok(extremes.into_inner())
 }

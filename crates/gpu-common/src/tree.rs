@@ -1,21 +1,25 @@
 //! The tree in use: buffers of its nodes and records, and how it came to be.
 
-use crate::{BufferTable, GpuDevice, Sent};
-use backend::{Generation, Layout, Method, Result, TreeWriter, check_tree};
+use crate::{BufferTable, GpuDevice, LastUse, Pool, lock, with_slack};
+use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::{Moving, Topology};
 use geom::Animation;
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     animation: Arc<Animation>,
-    /// As the host sent it; none before the first.
-    record: Option<D::Buffer>,
-    /// The tree to come, and its number to be expected.
+    /// As the host sent it, with its number to be expected; none before the first.
+    record: Option<(D::Buffer, u64)>,
+    /// Records that are not in use.
+    free: Pool<D>,
+    /// Bytes of what was sent last; 0 before.
+    last_bytes: u64,
+    /// The tree to come, likewise.
     sent: Option<(Generation, D::Buffer, u64)>,
-    /// Where the next tree can be written, to be sent from there.
-    written: Arc<Mutex<Option<Written<D>>>>,
+    /// The next tree, written by whoever built it.
+    written: Arc<Mutex<Option<Written<D::Buffer>>>>,
     /// Nodes and costs are as large as the trees so far asked for.
     pub(crate) buffers: BufferTable<D>,
     /// What making trees here takes; none before the first.
@@ -33,6 +37,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(Self {
             animation: Arc::clone(animation),
             record: None,
+            free: Pool::default(),
+            last_bytes: 0,
             sent: None,
             written: Arc::default(),
             buffers: BufferTable::new(gpu, tree_buffers(method, leaves))?,
@@ -48,7 +54,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
 
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         match name {
-            BufferName::Topology => self.record.as_ref(),
+            BufferName::Topology => self.record.as_ref().map(|(record, _)| record),
             _ => {
                 let build = || self.build.as_ref().and_then(|b| b.get(name));
                 self.buffers.get(name).or_else(build)
@@ -62,28 +68,23 @@ impl<D: GpuDevice> TreeBuffers<D> {
         gpu: &mut D,
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
-        // Held elsewhere only while a tree is written, of which there is one at a time.
-        let mut written = lock(&self.written);
-        let staging = match written.take() {
-            Some(spare) => Some(spare.staging),
-            None => gpu.staging(Sent::Tree)?,
+        // What was written and never sent is of no use any more.
+        let mut staging = match lock(&self.written).take() {
+            Some(spare) => spare.staging,
+            None if self.last_bytes == 0 => return Ok(None),
+            None => gpu.staging(self.last_bytes)?,
         };
-        let Some(staging) = staging else {
-            return Ok(None);
-        };
-        *written = Some(Written {
-            staging,
-            generation: Generation(0),
-        });
-        drop(written);
         let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
         let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
-                if let Some(written) = lock(&to).as_mut()
-                    && D::fill(&mut written.staging, parts)
-                {
-                    written.generation = generation;
+                // Too little memory is dropped: the next tree gets other.
+                if D::fill(&mut staging, parts) {
+                    *lock(&to) = Some(Written {
+                        staging,
+                        bytes: bytes(parts),
+                        generation,
+                    });
                 }
             });
         })))
@@ -98,28 +99,49 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let (buffer, arrival) = match self.sent.take() {
             Some((of, buffer, arrival)) if of == generation => (buffer, arrival),
             left => {
-                if let Some((_, buffer, _)) = left {
-                    gpu.recycle(Sent::Tree, buffer, 0);
+                if let Some((_, buffer, arrival)) = left {
+                    self.free.put(buffer, LastUse { arrival, ticket: 0 });
                 }
-                let written = lock(&self.written).take();
-                // Memory that the tree was not written to is too small: the next one gets other.
-                match written.filter(|written| written.generation == generation) {
-                    Some(written) => gpu.send_filled(Sent::Tree, written.staging)?,
-                    None => with_parts(self.shape.layout, tree, &self.animation, |parts| {
-                        gpu.send(Sent::Tree, parts)
-                    })?,
-                }
+                let (staging, bytes) = self.staged(gpu, (tree, generation))?;
+                let (buffer, _) = self.free.fit(
+                    bytes,
+                    |last, may_wait| gpu.has_ended(last, may_wait),
+                    || gpu.room(BufferName::Topology.name(), with_slack(bytes)),
+                )?;
+                self.last_bytes = bytes;
+                let arrival = gpu.send(staging, bytes, &buffer)?;
+                (buffer, arrival)
             }
         };
         self.sent = Some((generation, buffer, arrival));
         Ok(arrival)
     }
 
-    /// Makes `tree` current for all that is recorded from now on.
+    /// A tree where it is sent from, and its bytes.
+    fn staged(
+        &self,
+        gpu: &mut D,
+        (tree, generation): (&Topology, Generation),
+    ) -> Result<(D::Buffer, u64)> {
+        let written = lock(&self.written).take();
+        if let Some(written) = written.filter(|written| written.generation == generation) {
+            return Ok((written.staging, written.bytes));
+        }
+        with_parts(self.shape.layout, tree, &self.animation, |parts| {
+            let mut staging = gpu.staging(bytes(parts))?;
+            match D::fill(&mut staging, parts) {
+                true => Ok((staging, bytes(parts))),
+                false => Err(BackendError::DeviceLost("nothing can be written".into())),
+            }
+        })
+    }
+
+    /// Makes `tree` current for all that is recorded from now on, after the last submission.
     pub(crate) fn adopt(
         &mut self,
         gpu: &mut D,
         (tree, generation): (&Topology, Generation),
+        last: Ticket,
     ) -> Result<()> {
         let animation = &self.animation;
         check_tree(tree, animation)?;
@@ -131,8 +153,9 @@ impl<D: GpuDevice> TreeBuffers<D> {
         self.send(gpu, (tree, generation))?;
         if let Some((_, record, arrival)) = self.sent.take() {
             gpu.expect(arrival);
-            if let Some(old) = self.record.replace(record) {
-                gpu.recycle(Sent::Tree, old, 0);
+            if let Some((old, arrival)) = self.record.replace((record, arrival)) {
+                let ticket = last.0;
+                self.free.put(old, LastUse { arrival, ticket });
             }
         }
         self.shape = shape;
@@ -171,20 +194,24 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let picture = self.buffers.get(BufferName::Visibility);
         let picture = picture.map_or(0, D::held);
         let build = self.build.as_ref().map_or(0, BufferTable::held);
-        let record = self.record.as_ref().map_or(0, D::held);
-        [self.buffers.held() - picture + record, build, picture]
+        let record = self
+            .record
+            .as_ref()
+            .map_or(0, |(record, _)| D::held(record));
+        let tree = self.buffers.held() - picture + record + self.free.held();
+        [tree, build, picture]
     }
 }
 
 /// A tree where it can be sent from.
-struct Written<D: GpuDevice> {
-    staging: D::Staging,
-    /// The tree that is written there; 0 if none is.
+struct Written<B> {
+    staging: B,
+    bytes: u64,
     generation: Generation,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+fn bytes(parts: &[&[u32]]) -> u64 {
+    parts.iter().map(|part| size_of_val(*part) as u64).sum()
 }
 
 /// What is sent of a tree, part by part.

@@ -56,14 +56,14 @@ impl Backend for DriverTreeBackend {
             ..self.params()
         };
         self.engine.interpolate(pose, params)?;
-        (self.stale, self.uncounted) = (Stale::Records, false);
+        self.uncounted = false;
         Ok(())
     }
 
     /// Has work only for scenes with vertices that are not finite.
     fn preprocess(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
-        if self.stale > Stale::Records {
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        if self.engine.stale > Stale::Records {
             return Ok(());
         }
         let (params, triangles) = (self.params(), self.triangles());
@@ -71,10 +71,10 @@ impl Backend for DriverTreeBackend {
         let cleansed = scene.cleansed.as_ref();
         let work = cleansed.map(|_| work::cleanse(params, triangles, scene.centre));
         let own = |name| cleansed.filter(|_| name == BufferName::Cleansed);
-        let engine = &mut self.engine;
-        engine.run(Some(Stage::Preprocess), work.as_slice(), own)?;
-        engine.frames.record(&engine.gpu)?.extents.uncounted = Some(0);
-        (self.stale, self.uncounted) = (Stale::Boxes, true);
+        let stage = Some(Stage::Preprocess);
+        self.engine.run(stage, work.as_slice(), own)?;
+        self.engine.frames.record()?.extents.uncounted = Some(0);
+        (self.engine.stale, self.uncounted) = (Stale::Boxes, true);
         Ok(())
     }
 
@@ -85,27 +85,26 @@ impl Backend for DriverTreeBackend {
 
     /// Nothing after a [`Backend::rebuild`] at the same positions.
     fn refit(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Boxes, "vertices come first");
-        if self.stale == Stale::Fresh {
+        assert!(self.engine.stale >= Stale::Boxes, "vertices come first");
+        if self.engine.stale == Stale::Fresh {
             return Ok(());
         }
         self.make_tree(false)
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
-        let fresh = self.stale == Stale::Fresh;
+        let fresh = self.engine.stale == Stale::Fresh;
         assert!(fresh, "a stale tree must not be traced");
-        let is_first = self.engine.traces.pending.is_empty();
+        let is_first = self.engine.frames.pending.is_empty();
         assert!(is_first, "one trace a submission");
         let size = self.launch_size(&query)?;
         let has_tree = self.engine.scene().animation.live_count() > 0;
         let how = (Intersector::Watertight, has_tree);
         let engine = &mut self.engine;
-        let trace = engine
-            .traces
-            .make(&mut engine.gpu, &query, how, |_| false)?;
+        let old = engine.frames.expired();
+        let trace = Trace::new(&mut engine.gpu, &query, how, old, |_| false)?;
         self.launch(&query, &trace, size)?;
-        self.engine.traces.pending.push(trace);
+        self.engine.frames.pending.push(trace);
         Ok(())
     }
 
@@ -124,7 +123,6 @@ impl Backend for DriverTreeBackend {
     }
 
     fn request_positions(&mut self) -> Result<()> {
-        assert!(self.stale >= Stale::Records, "positions come first");
         self.engine.request_positions()
     }
 
@@ -189,10 +187,10 @@ impl DriverTreeBackend {
         self.engine.scene().animation.triangle_count() as u32
     }
 
-    /// What was recorded never ran, so nothing on the device is up to date.
+    /// What was recorded never ran.
     fn abandon(&mut self) {
         self.engine.abandon();
-        (self.stale, self.uncounted) = (Stale::Positions, false);
+        self.uncounted = false;
         if let Some(scene) = &mut self.scene {
             scene.tree.forget();
         }
@@ -204,12 +202,12 @@ impl DriverTreeBackend {
         let scene = scene.expect("a scene was loaded");
         let positions = &engine.scene().positions[engine.position];
         let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
-        let slot = engine.frames.record(&engine.gpu)?;
-        slot.record_as(&engine.gpu, Stage::Refit, |slot| {
+        let slot = engine.frames.record()?;
+        slot.record_as(Stage::Refit, |slot| {
             scene.tree.make(&slot.commands, from, anew);
             Ok(())
         })?;
-        self.stale = Stale::Fresh;
+        self.engine.stale = Stale::Fresh;
         Ok(())
     }
 
@@ -241,9 +239,9 @@ impl DriverTreeBackend {
     ) -> Result<()> {
         let params = work::rays(self.params(), query, are_given(query));
         let engine = &mut self.engine;
-        let slot = engine.frames.record(&engine.gpu)?;
+        let slot = engine.frames.record()?;
         if size[0] == 0 || !trace.has_tree {
-            return slot.record_as(&engine.gpu, Stage::TracePrimary, |_| Ok(()));
+            return slot.record_as(Stage::TracePrimary, |_| Ok(()));
         }
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let buffers = engine.scene.as_ref().expect("a scene was loaded");
@@ -257,7 +255,7 @@ impl DriverTreeBackend {
             found.unwrap_or(&scene.root)
         };
         let rays = &self.rays;
-        slot.record_as(&engine.gpu, Stage::TracePrimary, |slot| {
+        slot.record_as(Stage::TracePrimary, |slot| {
             slot.commands.barrier(KERNELS, RAYS);
             let pipeline = (rays.vk, &rays.layouts);
             slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;
@@ -274,7 +272,7 @@ impl DriverTreeBackend {
             let work = work::count_triangles(params, self.triangles());
             self.engine.run(None, &[work], |_| None)?;
         }
-        let pending = std::mem::take(&mut self.engine.traces.pending);
+        let pending = std::mem::take(&mut self.engine.frames.pending);
         let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
             let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
             all.try_for_each(|(work, buffer)| {
@@ -282,7 +280,7 @@ impl DriverTreeBackend {
                 self.engine.run(None, &[work], own)
             })
         });
-        self.engine.traces.pending = pending;
+        self.engine.frames.pending = pending;
         counted
     }
 }

@@ -17,7 +17,7 @@ mod tree;
 pub use support::ray_adapters;
 
 use backend::{BackendError, Method, Result};
-use gpu_common::{Engine, Options, Pipelines, Stale};
+use gpu_common::{Engine, Options};
 use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::gpu::Gpu;
 use gpu_vulkan::instance::Host;
@@ -53,7 +53,6 @@ pub struct DriverTreeBackend {
     engine: Engine<VulkanDevice>,
     prefer: Prefer,
     scene: Option<DriverScene>,
-    stale: Stale,
     /// Whether the recording has positions at which triangles are to be counted.
     uncounted: bool,
     rays: RayPipeline,
@@ -88,14 +87,12 @@ impl DriverTreeBackend {
         let rays = RayTracing::of(&gpu)?;
         let device = VulkanDevice::over(&gpu, prefer.backend())?;
         let shared = ["arithmetic", "interpolate"].map(common);
-        let kernels = Pipelines::of(&device, shared.into_iter().chain(RAY_KERNELS))?;
-        let mut engine = Engine::new(device, kernels)?;
+        let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
         let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
         Ok(Self {
             engine,
             prefer,
             scene: None,
-            stale: Stale::Positions,
             uncounted: false,
             rays,
         })

@@ -72,7 +72,7 @@ impl Gpu {
         let limits = Limits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
-        let extras = Extras::of(&host, physical);
+        let extras = Extras::of(&host, physical)?;
         let sharing = external::extensions(&host, physical);
         let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
         let all = all_queues(&vk, &queues);
@@ -157,14 +157,6 @@ fn create(
     queues: &Queues,
     (traces_rays, extras, sharing): (bool, Extras, &[&CStr]),
 ) -> Result<ash::Device> {
-    let mut have12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut have12);
-    host.read_features(device, &mut have);
-    if have12.timeline_semaphore == vk::FALSE {
-        return Err(BackendError::NoDevice(
-            "the device has no timeline semaphores (Vulkan 1.2)".into(),
-        ));
-    }
     let families = queues.families();
     let priorities = [1.0; 6];
     let asked: Vec<_> = families

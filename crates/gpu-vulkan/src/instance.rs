@@ -5,11 +5,11 @@ use crate::queues::Queues;
 use crate::validation::{EXTENSIONS, LAYER, is_on, listen};
 use ash::{Entry, Instance, StaticFn, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::Validation;
+use gpu_common::{Validation, lock};
 use host::NVIDIA_LIBRARIES;
 use libloading::{Library, Symbol};
 use std::ffi::CStr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// An instance, perhaps under the validation layer.
 pub struct Host {
@@ -40,7 +40,7 @@ impl Host {
     }
 
     fn kept(validated: bool) -> Result<Arc<Self>> {
-        let mut kept = HOSTS.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock(&HOSTS);
         let place = &mut kept[usize::from(validated)];
         if let Some(host) = place {
             return Ok(Arc::clone(host));

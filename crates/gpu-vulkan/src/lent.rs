@@ -2,14 +2,13 @@
 
 use crate::external::ExternalMemory;
 use crate::memory::{Buffer, BufferUse};
-use crate::pool::LastUse;
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::vulkan_device::VulkanDevice;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::{LentRays, without};
+use gpu_common::{GpuDevice, LastUse, LentRays, without};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -21,7 +20,10 @@ pub(crate) struct Lent {
     points: LentPoints,
     /// Rays for the next query.
     pub(crate) rays: Option<LentRays<Buffer>>,
-    steps: Vec<Step>,
+    /// What has to be reached before anything lent is read or written.
+    pub(crate) waits: Vec<Moment>,
+    /// Values that are not seen to be reached.
+    signals: Vec<Signal>,
 }
 
 /// The newest positions that came from external memory.
@@ -35,13 +37,12 @@ struct LentPoints {
     pending: Vec<(Buffer, u64, Range<usize>)>,
 }
 
-/// Work that others wait for, as it waits for theirs.
-struct Step {
+/// A value that others wait for, of a timeline on which work here may wait for theirs until then.
+struct Signal {
     timeline: Arc<Timeline>,
-    wait: u64,
-    signal: u64,
-    is_awaited: bool,
-    is_signalled: bool,
+    value: u64,
+    /// Whether the device was told to reach it.
+    is_told: bool,
 }
 
 impl LentPoints {
@@ -57,23 +58,10 @@ impl Lent {
         without(runs, &self.points.runs)
     }
 
-    /// What has to be reached before anything lent is read or written.
-    pub(crate) fn waits(&self) -> impl Iterator<Item = Moment> {
-        let open = self.steps.iter().filter(|step| !step.is_awaited);
-        open.map(|step| step.timeline.at(step.wait))
-    }
-
     /// Waits until semaphores have signalled what they were told to.
     pub(crate) fn wait(&self) -> Result<()> {
-        let mut told = self.steps.iter().filter(|step| step.is_signalled);
-        told.try_for_each(|step| step.timeline.wait(step.signal))
-    }
-
-    /// A submission waits for all, and so does what follows it.
-    pub(crate) fn are_awaited(&mut self) {
-        for step in &mut self.steps {
-            step.is_awaited = true;
-        }
+        let mut told = self.signals.iter().filter(|signal| signal.is_told);
+        told.try_for_each(|signal| signal.timeline.wait(signal.value))
     }
 }
 
@@ -132,13 +120,12 @@ impl VulkanDevice {
         }
         self.copy_points(None)?;
         self.upload.wait()?;
-        let Some(all) = &self.lent.points.all else {
+        let Some(all) = self.lent.points.all.take() else {
             return Ok(None);
         };
-        let (windows, road, mut points) = (&mut self.windows, &mut self.readback, Vec::new());
-        let keep = |_, part: &[Point]| points.extend_from_slice(part);
-        windows.read(&self.gpu, road, all, run.end, keep)?;
-        Ok(Some(points.split_off(run.start)))
+        let points = self.read_all(&all, run.end);
+        self.lent.points.all = Some(all);
+        Ok(Some(points?.split_off(run.start)))
     }
 
     /// Begins to copy what was brought, and all of it to a key frame. Gives the upload's value, if there is anything to copy.
@@ -160,11 +147,10 @@ impl VulkanDevice {
         if copies.is_empty() {
             return Ok(None);
         }
-        let after: Vec<Moment> = self.lent.waits().collect();
-        let filled_at = self.upload.start_in_order(&copies, &after)?;
+        let filled_at = self.upload.start_in_order(&copies, &self.lent.waits)?;
         for (from, ..) in self.lent.points.pending.drain(..) {
-            let ticket = 0;
-            self.outgrown.put(from, LastUse { filled_at, ticket });
+            let (arrival, ticket) = (filled_at, 0);
+            self.outgrown.put(from, LastUse { arrival, ticket });
         }
         Ok(Some(filled_at))
     }
@@ -188,9 +174,8 @@ impl VulkanDevice {
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
         staging.set_rows(count, row);
         let region = vk::BufferCopy::default().size(bytes);
-        let after: Vec<Moment> = self.lent.waits().collect();
         let copy = ([&staging, to], vec![region]);
-        let value = self.upload.start_in_order(&[copy], &after)?;
+        let value = self.upload.start_in_order(&[copy], &self.lent.waits)?;
         self.arriving = self.arriving.max(Some(value));
         let last = self.last_use();
         self.outgrown.put(staging, last);
@@ -214,25 +199,24 @@ impl VulkanDevice {
             ));
         }
         let mut open = Vec::new();
-        for step in self.lent.steps.drain(..) {
-            if !step.is_signalled || !step.timeline.has_reached(step.signal)? {
-                open.push(step);
+        for signal in self.lent.signals.drain(..) {
+            if !signal.is_told || !signal.timeline.has_reached(signal.value)? {
+                open.push(signal);
             }
         }
-        self.lent.steps = open;
-        let is_same = |step: &&Step| Arc::ptr_eq(&step.timeline, timeline);
-        let before = self.lent.steps.iter().filter(is_same);
-        let before = before.map(|step| step.signal).max().unwrap_or(0);
+        self.lent.signals = open;
+        let is_same = |signal: &&Signal| Arc::ptr_eq(&signal.timeline, timeline);
+        let before = self.lent.signals.iter().filter(is_same);
+        let before = before.map(|signal| signal.value).max().unwrap_or(0);
         if signal <= wait.max(before) || timeline.has_reached(signal)? {
             let why = format!("{signal} is not above what it waits for, has or is to reach");
             return Err(BackendError::rejected("a semaphore's value", why));
         }
-        self.lent.steps.push(Step {
+        self.lent.waits.push(timeline.at(wait));
+        self.lent.signals.push(Signal {
             timeline: Arc::clone(timeline),
-            wait,
-            signal,
-            is_awaited: false,
-            is_signalled: false,
+            value: signal,
+            is_told: false,
         });
         Ok(())
     }
@@ -240,23 +224,23 @@ impl VulkanDevice {
     /// Has semaphores that were given reach their second values once all is done that was submitted so far, and what was lent
     /// is read.
     pub fn signal(&mut self) -> Result<()> {
-        if self.lent.steps.iter().all(|step| step.is_signalled) {
+        if self.lent.signals.iter().all(|signal| signal.is_told) {
             return Ok(());
         }
         let copied = self.copy_points(None)?;
         let copied = copied.map(|value| self.upload.done.at(value));
-        let after: Vec<Moment> = self.lent.waits().chain(copied).collect();
-        let open = self.lent.steps.iter().filter(|step| !step.is_signalled);
-        let batches = open.map(|step| Batch {
+        let after = [self.lent.waits.as_slice(), copied.as_slice()].concat();
+        let open = self.lent.signals.iter().filter(|signal| !signal.is_told);
+        let batches = open.map(|signal| Batch {
             commands: None,
             after: &after,
-            done: step.timeline.at(step.signal),
+            done: signal.timeline.at(signal.value),
         });
         let batches: Vec<_> = batches.collect();
         submit(&self.gpu, &self.compute, &batches)?;
-        self.lent.are_awaited();
-        for step in &mut self.lent.steps {
-            step.is_signalled = true;
+        self.lent.waits.clear();
+        for signal in &mut self.lent.signals {
+            signal.is_told = true;
         }
         Ok(())
     }

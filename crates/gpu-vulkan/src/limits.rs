@@ -3,7 +3,7 @@
 use crate::instance::Host;
 use ash::ext::pipeline_robustness;
 use ash::vk;
-use backend::Result;
+use backend::{BackendError, Result};
 use gpu_common::refuse_above;
 use shaders::{KERNELS, Kernel, storage_buffers};
 
@@ -42,11 +42,6 @@ impl Limits {
             uniform_alignment: l.min_uniform_buffer_offset_alignment.max(16),
             tick_ns: f64::from(l.timestamp_period),
         }
-    }
-
-    /// Bytes that one buffer may have.
-    pub(crate) fn buffer_bytes(&self) -> u64 {
-        self.storage_range.min(self.allocation)
     }
 
     /// Refuses a buffer that a kernel cannot span or memory cannot hold in one piece.
@@ -103,7 +98,9 @@ pub(crate) struct Extras {
 }
 
 impl Extras {
-    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
+    /// # Errors
+    /// [`BackendError::NoDevice`] if it lacks what every device must have.
+    pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
         let mut core = vk::PhysicalDeviceVulkan12Features::default();
         let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
         let mut have = vk::PhysicalDeviceFeatures2::default().push_next(&mut core);
@@ -112,11 +109,15 @@ impl Extras {
         }
         host.read_features(device, &mut have);
         let has_integers = have.features.shader_int64 == vk::TRUE;
-        Self {
+        if core.timeline_semaphore == vk::FALSE {
+            let why = "the device has no timeline semaphores (Vulkan 1.2)";
+            return Err(BackendError::NoDevice(why.into()));
+        }
+        Ok(Self {
             trusts_kernels: robustness.pipeline_robustness == vk::TRUE,
             subgroups: subgroups(host, device),
             has_least_of_64_bits: has_integers && core.shader_buffer_int64_atomics == vk::TRUE,
-        }
+        })
     }
 }
 

@@ -13,9 +13,10 @@ use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
+use gpu_common::lock;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// The device's memory, and how much of it is in use.
 pub(crate) struct Memory {
@@ -59,7 +60,7 @@ impl Memory {
 
     /// Gives the memory back to the driver.
     pub(crate) fn close(&self) {
-        drop(self.lock().take());
+        drop(lock(&self.allocator).take());
     }
 
     /// Bytes of device memory that buffers hold.
@@ -101,12 +102,6 @@ impl Memory {
         self.made.load(Ordering::Relaxed)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Allocator>> {
-        self.allocator
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn allocate(
         &self,
         what: &str,
@@ -120,7 +115,7 @@ impl Memory {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let mut allocator = self.lock();
+        let mut allocator = lock(&self.allocator);
         let allocator = allocator.as_mut();
         let allocator = allocator.expect("the allocator lives as long as the device");
         let allocation = allocator
@@ -144,7 +139,7 @@ impl Memory {
     fn free(&self, allocation: Allocation) {
         self.held
             .fetch_sub(device_bytes(&allocation), Ordering::Relaxed);
-        if let Some(allocator) = self.lock().as_mut() {
+        if let Some(allocator) = lock(&self.allocator).as_mut() {
             // Freeing fails only for memory that is not this allocator's.
             let _ = allocator.free(allocation);
         }

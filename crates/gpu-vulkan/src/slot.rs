@@ -106,7 +106,7 @@ impl Slot {
 impl GpuSlot<VulkanDevice> for Slot {
     const SPLITS: bool = true;
 
-    fn begin(&mut self, _: &VulkanDevice) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         self.launched = false;
         self.pages.reset()?;
         self.commands.reset()?;
@@ -123,7 +123,6 @@ impl GpuSlot<VulkanDevice> for Slot {
     /// Each kernel after what those before wrote, unless it reads none of that; but no barrier behind all.
     fn dispatch(
         &mut self,
-        _: &VulkanDevice,
         all: &[Dispatch<'_, VulkanDevice>],
         find: Find<'_, '_, Buffer>,
     ) -> Result<()> {
@@ -146,20 +145,20 @@ impl GpuSlot<VulkanDevice> for Slot {
     }
 
     /// What follows reads what its kernels wrote.
-    fn end_stage(&mut self, _: &VulkanDevice, stage: Stage) -> Result<()> {
+    fn end_stage(&mut self, stage: Stage) -> Result<()> {
         if std::mem::take(&mut self.launched) {
             self.commands.barrier(KERNELS, KERNELS);
         }
         self.marks.end(self.commands.vk(), stage)
     }
 
-    fn clear_counts(&mut self, _: &VulkanDevice, bytes: u64) -> Result<()> {
+    fn clear_counts(&mut self, bytes: u64) -> Result<()> {
         self.commands.barrier(KERNELS, COPIES);
         self.fill_counts(bytes);
         Ok(())
     }
 
-    fn split(&mut self, _: &VulkanDevice) -> Result<()> {
+    fn split(&mut self) -> Result<()> {
         self.commands.end()?;
         self.commands.begin()
     }

@@ -4,8 +4,9 @@ use crate::errors::failed;
 use crate::gpu::{Gpu, Queue};
 use ash::vk;
 use backend::Result;
+use gpu_common::lock;
 use std::slice::from_ref;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 /// When a timeline reaches a value.
 pub type Moment = (vk::Semaphore, u64);
@@ -121,7 +122,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<
             .push_next(values)
     });
     let infos: Vec<_> = infos.collect();
-    let queue = queue.queue.lock().unwrap_or_else(PoisonError::into_inner);
+    let queue = lock(&queue.queue);
     // SAFETY: who holds the lock alone uses the queue; all buffers live.
     unsafe { gpu.vk.queue_submit(*queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))

@@ -6,8 +6,6 @@ use crate::memory::{Buffer, BufferUse};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use ash::vk;
 use backend::Result;
-use bytemuck::Pod;
-use gpu_common::parts;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -42,38 +40,22 @@ impl Transfer {
         })
     }
 
-    /// Starts to copy so many bytes from the beginning of one buffer to a place in another, after some moment, if one is
-    /// given. Returns the value of the timeline that says it is finished. Never waits.
+    /// Starts to copy parts of one buffer, each to a place in another, after some moment, if one is given. Returns the value of
+    /// the timeline that says it is finished. Never waits.
     pub fn start(
         &mut self,
         buffers: [&Buffer; 2],
-        (to_at, bytes): (u64, u64),
+        parts: &[(Range<u64>, u64)],
         after: Option<Moment>,
     ) -> Result<u64> {
-        self.start_regions(buffers, &pieces(&(0..bytes), to_at), after)
-    }
-
-    /// Likewise, of bytes of one buffer to the same place in another.
-    pub(crate) fn start_ranges(
-        &mut self,
-        buffers: [&Buffer; 2],
-        ranges: &[Range<u64>],
-    ) -> Result<u64> {
-        let regions = ranges.iter().flat_map(|r| pieces(r, r.start));
+        let regions = parts.iter().flat_map(|(bytes, at)| pieces(bytes, *at));
         let regions: Vec<_> = regions.collect();
-        self.start_regions(buffers, &regions, None)
-    }
-
-    fn start_regions(
-        &mut self,
-        buffers: [&Buffer; 2],
-        regions: &[vk::BufferCopy],
-        after: Option<Moment>,
-    ) -> Result<u64> {
         if regions.is_empty() && after.is_none() {
             return Ok(self.last);
         }
-        self.start_recorded(after.as_slice(), |commands| commands.copy(buffers, regions))
+        self.start_recorded(after.as_slice(), |commands| {
+            commands.copy(buffers, &regions);
+        })
     }
 
     /// Likewise, each copy after those before it, and all after some moments.
@@ -146,44 +128,6 @@ impl Drop for Transfer {
     }
 }
 
-/// Windows through which the host looks at a buffer, part by part.
-#[derive(Default)]
-pub(crate) struct Windows(Vec<Buffer>);
-
-impl Windows {
-    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
-    /// the next ones are copied. Whatever fills the buffer must be finished.
-    pub(crate) fn read<T: Pod>(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        road: &mut Transfer,
-        from: &Buffer,
-        count: usize,
-        mut look: impl FnMut(usize, &[T]),
-    ) -> Result<()> {
-        let parts = parts::<T>(count);
-        for (i, part) in parts.clone().enumerate() {
-            let size = (part.len() * size_of::<T>()) as u64;
-            if self.0.get(i).is_none_or(|window| window.bytes < size) {
-                road.wait()?;
-                self.0.truncate(i);
-                let window = Buffer::new(gpu, "a view for the host", size, BufferUse::Readback);
-                self.0.push(window?);
-            }
-        }
-        let begun = parts.clone().zip(&self.0).map(|(part, window)| {
-            let [begin, end] = [part.start, part.end].map(|at| (at * size_of::<T>()) as u64);
-            road.start_regions([from, window], &pieces(&(begin..end), 0), None)
-        });
-        let copies = begun.collect::<Result<Vec<_>>>()?;
-        for ((part, copied), window) in parts.zip(copies).zip(&self.0) {
-            road.done.wait(copied)?;
-            look(part.start, window.read(part.len()));
-        }
-        Ok(())
-    }
-}
-
 /// Sends data to the device in pieces through a window in the host's memory; waits for each.
 pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
@@ -194,8 +138,8 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
     for (data, to) in all {
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
-            let place = ((i * most) as u64, piece.len() as u64);
-            road.start([&window, to], place, None)?;
+            let part = (0..piece.len() as u64, (i * most) as u64);
+            road.start([&window, to], &[part], None)?;
             road.wait()?;
         }
     }

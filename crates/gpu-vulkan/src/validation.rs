@@ -2,9 +2,9 @@
 
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
-use gpu_common::Validation;
+use gpu_common::{Validation, lock};
 use std::ffi::{CStr, c_void};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 pub(crate) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -48,7 +48,7 @@ static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// What the layer has said so far, in this process.
 pub(crate) fn messages() -> MutexGuard<'static, Vec<String>> {
-    MESSAGES.lock().unwrap_or_else(PoisonError::into_inner)
+    lock(&MESSAGES)
 }
 
 /// Hears the layer of an instance, which is never destroyed.

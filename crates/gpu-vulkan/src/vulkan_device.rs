@@ -1,20 +1,22 @@
 //! What Vulkan does for a backend.
 
 use crate::gpu::{Gpu, Queue};
-use crate::host_points::{HostPoints, KeysRead, PositionsCopy};
 use crate::instance::{Host, all};
 use crate::lent::Lent;
 use crate::memory::{Buffer, BufferUse};
 use crate::pipelines::Pipeline;
-use crate::pool::{LastUse, Pool, Sender, Staging};
 use crate::slot::Slot;
+use crate::staging::{HostCopy, HostPoints, KeysRead, Staging, fill, has_ended};
 use crate::timeline::{Batch, Moment, Timeline, submit};
-use crate::transfer::{Transfer, Windows, load};
+use crate::transfer::{Transfer, load};
 use crate::validation::messages;
 use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
-use gpu_common::{Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent};
+use gpu_common::{
+    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, Pool,
+    with_slack,
+};
 use shaders::{BufferName, Kernel, Packets};
 use std::ops::Range;
 use std::sync::Arc;
@@ -35,12 +37,13 @@ pub struct VulkanDevice {
     pub upload: Transfer,
     /// Copies to the host.
     pub readback: Transfer,
-    pub(crate) windows: Windows,
-    /// One a [`Sent`].
-    pub(crate) senders: [Sender; 2],
+    /// Through which the host looks at buffers.
+    windows: Vec<Buffer>,
+    tree_staging: Staging,
+    pub(crate) key_staging: Staging,
     pub(crate) keys_read: KeysRead,
     /// Buffers that were too small.
-    pub(crate) outgrown: Pool,
+    pub(crate) outgrown: Pool<Self>,
     spares: Spares<HostPoints>,
     /// The upload that the next submission has to wait for.
     pub(crate) arriving: Option<u64>,
@@ -63,8 +66,9 @@ impl VulkanDevice {
             compute: queues.compute,
             upload: Transfer::new(gpu, queues.upload)?,
             readback: Transfer::new(gpu, queues.readback)?,
-            windows: Windows::default(),
-            senders: Sender::all(gpu),
+            windows: Vec::new(),
+            tree_staging: Staging::new("the tree's record"),
+            key_staging: Staging::new("key frames"),
             keys_read: KeysRead::default(),
             outgrown: Pool::default(),
             spares: Spares::default(),
@@ -82,10 +86,24 @@ impl VulkanDevice {
         is_own(up) && is_own(back) && !Arc::ptr_eq(up, back)
     }
 
+    fn copy_to_window(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+        let size = bytes.end - bytes.start;
+        let buffer = match self.windows.iter().position(|w| w.bytes >= size) {
+            Some(i) => self.windows.swap_remove(i),
+            None => {
+                self.windows.pop();
+                let what = "a view for the host";
+                Buffer::new(&self.gpu, what, size, BufferUse::Readback)?
+            }
+        };
+        let done_at = self.readback.start([from, &buffer], &[(bytes, 0)], None)?;
+        Ok(HostCopy { buffer, done_at })
+    }
+
     /// That of a buffer given up now, which no recording has.
     pub(crate) fn last_use(&self) -> LastUse {
         LastUse {
-            filled_at: self.upload.last,
+            arrival: self.upload.last,
             ticket: self.submitted,
         }
     }
@@ -95,7 +113,7 @@ impl VulkanDevice {
         let arrived = self.arriving.map(|value| self.upload.done.at(value));
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
         let after = arrived.into_iter().chain(unread);
-        let after: Vec<Moment> = after.chain(self.lent.waits()).collect();
+        let after: Vec<Moment> = after.chain(self.lent.waits.iter().copied()).collect();
         let parts = slot.commands.all();
         let batch = |(i, &commands)| Batch {
             commands: Some(commands),
@@ -108,9 +126,11 @@ impl VulkanDevice {
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
-        self.lent.are_awaited();
+        // So does what follows.
+        self.lent.waits.clear();
         self.submitted = ticket.0;
-        self.outgrown.prune((&self.upload, &self.done))
+        let done = (&self.upload, &self.done);
+        self.outgrown.prune(|last| has_ended(done, last, false))
     }
 }
 
@@ -119,8 +139,7 @@ impl GpuDevice for VulkanDevice {
     type Pipeline = Pipeline;
     type Maker = Arc<Gpu>;
     type Slot = Slot;
-    type Copy = PositionsCopy;
-    type Staging = Staging;
+    type Copy = HostCopy;
 
     fn open(options: &Options) -> Result<Self> {
         let host = Host::new(options.validation)?;
@@ -160,10 +179,6 @@ impl GpuDevice for VulkanDevice {
         self.gpu.limits.groups
     }
 
-    fn max_buffer_bytes(&self) -> u64 {
-        self.gpu.limits.buffer_bytes()
-    }
-
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
         self.gpu.limits.admit_kernels(wanted)
     }
@@ -174,6 +189,10 @@ impl GpuDevice for VulkanDevice {
             _ => BufferUse::Device,
         };
         Buffer::new(&self.gpu, name.name(), bytes, place)
+    }
+
+    fn room(&self, what: &'static str, bytes: u64) -> Result<Buffer> {
+        Buffer::new(&self.gpu, what, bytes, BufferUse::Device)
     }
 
     fn size(buffer: &Buffer) -> u64 {
@@ -226,33 +245,35 @@ impl GpuDevice for VulkanDevice {
         Ok(())
     }
 
-    fn read<T: Pod>(
-        &mut self,
-        from: &Buffer,
-        count: usize,
-        look: impl FnMut(usize, &[T]),
-    ) -> Result<()> {
-        let road = &mut self.readback;
-        self.windows.read(&self.gpu, road, from, count, look)
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+        let begun = self.copy_to_window(from, bytes);
+        if begun.is_err() {
+            // Those that are under way are given up with it.
+            self.readback.wait()?;
+        }
+        begun
     }
 
-    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
-        let road = (&mut self.upload, &self.done);
-        self.senders[what as usize].send(road, parts)
+    fn end_read(&mut self, copy: HostCopy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()> {
+        self.readback.done.wait(copy.done_at)?;
+        look(copy.buffer.read(bytes));
+        self.windows.push(copy.buffer);
+        Ok(())
     }
 
-    fn staging(&mut self, what: Sent) -> Result<Option<Staging>> {
+    fn staging(&mut self, bytes: u64) -> Result<Buffer> {
         let done = (&self.upload, &self.done);
-        self.senders[what as usize].staging(done)
+        let room = [bytes, with_slack(bytes)];
+        self.tree_staging.take(&self.gpu, done, room)
     }
 
-    fn fill(staging: &mut Staging, parts: &[&[u32]]) -> bool {
-        staging.fill(parts)
+    fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
+        fill(staging, parts)
     }
 
-    fn send_filled(&mut self, what: Sent, staging: Staging) -> Result<(Buffer, u64)> {
-        let road = (&mut self.upload, &self.done);
-        self.senders[what as usize].send_filled(road, staging)
+    fn send(&mut self, from: Buffer, bytes: u64, to: &Buffer) -> Result<u64> {
+        let road = &mut self.upload;
+        self.tree_staging.send(road, (from, bytes), to)
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
@@ -261,27 +282,19 @@ impl GpuDevice for VulkanDevice {
         )?)))
     }
 
-    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
-        let (buffer, sent) = self.send_host_key(key, moving)?;
-        let copied = self.copy_points(Some(&buffer))?;
-        Ok((buffer, copied.unwrap_or(sent)))
+    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
+        let sent = self.send_host_key(key, &self.lent.others(runs), to)?;
+        let copied = self.copy_points(Some(to))?;
+        Ok(copied.unwrap_or(sent))
     }
 
-    fn has_been_sent(&self, arrival: u64) -> Result<bool> {
-        self.upload.done.has_reached(arrival)
+    fn has_ended(&self, last: LastUse, may_wait: bool) -> Result<bool> {
+        has_ended((&self.upload, &self.done), last, may_wait)
     }
 
     fn expect(&mut self, arrival: u64) {
         let arrival = Some(arrival).filter(|&value| value > 0);
         self.arriving = self.arriving.max(arrival);
-    }
-
-    fn recycle(&mut self, what: Sent, buffer: Buffer, unused_for: u64) {
-        let last = LastUse {
-            ticket: self.submitted.saturating_sub(unused_for),
-            ..self.last_use()
-        };
-        self.senders[what as usize].free.put(buffer, last);
     }
 
     fn pipeline_maker(&self) -> Arc<Gpu> {
@@ -301,7 +314,7 @@ impl GpuDevice for VulkanDevice {
         slot: &mut Slot,
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<PositionsCopy>> {
+    ) -> Result<Option<HostCopy>> {
         let to = positions.map(|(_, bytes)| {
             let spare = self.spares.pop().map(|points| points.buffer);
             let made = || {
@@ -317,10 +330,9 @@ impl GpuDevice for VulkanDevice {
             return Ok(None);
         };
         let ready = self.first_part.at(ticket.0);
-        let done_at = self
-            .readback
-            .start([from, &buffer], (0, bytes), Some(ready))?;
-        Ok(Some(PositionsCopy { buffer, done_at }))
+        let all = [(0..bytes, 0)];
+        let done_at = self.readback.start([from, &buffer], &all, Some(ready))?;
+        Ok(Some(HostCopy { buffer, done_at }))
     }
 
     fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
@@ -328,29 +340,27 @@ impl GpuDevice for VulkanDevice {
         slot.finished()
     }
 
-    fn has_arrived(&self, copy: &PositionsCopy) -> Result<bool> {
+    fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
         self.readback.done.has_reached(copy.done_at)
     }
 
-    fn overwrites(&mut self, copy: &PositionsCopy) {
+    fn overwrites(&mut self, copy: &HostCopy) {
         self.overwritten = self.overwritten.max(Some(copy.done_at));
     }
 
-    fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
+    fn take(&mut self, copy: HostCopy, vertices: usize) -> Result<Snapshot> {
         let (buffer, count) = (copy.buffer, vertices);
         Ok(self.spares.lend(HostPoints { buffer, count }))
     }
 
-    fn abandon(&mut self) {
-        self.overwritten = None;
-    }
-
     fn unload(&mut self) -> Result<()> {
         self.wait_idle()?;
-        (self.senders, self.outgrown) = (Sender::all(&self.gpu), Pool::default());
+        self.tree_staging.free = Pool::default();
+        self.key_staging.free = Pool::default();
+        self.outgrown = Pool::default();
         self.keys_read = KeysRead::default();
         (self.spares, self.lent) = (Spares::default(), Lent::default());
-        self.windows = Windows::default();
+        self.windows.clear();
         (self.arriving, self.overwritten) = (None, None);
         Ok(())
     }
@@ -363,16 +373,15 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
-        let [[trees, staging], [keys, key_staging]] = self.senders.each_ref().map(Sender::held);
-        let (tree, scene) = (bytes.tree + trees, bytes.scene + keys);
-        let scratch = bytes.scratch + staging + key_staging + self.outgrown.held();
+        let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
+        let waiting = staging.iter().sum::<u64>() + self.outgrown.held();
+        let scratch = bytes.scratch + waiting;
         // Whatever else there is.
-        let others = tree + scratch + scene;
+        let others = bytes.tree + scratch + bytes.scene;
         DeviceBytes {
-            tree,
             scratch,
-            scene,
             frames: self.gpu.memory.held().saturating_sub(others),
+            ..bytes
         }
     }
 }

@@ -5,12 +5,12 @@ use crate::limits::span;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::{parts, refuse_above};
-use std::ops::Deref;
+use gpu_common::refuse_above;
+use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
-use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode};
+use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode, SubmissionIndex};
 
 /// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
 const PIECE: u64 = 512 << 10;
@@ -86,7 +86,7 @@ pub(crate) fn copy_part(
 }
 
 /// Records a copy in pieces to the beginning of a buffer.
-pub(crate) fn copy(
+fn copy(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
     (from, at): (&Buffer, u64),
@@ -145,47 +145,6 @@ impl Mapping {
     }
 }
 
-/// Windows through which the host looks at a buffer, part by part.
-#[derive(Default)]
-pub(crate) struct Windows(Vec<Buffer>);
-
-impl Windows {
-    /// Shows the first `count` elements (of whole words) of a buffer in parts, after all that was submitted: see
-    /// [`gpu_common::GpuDevice::read`].
-    pub(crate) fn read<T: Pod>(
-        &mut self,
-        gpu: &Gpu,
-        from: &Buffer,
-        count: usize,
-        mut look: impl FnMut(usize, &[T]),
-    ) -> Result<()> {
-        let mut copies = Vec::new();
-        for part in parts::<T>(count) {
-            let [at, bytes] = [part.start, part.len()].map(|n| (n * size_of::<T>()) as u64);
-            let window = match self.0.iter().position(|w| w.size() >= bytes) {
-                Some(i) => self.0.swap_remove(i),
-                None => make(gpu, "a view for the host", bytes, READBACK)?,
-            };
-            let mut encoder = gpu.encoder("a view for the host")?;
-            copy(gpu, &mut encoder, (from, at), &window, bytes)?;
-            let mapping = Mapping::on_submit(&encoder, &window, MapMode::Read);
-            copies.push((part, window, mapping, gpu.submit([encoder])?));
-        }
-        for (part, window, mapping, submission) in copies {
-            gpu.wait_for(submission)?;
-            mapping.expect(gpu)?;
-            let bytes = (part.len() * size_of::<T>()) as u64;
-            let view = window.get_mapped_range(..bytes).map_err(unreadable)?;
-            look(part.start, bytemuck::cast_slice(&view));
-            drop(view);
-            if unmap(&gpu.device, &window) {
-                self.0.push(window);
-            }
-        }
-        Ok(())
-    }
-}
-
 /// Ends a mapping; false if the device is gone and took the buffer with it.
 #[must_use]
 pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
@@ -198,10 +157,34 @@ pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
     BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
 }
 
-/// Positions on their way to the builder.
-pub struct PositionsCopy {
+/// Positions, or other bytes, on their way to the host.
+pub struct HostCopy {
     pub(crate) buffer: Buffer,
     pub(crate) mapping: Mapping,
+    /// The place in the queue; that of positions is their frame's.
+    pub(crate) place: Option<SubmissionIndex>,
+}
+
+impl HostCopy {
+    /// Records a copy to the beginning of a spare buffer, if that is large enough, else of one for `what`.
+    pub(crate) fn record(
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        (from, bytes): (&Buffer, Range<u64>),
+        (what, spare): (&str, Option<Buffer>),
+    ) -> Result<Self> {
+        let size = bytes.end - bytes.start;
+        let buffer = match spare.filter(|b| b.size() >= size) {
+            Some(buffer) => buffer,
+            None => make(gpu, what, size, READBACK)?,
+        };
+        copy(gpu, encoder, (from, bytes.start), &buffer, size)?;
+        Ok(Self {
+            mapping: Mapping::on_submit(encoder, &buffer, MapMode::Read),
+            buffer,
+            place: None,
+        })
+    }
 }
 
 /// Positions that have arrived, and the buffer that is mapped for them until it is used again.
@@ -220,7 +203,7 @@ impl Deref for Arrived {
 }
 
 impl Arrived {
-    pub(crate) fn new(copy: PositionsCopy, vertices: usize) -> Result<Self> {
+    pub(crate) fn new(copy: HostCopy, vertices: usize) -> Result<Self> {
         let buffer = copy.buffer;
         Ok(Self {
             view: buffer.get_mapped_range(..).map_err(unreadable)?,

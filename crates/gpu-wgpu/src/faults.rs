@@ -8,7 +8,8 @@
 //! - What happens outside of any call goes to our own device's handler for uncaptured errors, and the next call returns it.
 
 use backend::BackendError;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use gpu_common::lock;
+use std::sync::Mutex;
 
 /// Faults that no call was there to return. Shared with wgpu's callbacks.
 #[derive(Default)]
@@ -16,10 +17,6 @@ pub(crate) struct Faults {
     lost: Mutex<Option<String>>,
     pending: Mutex<Option<BackendError>>,
     messages: Mutex<Vec<String>>,
-}
-
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Faults {

@@ -2,11 +2,11 @@
 
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
 use crate::buffers::{READBACK, make, unmap};
-use crate::faults::{Faults, lock};
+use crate::faults::Faults;
 use crate::limits::{check, generous, useful_features};
 use crate::pipelines::PipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
-use gpu_common::{KernelForm, Options, Validation, device_door};
+use gpu_common::{Options, Validation, device_door, lock};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,8 +20,8 @@ pub struct Gpu {
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
-    /// In which form kernels go in.
-    pub(crate) form: KernelForm,
+    /// Whether kernels go in as WGSL with checks.
+    pub(crate) checks_kernels: bool,
     /// Whether it was opened with validation.
     pub(crate) is_validated: bool,
     /// Nanoseconds a tick of the device's clock.
@@ -58,7 +58,7 @@ impl Gpu {
         let (device, queue) = opened
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::lent(device, queue, adapter.get_info())?;
-        (gpu.form, gpu.is_validated) = (options.kernels, is_validated);
+        (gpu.checks_kernels, gpu.is_validated) = (options.checks_kernels, is_validated);
         gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.listen();
         Ok(gpu)
@@ -79,7 +79,7 @@ impl Gpu {
             info,
             limits,
             features,
-            form: KernelForm::default(),
+            checks_kernels: false,
             is_validated: false,
             faults: Arc::default(),
             call_counts: Mutex::default(),
@@ -105,7 +105,7 @@ impl Gpu {
 
     /// Whether kernels go in as SPIR-V.
     pub(crate) fn takes_spirv(&self) -> bool {
-        self.form == KernelForm::Best && takes_spirv(&self.info, self.features)
+        !self.checks_kernels && takes_spirv(&self.info, self.features)
     }
 
     /// How invocations search together here.

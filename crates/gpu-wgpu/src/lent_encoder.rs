@@ -1,31 +1,26 @@
 //! Commands that go into an encoder of the program's, which submits it itself.
 
-use crate::buffers::{Mapping, PositionsCopy, READBACK, copy, make};
+use crate::buffers::{HostCopy, Mapping};
 use crate::gpu::Gpu;
 use crate::slot::Slot;
 use crate::wgpu_device::WgpuDevice;
 use backend::{Result, Ticket};
-use gpu_common::Sent;
 use std::collections::VecDeque;
-use wgpu::{Buffer, CommandEncoder, MapMode, SubmissionIndex};
+use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
 
 /// The encoder that the next submission goes into, and submissions that went into others.
 #[derive(Default)]
 pub(crate) struct LentEncoder {
-    encoder: Option<CommandEncoder>,
+    pub(crate) encoder: Option<CommandEncoder>,
     /// Not seen to be done, the oldest first, each with a later place in the queue if one is known.
-    under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
-    /// Buffers that came back while such submissions might read them. What the queue writes would come before these.
-    held: Vec<(Ticket, Sent, Buffer)>,
+    pub(crate) under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
 }
 
 impl LentEncoder {
-    /// Whether a buffer is to be held that comes back now.
-    pub(crate) fn holds(&mut self, what: Sent, buffer: &Buffer) -> bool {
-        let newest = self.under_way.back();
-        let held = newest.map(|&(ticket, _)| (ticket, what, buffer.clone()));
-        self.held.extend(held);
-        newest.is_some()
+    /// Whether nothing of the submission, nor of those before it, is under way in an encoder. What the queue writes would come
+    /// before those.
+    pub(crate) fn is_past(&self, ticket: u64) -> bool {
+        self.under_way.iter().all(|(of, _)| of.0 > ticket)
     }
 
     /// Waits for the submission, if it is such a one and is known to be in the queue.
@@ -37,64 +32,31 @@ impl LentEncoder {
         }
     }
 
-    /// A submission is done, and so are all before it: gives the buffers that were held for them.
-    pub(crate) fn finished(&mut self, ticket: Ticket) -> Vec<(Sent, Buffer)> {
+    /// A submission is done, and so are all before it.
+    pub(crate) fn finished(&mut self, ticket: Ticket) {
         self.under_way.retain(|(of, _)| *of > ticket);
-        let done = self.held.extract_if(.., |(of, ..)| *of <= ticket);
-        done.map(|(_, what, buffer)| (what, buffer)).collect()
     }
 }
 
 impl WgpuDevice {
-    /// Submits a recording, or leaves it in the program's encoder.
-    pub(crate) fn submit_or_leave(
-        &mut self,
-        slot: &mut Slot,
-        ticket: Ticket,
-        positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<PositionsCopy>> {
-        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
-            let encoded = self.encode(&mut encoder, slot, positions);
-            self.scene.encoder.encoder = Some(encoder);
-            let encoded = encoded?;
-            self.scene.encoder.under_way.push_back((ticket, None));
-            (None, encoded)
-        } else {
-            let mut encoder = self.gpu.encoder("a frame")?;
-            let encoded = self.encode(&mut encoder, slot, positions)?;
-            let place = self.gpu.submit([encoder]);
-            (
-                Some(place.inspect_err(|_| slot.recall(&self.gpu))?),
-                encoded,
-            )
-        };
-        slot.sent = Some((place, report));
-        Ok(copy)
-    }
-
     /// Writes a recording into an encoder; gives its report, and the positions that it copies.
-    fn encode(
+    pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
         slot: &mut Slot,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<(Mapping, Option<PositionsCopy>)> {
+    ) -> Result<(Mapping, Option<HostCopy>)> {
         let gpu = &self.gpu;
         self.scene.points.encode(gpu, encoder)?;
-        slot.encode(gpu, encoder)?;
-        let Some((from, bytes)) = positions else {
-            return Ok((slot.report(encoder), None));
-        };
-        let spare = self.scene.spares.pop();
-        let spare = spare.and_then(|s| s.unmapped(&gpu.device));
-        let buffer = match spare.filter(|b| b.size() >= bytes) {
-            Some(buffer) => buffer,
-            None => make(gpu, "vertices for the builder", bytes, READBACK)?,
-        };
-        copy(gpu, encoder, (from, 0), &buffer, bytes)?;
-        let mapping = Mapping::on_submit(encoder, &buffer, MapMode::Read);
-        let copy = PositionsCopy { buffer, mapping };
-        Ok((slot.report(encoder), Some(copy)))
+        slot.encode(encoder)?;
+        let copy = positions.map(|(from, bytes)| {
+            let spare = self.scene.spares.pop();
+            let spare = spare.and_then(|s| s.unmapped(&gpu.device));
+            let to = ("vertices for the builder", spare);
+            HostCopy::record(gpu, encoder, (from, 0..bytes), to)
+        });
+        let copy = copy.transpose()?;
+        Ok((slot.report(encoder), copy))
     }
 
     /// Commands of nothing yet.

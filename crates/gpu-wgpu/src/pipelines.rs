@@ -7,7 +7,7 @@
 use crate::gpu::Gpu;
 use backend::Result;
 use gpu_common::cache_file::CacheFile;
-use gpu_common::{KernelCode, KernelForm, compile_door};
+use gpu_common::{KernelCode, compile_door};
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
 use std::path::Path;
@@ -93,10 +93,10 @@ fn compute_pipeline(
 
 /// A kernel in one of its forms.
 fn load(gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
-    let load = || match gpu.form {
-        _ if gpu.takes_spirv() => pass_through(&gpu.device, kernel, code),
-        KernelForm::Best | KernelForm::TrustedWgsl => trusted(&gpu.device, kernel, code),
-        KernelForm::CheckedWgsl => gpu.device.create_shader_module(wgsl(kernel, code)),
+    let load = || match (gpu.checks_kernels, gpu.takes_spirv()) {
+        (true, _) => gpu.device.create_shader_module(wgsl(kernel, code)),
+        (_, true) => pass_through(&gpu.device, kernel, code),
+        (_, false) => trusted(&gpu.device, kernel, code),
     };
     gpu.guard(kernel.name, 0, load)
 }

@@ -10,6 +10,7 @@ use crate::wgpu_device::WgpuDevice;
 use backend::{BackendError, Result};
 use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::Counts;
+use std::sync::Arc;
 use std::time::Duration;
 use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
 
@@ -33,6 +34,7 @@ pub struct Slot {
     waiting: Vec<Launch>,
     /// The place in the queue, unless the program submits it, if it does; and the report.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
+    gpu: Arc<Gpu>,
 }
 
 enum Command {
@@ -42,7 +44,7 @@ enum Command {
 }
 
 impl Slot {
-    pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let report = marks::BYTES + COUNTS * PLACES as u64;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
@@ -53,12 +55,13 @@ impl Slot {
             commands: Vec::new(),
             waiting: Vec::new(),
             sent: None,
+            gpu: Arc::clone(gpu),
         })
     }
 
     /// Writes all that was recorded, and has the report copied.
-    pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
-        gpu.guard("recording", 0, || {
+    pub(crate) fn encode(&mut self, encoder: &mut CommandEncoder) -> Result<()> {
+        self.gpu.guard("recording", 0, || {
             let others = self.counts[..self.places].iter().skip(1);
             others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
         })?;
@@ -67,15 +70,15 @@ impl Slot {
         for command in commands.drain(..) {
             match command {
                 Command::Clear(bytes) => {
-                    self.passes(gpu, encoder, &mut parts)?;
-                    gpu.guard("recording", 0, || {
+                    self.passes(encoder, &mut parts)?;
+                    self.gpu.guard("recording", 0, || {
                         encoder.clear_buffer(&self.counts[0], 0, Some(bytes));
                     })?;
                 }
                 Command::Stage(stage, launches) => {
                     // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
                     if stage == Stage::TracePrimary {
-                        self.passes(gpu, encoder, &mut parts)?;
+                        self.passes(encoder, &mut parts)?;
                     }
                     parts.push((stage, launches));
                 }
@@ -83,10 +86,10 @@ impl Slot {
         }
         // Its memory is kept.
         self.commands = commands;
-        self.passes(gpu, encoder, &mut parts)?;
-        self.untimed(gpu, encoder)?;
-        self.launches.write(gpu)?;
-        gpu.guard("the report of a frame", 0, || {
+        self.passes(encoder, &mut parts)?;
+        self.untimed(encoder)?;
+        self.launches.write(&self.gpu)?;
+        self.gpu.guard("the report of a frame", 0, || {
             for (counts, at) in self.counts[..self.places].iter().zip(0..) {
                 let at = marks::BYTES + COUNTS * at;
                 encoder.copy_buffer_to_buffer(counts, 0, &self.back, at, COUNTS);
@@ -103,38 +106,32 @@ impl Slot {
     }
 
     /// The encoder was refused: wgpu maps the report all the same.
-    pub(crate) fn recall(&self, gpu: &Gpu) {
+    pub(crate) fn recall(&self) {
         // A device that is gone took the report with it, as what comes next will tell.
-        let _ = unmap(&gpu.device, &self.back);
+        let _ = unmap(&self.gpu.device, &self.back);
     }
 
     /// Writes passes of these stages: one, if they can be timed in it.
     fn passes(
         &mut self,
-        gpu: &Gpu,
         encoder: &mut CommandEncoder,
         parts: &mut Vec<(Stage, Vec<Launch>)>,
     ) -> Result<()> {
         let is_one = self.marks.as_ref().is_none_or(|marks| marks.within);
         let most = if is_one { parts.len() } else { 1 };
         let mut passes = parts.chunks(most.max(1));
-        let written = passes.try_for_each(|parts| self.pass(gpu, encoder, parts));
+        let written = passes.try_for_each(|parts| self.pass(encoder, parts));
         parts.clear();
         written
     }
 
-    fn pass(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut CommandEncoder,
-        parts: &[(Stage, Vec<Launch>)],
-    ) -> Result<()> {
+    fn pass(&mut self, encoder: &mut CommandEncoder, parts: &[(Stage, Vec<Launch>)]) -> Result<()> {
         let label = "stages of a frame";
         let stages = parts.iter().map(|(stage, _)| *stage);
         let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
         let timed = self.marks.as_ref().zip(first);
-        gpu.count(|t| t.passes += 1);
-        gpu.guard(label, 0, || {
+        self.gpu.count(|t| t.passes += 1);
+        self.gpu.guard(label, 0, || {
             let desc = ComputePassDescriptor {
                 label: Some(label),
                 timestamp_writes: timed.map(|(marks, first)| marks.around(first, parts.len())),
@@ -149,19 +146,20 @@ impl Slot {
         })
     }
 
-    fn untimed(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
+    fn untimed(&mut self, encoder: &mut CommandEncoder) -> Result<()> {
         let untimed = std::mem::take(&mut self.waiting);
         if untimed.is_empty() {
             return Ok(());
         }
-        gpu.guard("kernels of no stage", 0, || {
+        self.gpu.guard("kernels of no stage", 0, || {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
             untimed.iter().for_each(|launch| launch.go(&mut pass));
         })
     }
 
     /// Waits for the submission and says what it left behind.
-    pub(crate) fn finish(&mut self, gpu: &Gpu) -> Result<Finished> {
+    pub(crate) fn finish(&mut self) -> Result<Finished> {
+        let gpu = &self.gpu;
         // An earlier wait that failed took it.
         let lost = || gpu.faults.lose("a submission never ended".into());
         let (place, mapping) = self.sent.take().ok_or_else(lost)?;
@@ -198,25 +196,24 @@ impl Slot {
 }
 
 impl GpuSlot<WgpuDevice> for Slot {
-    fn begin(&mut self, device: &WgpuDevice) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         assert!(self.sent.is_none(), "a slot holds one submission at a time");
-        self.launches.begin(&device.gpu);
+        self.launches.begin(&self.gpu);
         self.waiting.clear();
         self.commands.clear();
         self.places = 1;
         if let Some(marks) = &mut self.marks {
             marks.stages.clear();
         }
-        self.clear_counts(device, COUNTS)
+        self.clear_counts(COUNTS)
     }
 
     fn dispatch(
         &mut self,
-        device: &WgpuDevice,
         all: &[Dispatch<'_, WgpuDevice>],
         find: Find<'_, '_, Buffer>,
     ) -> Result<()> {
-        let gpu = &device.gpu;
+        let gpu = &self.gpu;
         let places = all.iter().map(|d| d.work.place + 1).max();
         self.places = self.places.max(places.unwrap_or(1)).min(PLACES);
         while self.counts.len() < self.places {
@@ -229,13 +226,13 @@ impl GpuSlot<WgpuDevice> for Slot {
         Ok(())
     }
 
-    fn end_stage(&mut self, _: &WgpuDevice, stage: Stage) -> Result<()> {
+    fn end_stage(&mut self, stage: Stage) -> Result<()> {
         let launches = std::mem::take(&mut self.waiting);
         self.commands.push(Command::Stage(stage, launches));
         Ok(())
     }
 
-    fn clear_counts(&mut self, _: &WgpuDevice, bytes: u64) -> Result<()> {
+    fn clear_counts(&mut self, bytes: u64) -> Result<()> {
         self.commands.push(Command::Clear(bytes));
         Ok(())
     }

@@ -21,35 +21,27 @@ const FEW: usize = 1 << 20;
 #[derive(Default)]
 pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
 
-/// A buffer to be written, with what was written of it.
-pub struct Filled {
-    buffer: Buffer,
-    pub(crate) bytes: u64,
-}
-
-impl Filled {
-    /// Writes all parts, one after another; says whether there was room.
-    pub(crate) fn fill(&mut self, parts: &[&[u32]]) -> bool {
-        self.bytes = parts.iter().map(|part| size_of_val(*part) as u64).sum();
-        if self.bytes > self.buffer.size() {
-            return false;
-        }
-        let Ok(mut view) = self.buffer.get_mapped_range_mut(..) else {
-            return false;
-        };
-        let mut rest = view.slice(..);
-        for part in parts {
-            let to = rest.split_off(..size_of_val(*part));
-            to.expect("there is room")
-                .copy_from_slice(bytemuck::cast_slice(part));
-        }
-        true
+/// Writes all parts, one after another; says whether there was room.
+pub(crate) fn fill(to: &mut Buffer, parts: &[&[u32]]) -> bool {
+    let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
+    if bytes as u64 > to.size() {
+        return false;
     }
+    let Ok(mut view) = to.get_mapped_range_mut(..) else {
+        return false;
+    };
+    let mut rest = view.slice(..);
+    for part in parts {
+        let to = rest.split_off(..size_of_val(*part));
+        to.expect("there is room")
+            .copy_from_slice(bytemuck::cast_slice(part));
+    }
+    true
 }
 
 impl Staging {
     /// Memory of at least so many bytes.
-    pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Filled> {
+    pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
         let mut best: Option<(u64, usize)> = None;
         for (i, (buffer, mapping)) in self.0.iter().enumerate() {
@@ -59,16 +51,19 @@ impl Staging {
                 best = Some((size, i));
             }
         }
-        let buffer = match best {
-            Some((_, i)) => self.0.swap_remove(i).0,
-            None => make(gpu, "memory to send from", bytes, STAGING)?,
-        };
-        Ok(Filled { buffer, bytes: 0 })
+        match best {
+            Some((_, i)) => Ok(self.0.swap_remove(i).0),
+            None => make(gpu, "memory to send from", bytes, STAGING),
+        }
     }
 
-    /// Sends what was written to a place in a buffer, before all that is submitted later.
-    pub(crate) fn send(&mut self, gpu: &Gpu, filled: Filled, to: (&Buffer, u64)) -> Result<()> {
-        let Filled { buffer, bytes } = filled;
+    /// Sends so many bytes that were written to a place in a buffer, before all that is submitted later.
+    pub(crate) fn send(
+        &mut self,
+        gpu: &Gpu,
+        (buffer, bytes): (Buffer, u64),
+        to: (&Buffer, u64),
+    ) -> Result<()> {
         if !unmap(&gpu.device, &buffer) {
             return Err(gpu.faults.lose("what was written is gone".into()));
         }
@@ -98,23 +93,23 @@ impl Staging {
         let bytes = PIECE.min(limit) / RUN * RUN;
         let most = bytes / size_of::<T>();
         for begin in (0..count).step_by(most) {
-            let mut piece = self.take(gpu, bytes as u64)?;
+            let piece = self.take(gpu, bytes as u64)?;
             let rows = most.min(count - begin);
-            fill(&mut piece, rows, |i| row(begin + i))?;
-            self.send(gpu, piece, (to, (begin * size_of::<T>()) as u64))?;
+            fill_rows(&piece, rows, |i| row(begin + i))?;
+            let [filled, at] = [rows, begin].map(|rows| (rows * size_of::<T>()) as u64);
+            self.send(gpu, (piece, filled), (to, at))?;
         }
         Ok(())
     }
 }
 
 /// Writes so many rows by all threads.
-fn fill<T: Pod + Send>(
-    to: &mut Filled,
+fn fill_rows<T: Pod + Send>(
+    to: &Buffer,
     count: usize,
     row: impl Fn(usize) -> T + Sync,
 ) -> Result<()> {
-    to.bytes = (count * size_of::<T>()) as u64;
-    let mapped = to.buffer.get_mapped_range_mut(..to.bytes);
+    let mapped = to.get_mapped_range_mut(..(count * size_of::<T>()) as u64);
     let mut view = mapped.map_err(unreadable)?;
     let (runs, mut rest) = view.slice(..).into_chunks::<RUN>();
     let each = RUN / size_of::<T>();

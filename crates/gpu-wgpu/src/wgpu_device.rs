@@ -1,19 +1,21 @@
 //! What wgpu does for a backend.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, PositionsCopy, STORAGE, Windows, make, upload, write};
+use crate::buffers::{Arrived, HostCopy, STORAGE, make, unmap, unreadable, upload, write};
 use crate::faults::layer_messages;
 use crate::gpu::{CallCounts, Gpu};
 use crate::lent::{DevicePoints, DeviceRays};
 use crate::lent_encoder::LentEncoder;
-use crate::limits::{LEAST_OF_64_BITS, check_kernels, span};
+use crate::limits::{LEAST_OF_64_BITS, check_kernels};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
-use crate::staging::{Filled, Staging};
-use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
+use crate::staging::{Staging, fill};
+use backend::{Arithmetic, Device, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
-use gpu_common::{Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LentRays, Options, Sent};
+use gpu_common::{
+    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, with_slack,
+};
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
 use std::sync::Arc;
@@ -49,12 +51,9 @@ pub struct WgpuDevice {
 /// What is let go of with a scene.
 #[derive(Default)]
 pub(crate) struct SceneState {
-    windows: Windows,
+    /// Through which the host looks at buffers.
+    windows: Vec<Buffer>,
     staging: Staging,
-    /// Bytes that were sent last, of each [`Sent`].
-    last_sent: [u64; 2],
-    /// Buffers that are not in use, of each [`Sent`].
-    free: [Vec<Buffer>; 2],
     pub(crate) spares: Spares<Arrived>,
     pub(crate) points: DevicePoints,
     pub(crate) rays: DeviceRays,
@@ -70,18 +69,6 @@ impl WgpuDevice {
         }
     }
 
-    /// A buffer for so many bytes, and whether it held another thing of its kind.
-    fn room(&mut self, what: Sent, bytes: u64) -> Result<(Buffer, bool)> {
-        let spare = self.scene.free[what as usize].pop();
-        match spare.filter(|buffer| buffer.size() >= bytes) {
-            Some(buffer) => Ok((buffer, true)),
-            None => {
-                let made = make(&self.gpu, what.what(), what.room(bytes), STORAGE)?;
-                Ok((made, false))
-            }
-        }
-    }
-
     /// What was asked of wgpu since the device was opened.
     #[must_use]
     pub fn call_counts(&self) -> CallCounts {
@@ -94,8 +81,7 @@ impl GpuDevice for WgpuDevice {
     type Pipeline = Pipeline;
     type Maker = Arc<Gpu>;
     type Slot = Slot;
-    type Copy = PositionsCopy;
-    type Staging = Filled;
+    type Copy = HostCopy;
 
     fn open(options: &Options) -> Result<Self> {
         Gpu::open(options).map(|gpu| Self::over(Arc::new(gpu)))
@@ -130,16 +116,16 @@ impl GpuDevice for WgpuDevice {
         self.gpu.limits.max_compute_workgroups_per_dimension
     }
 
-    fn max_buffer_bytes(&self) -> u64 {
-        span(&self.gpu.limits)
-    }
-
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()> {
         check_kernels(&self.gpu.limits, wanted)
     }
 
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Buffer> {
         make(&self.gpu, name.name(), bytes, STORAGE)
+    }
+
+    fn room(&self, what: &'static str, bytes: u64) -> Result<Buffer> {
+        make(&self.gpu, what, bytes, STORAGE)
     }
 
     fn size(buffer: &Buffer) -> u64 {
@@ -177,63 +163,56 @@ impl GpuDevice for WgpuDevice {
         self.scene.staging.write(&self.gpu, to, count, row)
     }
 
-    fn read<T: Pod>(
-        &mut self,
-        from: &Buffer,
-        count: usize,
-        look: impl FnMut(usize, &[T]),
-    ) -> Result<()> {
-        self.scene.windows.read(&self.gpu, from, count, look)
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+        let (gpu, windows) = (&self.gpu, &mut self.scene.windows);
+        let (what, size) = ("a view for the host", bytes.end - bytes.start);
+        let fits = windows.iter().position(|w| w.size() >= size);
+        let spare = fits.map(|i| windows.swap_remove(i));
+        let mut encoder = gpu.encoder(what)?;
+        let copy = HostCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
+        let place = Some(gpu.submit([encoder])?);
+        Ok(HostCopy { place, ..copy })
     }
 
-    fn send(&mut self, what: Sent, parts: &[&[u32]]) -> Result<(Buffer, u64)> {
-        let bytes = parts.iter().map(|p| size_of_val(*p) as u64).sum();
-        let mut filled = self.scene.staging.take(&self.gpu, what.room(bytes))?;
-        match filled.fill(parts) {
-            true => self.send_filled(what, filled),
-            false => Err(self.gpu.faults.lose("nothing can be written".into())),
+    fn end_read(&mut self, read: HostCopy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()> {
+        if let Some(place) = read.place {
+            self.gpu.wait_for(place)?;
         }
-    }
-
-    fn staging(&mut self, what: Sent) -> Result<Option<Filled>> {
-        match self.scene.last_sent[what as usize] {
-            0 => Ok(None),
-            bytes => self
-                .scene
-                .staging
-                .take(&self.gpu, what.room(bytes))
-                .map(Some),
+        read.mapping.expect(&self.gpu)?;
+        let view = read.buffer.get_mapped_range(..bytes as u64);
+        look(&view.map_err(unreadable)?);
+        if unmap(&self.gpu.device, &read.buffer) {
+            self.scene.windows.push(read.buffer);
         }
+        Ok(())
     }
 
-    fn fill(staging: &mut Filled, parts: &[&[u32]]) -> bool {
-        staging.fill(parts)
+    fn staging(&mut self, bytes: u64) -> Result<Buffer> {
+        let bytes = with_slack(bytes);
+        self.scene.staging.take(&self.gpu, bytes)
     }
 
-    fn send_filled(&mut self, what: Sent, filled: Filled) -> Result<(Buffer, u64)> {
-        let (buffer, _) = self.room(what, filled.bytes)?;
-        self.scene.last_sent[what as usize] = filled.bytes;
-        self.scene.staging.send(&self.gpu, filled, (&buffer, 0))?;
-        Ok((buffer, 0))
+    fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
+        fill(staging, parts)
     }
 
-    fn send_key(&mut self, key: &KeyFrame, moving: &[Range<usize>]) -> Result<(Buffer, u64)> {
-        let (buffer, held_another) = self.room(Sent::KeyFrame, size_of_val(&key[..]) as u64)?;
-        let all = 0..key.len();
-        let all = std::slice::from_ref(&all);
-        let runs = if held_another { moving } else { all };
+    fn send(&mut self, from: Buffer, bytes: u64, to: &Buffer) -> Result<u64> {
+        let staging = &mut self.scene.staging;
+        staging.send(&self.gpu, (from, bytes), (to, 0))?;
+        Ok(0)
+    }
+
+    fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Buffer) -> Result<u64> {
         for run in self.scene.points.others(runs) {
             let at = (run.start * size_of::<Point>()) as u64;
-            write(&self.gpu, &buffer, at, &key[run])?;
+            write(&self.gpu, to, at, &key[run])?;
         }
-        self.scene.points.copy_to(&buffer);
-        Ok((buffer, 0))
+        self.scene.points.copy_to(to);
+        Ok(0)
     }
 
-    fn recycle(&mut self, what: Sent, buffer: Buffer, _: u64) {
-        if !self.scene.encoder.holds(what, &buffer) {
-            self.scene.free[what as usize].push(buffer);
-        }
+    fn has_ended(&self, last: LastUse, _: bool) -> Result<bool> {
+        Ok(self.scene.encoder.is_past(last.ticket))
     }
 
     fn pipeline_maker(&self) -> Arc<Gpu> {
@@ -248,33 +227,42 @@ impl GpuDevice for WgpuDevice {
         Slot::new(&self.gpu)
     }
 
+    /// Or leaves the recording in the program's encoder.
     fn submit(
         &mut self,
         slot: &mut Slot,
         ticket: Ticket,
         positions: Option<(&Buffer, u64)>,
-    ) -> Result<Option<PositionsCopy>> {
-        self.submit_or_leave(slot, ticket, positions)
+    ) -> Result<Option<HostCopy>> {
+        let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
+            let encoded = self.encode(&mut encoder, slot, positions);
+            self.scene.encoder.encoder = Some(encoder);
+            let encoded = encoded?;
+            self.scene.encoder.under_way.push_back((ticket, None));
+            (None, encoded)
+        } else {
+            let mut encoder = self.gpu.encoder("a frame")?;
+            let encoded = self.encode(&mut encoder, slot, positions)?;
+            let place = self.gpu.submit([encoder]);
+            (Some(place.inspect_err(|_| slot.recall())?), encoded)
+        };
+        slot.sent = Some((place, report));
+        Ok(copy)
     }
 
     fn finish(&mut self, slot: &mut Slot, ticket: Ticket) -> Result<Finished> {
         self.scene.encoder.wait(&self.gpu, ticket)?;
-        let finished = slot.finish(&self.gpu)?;
-        for (what, buffer) in self.scene.encoder.finished(ticket) {
-            self.scene.free[what as usize].push(buffer);
-        }
+        let finished = slot.finish()?;
+        self.scene.encoder.finished(ticket);
         Ok(finished)
     }
 
-    fn poll(&mut self) -> Result<()> {
-        self.gpu.poll()
-    }
-
-    fn has_arrived(&self, copy: &PositionsCopy) -> Result<bool> {
+    fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
+        self.gpu.poll()?;
         copy.mapping.poll(&self.gpu)
     }
 
-    fn take(&mut self, copy: PositionsCopy, vertices: usize) -> Result<Snapshot> {
+    fn take(&mut self, copy: HostCopy, vertices: usize) -> Result<Snapshot> {
         Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
     }
 
@@ -286,16 +274,5 @@ impl GpuDevice for WgpuDevice {
 
     fn wait_idle(&self) -> Result<()> {
         self.gpu.wait_idle()
-    }
-
-    /// Of buffers that kernels use: an engine's own on a lent device do not count, nor does memory of the host.
-    fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
-        let size = |all: &Vec<Buffer>| all.iter().map(Buffer::size).sum::<u64>();
-        let [trees, keys] = self.scene.free.each_ref().map(size);
-        DeviceBytes {
-            tree: bytes.tree + trees,
-            scene: bytes.scene + keys,
-            ..bytes
-        }
     }
 }

@@ -6,7 +6,7 @@ use crate::scenes::{
     swarm, tree_at,
 };
 use backend::{Backend, BackendError, Generation, Hits, Layout, Query, QueryKind, Rays};
-use geom::Animation;
+use geom::{Animation, Camera};
 use std::sync::Arc;
 use std::thread;
 use std::time::Instant;
@@ -111,20 +111,23 @@ pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
 pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     backend: &mut dyn Subject,
 ) {
-    let limit = backend.max_buffer_bytes();
     let animation = swarm(50);
     open(backend, &animation);
     stand(backend, &animation, 0.5);
+    let square = |side| look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [side, side]));
+    let kind = QueryKind::Closest;
+    let mut limit_met = |camera: &Camera| {
+        let rays = Rays::Camera(camera);
+        match backend.trace(Query { rays, kind }) {
+            Err(BackendError::Limit { need, limit, .. }) if need > limit => limit,
+            other => panic!("{other:?}"),
+        }
+    };
+    let limit = limit_met(&square(60_000));
     // Hits take 16 bytes a pixel.
-    let side = ((limit / 16) as f64).sqrt() as u32 + 1;
-    let camera = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [side, side]));
-    let (rays_of, kind) = (Rays::Camera(&camera), QueryKind::Closest);
-    let refused = backend.trace(Query {
-        rays: rays_of,
-        kind,
-    });
-    let is_named = matches!(refused, Err(BackendError::Limit { need, .. }) if need > limit);
-    assert!(is_named, "{refused:?}");
+    let camera = square(((limit / 16) as f64).sqrt() as u32 + 1);
+    assert_eq!(limit_met(&camera), limit);
+    let rays_of = Rays::Camera(&camera);
     let found = see(backend, Rays::List(&rays(8)), kind);
     assert_eq!(found.closest.len(), 8);
     // Nor do those that were recorded with it count.

@@ -26,21 +26,19 @@ mod wgpu_points;
 mod wgpu_rays;
 
 use backend::Backend;
-use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
+use gpu_common::{ComputeBackend, GpuDevice, Options, Validation, lock};
 use gpu_vulkan::VulkanDevice;
 use gpu_wgpu::WgpuDevice;
 use integration::is_required;
 use libtest_mimic::Trial;
 use shaders::BufferName;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A backend on a device, and what only tests ask of it.
 trait Subject: Backend {
     /// Buffers made since it was opened.
     fn buffers_made(&self) -> u64;
-    /// Bytes that a buffer may have.
-    fn max_buffer_bytes(&self) -> u64;
     /// The first words of a buffer of the tree in use.
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32>;
 }
@@ -50,10 +48,6 @@ impl<D: GpuDevice> Subject for ComputeBackend<D> {
         self.gpu().buffers_made()
     }
 
-    fn max_buffer_bytes(&self) -> u64 {
-        self.gpu().max_buffer_bytes()
-    }
-
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32> {
         self.read_tree(name, count).unwrap()
     }
@@ -61,11 +55,15 @@ impl<D: GpuDevice> Subject for ComputeBackend<D> {
 
 type Open = fn() -> backend::Result<Box<dyn Subject>>;
 
-fn opened<D: GpuDevice>() -> backend::Result<ComputeBackend<D>> {
-    ComputeBackend::new(&Options {
+fn watched() -> Options {
+    Options {
         validation: Validation::IfInstalled,
-        ..Default::default()
-    })
+        ..Options::default()
+    }
+}
+
+fn opened<D: GpuDevice>() -> backend::Result<ComputeBackend<D>> {
+    ComputeBackend::new(&watched())
 }
 
 /// A name and a test on a device that is open.
@@ -191,24 +189,18 @@ fn main() -> ExitCode {
     ] {
         let excused = excused(absent, name);
         let own = if name == "vulkan" { OF_KERNELS } else { &[] };
+        let trial = |law, body| trial(format!("{name}::{law}"), excused.as_deref(), body);
         for &(law, body) in SHARED.iter().chain(own) {
             let device = Arc::clone(device);
-            let body = move || {
-                let mut device = lock(&device);
-                let subject = &mut **device.as_mut().unwrap();
-                body(subject);
-                assert_eq!(subject.inspect().complaints(), [""; 0]);
-            };
-            trials.push(trial(format!("{name}::{law}"), excused.as_deref(), body));
+            trials.push(trial(law, Box::new(move || watch(&device, body))));
         }
         for &(law, body) in FRESH {
             let device = Arc::clone(device);
             let body = move || {
                 body(open().unwrap());
-                let said = lock(&device).as_mut().unwrap().inspect().complaints();
-                assert_eq!(said, [""; 0]);
+                watch(&device, |_| ());
             };
-            trials.push(trial(format!("{name}::{law}"), excused.as_deref(), body));
+            trials.push(trial(law, Box::new(body)));
         }
     }
     let mut own = vec![
@@ -228,17 +220,21 @@ fn main() -> ExitCode {
     for (all, why) in own {
         let each = all
             .iter()
-            .map(|&(name, body)| trial(name.to_owned(), why.as_deref(), body));
+            .map(|&(name, body)| trial(name.to_owned(), why.as_deref(), Box::new(body)));
         trials.extend(each);
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
+/// Tries a test, and hears what the device complains of.
+fn watch(device: &Mutex<backend::Result<Box<dyn Subject>>>, body: impl FnOnce(&mut dyn Subject)) {
+    let mut device = lock(device);
+    let subject = &mut **device.as_mut().unwrap();
+    body(subject);
+    assert_eq!(subject.inspect().complaints(), [""; 0]);
 }
 
-fn trial(name: String, lacks: Option<&str>, body: impl FnOnce() + Send + 'static) -> Trial {
+fn trial(name: String, lacks: Option<&str>, body: Box<dyn FnOnce() + Send>) -> Trial {
     let trial = Trial::test(name, move || {
         body();
         Ok(())

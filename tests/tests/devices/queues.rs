@@ -47,7 +47,7 @@ pub(crate) fn every_adapter_tells_its_limits() {
 /// Bars a road until the gate opens.
 fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     let opened = Some(gate.at(1));
-    road.start([from, to], (0, 16), opened).unwrap();
+    road.start([from, to], &[(0..16, 0)], opened).unwrap();
 }
 
 /// Why this machine's device cannot show that copies up and down have queues of their own.

@@ -1,15 +1,14 @@
 //! Trees made on the device: whole, not deep, and good; and those of the driver.
 
-use crate::Subject;
 use crate::scenes::{
     SHADOWED, apart, camera, go, laid, numbers, report, see, stand, swarm, tree_at,
 };
+use crate::{Subject, watched};
 use backend::{Backend, Generation, Layout, Method, QueryKind, Rays, check_tree};
 use bvh_layout::Topology;
 use conformance::stage;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point, Ray};
-use gpu_common::{Options, Validation};
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
@@ -166,11 +165,7 @@ pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dy
 }
 
 fn drivers() -> DriverTreeBackend {
-    let options = Options {
-        validation: Validation::IfInstalled,
-        ..Options::default()
-    };
-    DriverTreeBackend::new(&options, Prefer::FastBuild).unwrap()
+    DriverTreeBackend::new(&watched(), Prefer::FastBuild).unwrap()
 }
 
 /// The box of the first key frame, which offsets shadow rays, is there for nothing: it is empty, or much too small.

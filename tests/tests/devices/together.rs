@@ -134,36 +134,37 @@ fn dust() -> Arc<Animation> {
     apart(vec![corners])
 }
 
-/// Dust, and so many splinters aslant, which take many tiles and few pixels.
+/// Dust, and so many triangles.
+fn dust_and(count: u32, triangle: impl FnMut(u32) -> [Point; 3]) -> Arc<Animation> {
+    let mut corners = positions(&dust(), 0.0);
+    corners.extend((0..count).flat_map(triangle));
+    apart(vec![corners])
+}
+
+/// Aslant, which take many tiles and few pixels.
 fn splinters(count: u32) -> Arc<Animation> {
     let mut number = numbers(17);
-    let mut corners = positions(&dust(), 0.0);
-    for _ in 0..count {
+    dust_and(count, |_| {
         let [x, y, z] = [0.6 * number(), 0.6 * number(), number()];
-        corners.extend([[x, y, z], [x + 0.8, y + 0.4, z], [x + 0.8, y + 0.401, z]]);
-    }
-    apart(vec![corners])
+        [[x, y, z], [x + 0.8, y + 0.4, z], [x + 0.8, y + 0.401, z]]
+    })
 }
 
-/// Dust, and so many triangles of a size that face the eye.
+/// Of a size, which face the eye.
 fn panes(count: u32, size: f32) -> Arc<Animation> {
     let mut number = numbers(23);
-    let mut corners = positions(&dust(), 0.0);
-    for _ in 0..count {
+    dust_and(count, |_| {
         let [x, y, z] = [number(), number(), number()];
-        corners.extend([[x, y, z], [x + size, y, z], [x, y + size, z]]);
-    }
-    apart(vec![corners])
+        [[x, y, z], [x + size, y, z], [x, y + size, z]]
+    })
 }
 
-/// Dust before and behind so many sheets, each across most of the picture.
+/// Before and behind the dust, each across most of the picture.
 fn sheets(count: u32) -> Arc<Animation> {
-    let mut corners = positions(&dust(), 0.0);
-    for sheet in 0..count {
+    dust_and(count, |sheet| {
         let z = 0.8 - 1.6 * sheet as f32 / count as f32;
-        corners.extend([[-2.0, -1.5, z], [2.0, -1.4, z], [0.0, 2.0, z]]);
-    }
-    apart(vec![corners])
+        [[-2.0, -1.5, z], [2.0, -1.4, z], [0.0, 2.0, z]]
+    })
 }
 
 /// Whether the last picture was seen by rasterization alone, as the visibility buffer says itself.

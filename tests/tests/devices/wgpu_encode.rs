@@ -2,12 +2,11 @@
 
 use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
-use crate::wgpu_lent::{bytes_of, device_with};
+use crate::wgpu_lent::{bytes_of, device_with, lent};
 use crate::wgpu_points::Own;
 use abvh::own_device::{RayBuffers, required_features, useful_features};
 use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
 use backend::{Backend, Generation, Rays};
-use gpu_wgpu::from_device;
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
@@ -190,13 +189,13 @@ pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
     let (animation, camera) = (swarm(300), camera());
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());
     let features = required_features() | useful_features();
-    let (device, queue, info) = device_with(features, limits);
-    let mut backend = from_device(device.clone(), queue.clone(), info).unwrap();
+    let own = device_with(features, limits);
+    let mut backend = lent(&own).unwrap();
     open(&mut backend, &animation);
     stand(&mut backend, &animation, 0.3);
     let expected = see(&mut backend, Rays::Camera(&camera), SHADOWED);
     stand(&mut backend, &animation, 0.3);
-    let commands = device.create_command_encoder(&Default::default());
+    let commands = own.device.create_command_encoder(&Default::default());
     backend.gpu_mut().lend_encoder(commands).unwrap();
     let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
     let commands = backend.gpu_mut().take_encoder().unwrap();
@@ -207,6 +206,6 @@ pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
     let uneven = |depth, leaves| if depth < 8 { 1 } else { leaves / 2 };
     let third = conformance::record(animation.triangle_count(), &leaves, uneven);
     backend.bring(&third, Generation(3)).unwrap();
-    queue.submit([commands.finish()]);
+    own.queue.submit([commands.finish()]);
     assert!(hits(&mut backend, ticket) == expected);
 }

@@ -4,18 +4,15 @@ use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm,
 use abvh::own_device::OwnDevice;
 use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
-use gpu_common::{KernelForm, Options};
+use gpu_common::Options;
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, LazyLock, mpsc};
 use wgpu::util::{DeviceExt, DownloadBuffer};
-use wgpu::{Buffer, BufferUsages, Device, Limits, Queue};
+use wgpu::{Buffer, BufferUsages, Limits};
 
 /// A device of the first adapter there is, with such features as that has, and such limits.
-pub(crate) fn device_with(
-    features: wgpu::Features,
-    limits: Limits,
-) -> (Device, Queue, wgpu::AdapterInfo) {
+pub(crate) fn device_with(features: wgpu::Features, limits: Limits) -> OwnDevice {
     static ADAPTER: LazyLock<wgpu::Adapter> = LazyLock::new(|| {
         let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
         desc.flags = wgpu::InstanceFlags::empty();
@@ -29,17 +26,27 @@ pub(crate) fn device_with(
         ..Default::default()
     };
     let (device, queue) = pollster::block_on(ADAPTER.request_device(&desc)).unwrap();
-    (device, queue, ADAPTER.get_info())
-}
-
-/// Likewise, as the library takes it.
-pub(crate) fn own_device(limits: Limits) -> OwnDevice {
-    let (device, queue, info) = device_with(required_features(), limits);
+    let info = ADAPTER.get_info();
     OwnDevice {
         device,
         queue,
         info,
     }
+}
+
+/// Likewise, with no more features than are needed.
+pub(crate) fn own_device(limits: Limits) -> OwnDevice {
+    device_with(required_features(), limits)
+}
+
+/// A backend on it.
+pub(crate) fn lent(own: &OwnDevice) -> backend::Result<WgpuBackend> {
+    let OwnDevice {
+        device,
+        queue,
+        info,
+    } = own.clone();
+    from_device(device, queue, info)
 }
 
 pub(crate) fn filled(own: &OwnDevice, contents: &[u8], usage: BufferUsages) -> Buffer {
@@ -61,20 +68,15 @@ pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
     heard.recv().unwrap()
 }
 
-/// Nor does it matter which form of the kernels runs.
+/// Nor does it matter which form of the kernels runs: here WGSL without checks.
 pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
-    let (device, queue, info) = device_with(required_features(), limits);
-    let mut lent = from_device(device, queue, info).unwrap();
+    let mut lent = lent(&own_device(limits)).unwrap();
     let found = answers(&mut lent, &animation, &camera);
-    for kernels in [
-        KernelForm::Best,
-        KernelForm::TrustedWgsl,
-        KernelForm::CheckedWgsl,
-    ] {
+    for checks_kernels in [false, true] {
         let options = Options {
-            kernels,
+            checks_kernels,
             ..Options::default()
         };
         let mut own = WgpuBackend::new(&options).unwrap();
@@ -93,8 +95,8 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
 }
 
 pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
-    let (device, queue, info) = device_with(required_features(), required_limits(&swarm(10), 10));
-    let mut backend = from_device(device, queue, info).unwrap();
+    let own = own_device(required_limits(&swarm(10), 10));
+    let mut backend = lent(&own).unwrap();
     let refused = backend.load(swarm(20_000), Method::default());
     let said = refused.unwrap_err().to_string();
     let nodes = 2 * swarm(20_000).live_count() - 1;
@@ -119,8 +121,7 @@ pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
 }
 
 pub(crate) fn a_device_with_too_few_buffers_is_refused() {
-    let (device, queue, info) = device_with(required_features(), Limits::downlevel_defaults());
-    let refused = from_device(device, queue, info).err();
+    let refused = lent(&own_device(Limits::downlevel_defaults())).err();
     let said = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(
         said.contains("max_storage_buffers_per_shader_stage needs 8, the limit is 4"),
@@ -131,7 +132,8 @@ pub(crate) fn a_device_with_too_few_buffers_is_refused() {
 pub(crate) fn a_lent_device_keeps_its_handlers() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
-    let (device, queue, info) = device_with(useful_features(), limits);
+    let own = device_with(useful_features(), limits);
+    let device = &own.device;
     let (heard, lost) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicU32::new(0)));
     let counter = Arc::clone(&heard);
     device.on_uncaptured_error(Arc::new(move |_| {
@@ -141,7 +143,7 @@ pub(crate) fn a_lent_device_keeps_its_handlers() {
     device.set_device_lost_callback(move |_, _| {
         counter.fetch_add(1, Ordering::Relaxed);
     });
-    let mut backend = from_device(device.clone(), queue, info).unwrap();
+    let mut backend = lent(&own).unwrap();
     // Refused, then one that fits: neither reaches the engine.
     assert!(backend.load(swarm(40_000), Method::default()).is_err());
     open(&mut backend, &animation);
@@ -161,9 +163,9 @@ pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
     let within = wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
     for features in [useful_features(), useful_features() - within] {
         let limits = required_limits(&animation, camera.pixels());
-        let (device, queue, info) = device_with(features, limits);
-        let features = device.features();
-        let mut backend = from_device(device, queue, info).unwrap();
+        let own = device_with(features, limits);
+        let features = own.device.features();
+        let mut backend = lent(&own).unwrap();
         open(&mut backend, &animation);
         let before = backend.gpu().call_counts();
         stand(&mut backend, &animation, 0.7);
@@ -249,17 +251,17 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
     ];
     for (name, verb) in verbs {
         let limits = required_limits(&animation, 100);
-        let (device, queue, info) = device_with(required_features(), limits);
-        let mut backend = from_device(device.clone(), queue, info).unwrap();
+        let own = own_device(limits);
+        let mut backend = lent(&own).unwrap();
         open(&mut backend, &animation);
         stand(&mut backend, &animation, 0.5);
         backend.request_positions().unwrap();
         let ticket = go(&mut backend, Rays::List(&list), QueryKind::Closest);
         backend.wait(ticket).unwrap();
         let (_, held) = arrive(&mut backend);
-        device.destroy();
+        own.device.destroy();
         // wgpu gives destroyed buffers up when it is polled next.
-        let _ = device.poll(wgpu::PollType::Poll);
+        let _ = own.device.poll(wgpu::PollType::Poll);
         drop(held);
         // And from then on for ever.
         for _ in 0..2 {

@@ -2,7 +2,7 @@
 
 use super::ComputeBackend;
 use crate::traces::as_given;
-use crate::{GpuDevice, Stage, Stale};
+use crate::{GpuDevice, Stage, Stale, Trace};
 use backend::{Intersector, Layout, Method, Query, QueryKind, Result, Ticket};
 use geom::Ray;
 use shaders::work;
@@ -17,10 +17,10 @@ impl<D: GpuDevice> ComputeBackend<D> {
         [place, count]: [usize; 2],
     ) -> Result<()> {
         assert!(
-            self.stale == Stale::Fresh,
+            self.engine.stale == Stale::Fresh,
             "a stale tree must not be traced"
         );
-        let pending = self.engine.traces.pending_count();
+        let pending = self.engine.frames.pending.len();
         assert!(pending == place, "one trace a submission, or all together");
         let has_tree = self.tree().shape.leaf_count > 0;
         if query.kind.light().is_some() {
@@ -31,9 +31,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
         let how = (self.method.intersector, has_tree);
         let engine = &mut self.engine;
-        let trace = engine
-            .traces
-            .make(&mut engine.gpu, query, how, is_extreme)?;
+        let old = engine.frames.expired();
+        let trace = Trace::new(&mut engine.gpu, query, how, old, is_extreme)?;
         let rays = as_given(query, trace.extremes);
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
@@ -62,7 +61,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             let own = |name| trace.get(name).or_else(|| tree.get(name));
             engine.run(stage, work, own)?;
         }
-        engine.traces.pending.push(trace);
+        engine.frames.pending.push(trace);
         // What was refused measured nothing.
         self.measured |= measures;
         Ok(())
@@ -75,7 +74,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             intersector: Intersector::Watertight,
             layout: Layout::Fast,
         };
-        let is_ready = self.method == usual && self.stale == Stale::Fresh;
+        let is_ready = self.method == usual && self.engine.stale == Stale::Fresh;
         let (params, tree) = (self.params().for_module(), self.tree());
         let scene = self.engine.scene();
         let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));
@@ -86,7 +85,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     /// Where the closest hits of a submission's trace of that place are or will be, while it is kept; `None` if it looked for none.
     pub fn hits_buffer(&mut self, ticket: Ticket, place: usize) -> Option<&D::Buffer> {
-        let trace = self.engine.traces.get(ticket, place);
+        let trace = self.engine.frames.trace(ticket, place);
         let closest = trace.has_tree && trace.kind != QueryKind::Any;
         trace.get(BufferName::Hits).filter(|_| closest)
     }

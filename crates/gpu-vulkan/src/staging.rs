@@ -1,0 +1,171 @@
+//! Memory of the host: things are sent from there beside the frames, or arrive there.
+
+use crate::gpu::Gpu;
+use crate::memory::{Buffer, BufferUse};
+use crate::timeline::Timeline;
+use crate::transfer::Transfer;
+use crate::vulkan_device::VulkanDevice;
+use backend::Result;
+use geom::{KeyFrame, Point, SharedMemory};
+use gpu_common::{LastUse, Pool};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::ops::{Deref, DerefMut, Range};
+use std::sync::Arc;
+
+/// Words that one task copies.
+const RUN: usize = 1 << 17;
+
+/// Writes part by part, by all threads; says whether there is room.
+pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
+    let mut to = staging.view_mut();
+    if parts.iter().map(|part| part.len()).sum::<usize>() > to.len() {
+        return false;
+    }
+    for part in parts {
+        let (of_part, rest) = to.split_at_mut(part.len());
+        let runs = of_part.par_chunks_mut(RUN).zip(part.par_chunks(RUN));
+        runs.for_each(|(to, from)| to.copy_from_slice(from));
+        to = rest;
+    }
+    true
+}
+
+/// What tells how far uploads and submissions are.
+pub(crate) type Done<'a> = (&'a Transfer, &'a Timeline);
+
+/// See [`gpu_common::GpuDevice::has_ended`].
+pub(crate) fn has_ended(
+    (uploads, submissions): Done<'_>,
+    last: LastUse,
+    may_wait: bool,
+) -> Result<bool> {
+    if may_wait {
+        submissions.wait(last.ticket)?;
+        uploads.done.wait(last.arrival)?;
+    }
+    Ok(submissions.has_reached(last.ticket)? && uploads.done.has_reached(last.arrival)?)
+}
+
+/// Memory for things of one kind.
+pub(crate) struct Staging {
+    what: &'static str,
+    pub(crate) free: Pool<VulkanDevice>,
+}
+
+impl Staging {
+    pub(crate) fn new(what: &'static str) -> Self {
+        let free = Pool::default();
+        Self { what, free }
+    }
+
+    /// Memory for so many bytes, with room for some more if it is made.
+    pub(crate) fn take(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        done: Done<'_>,
+        [bytes, room]: [u64; 2],
+    ) -> Result<Buffer> {
+        let made = || Buffer::new(gpu, self.what, room, BufferUse::Staging);
+        let has_ended = |last, may_wait| has_ended(done, last, may_wait);
+        let (buffer, _) = self.free.fit(bytes, has_ended, made)?;
+        Ok(buffer)
+    }
+
+    /// Begins to send its first bytes. Gives the value of the copy.
+    pub(crate) fn send(
+        &mut self,
+        road: &mut Transfer,
+        (from, bytes): (Buffer, u64),
+        to: &Buffer,
+    ) -> Result<u64> {
+        let arrival = road.start([&from, to], &[(0..bytes, 0)], None)?;
+        self.free.put(from, LastUse { arrival, ticket: 0 });
+        Ok(arrival)
+    }
+}
+
+/// Positions, or other bytes, that the transfer queue copies, or will.
+pub struct HostCopy {
+    pub(crate) buffer: Buffer,
+    /// The transfer's value.
+    pub(crate) done_at: u64,
+}
+
+/// Positions in memory of the host that the device copies to or from.
+pub(crate) struct HostPoints {
+    pub(crate) buffer: Buffer,
+    pub(crate) count: usize,
+}
+
+impl HostPoints {
+    /// Room for so many, which the device copies from.
+    pub(crate) fn new(gpu: &Arc<Gpu>, count: usize) -> Result<Self> {
+        let bytes = (count * size_of::<Point>()) as u64;
+        let buffer = Buffer::new(gpu, "key frames", bytes, BufferUse::Staging)?;
+        Ok(Self { buffer, count })
+    }
+}
+
+impl Deref for HostPoints {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        self.buffer.read(self.count)
+    }
+}
+
+impl DerefMut for HostPoints {
+    fn deref_mut(&mut self) -> &mut [Point] {
+        &mut self.buffer.view_mut()[..self.count]
+    }
+}
+
+impl SharedMemory for HostPoints {}
+
+/// Where runs of positions lie, to be copied to the same place.
+fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
+    let place = |v: usize| (v * size_of::<Point>()) as u64;
+    let bytes = |run: &Range<usize>| (place(run.start)..place(run.end), place(run.start));
+    runs.iter().map(bytes).collect()
+}
+
+/// Key frames that the device copies from where they lie: they stay until it has.
+#[derive(Default)]
+pub(crate) struct KeysRead(VecDeque<(u64, KeyFrame)>);
+
+impl KeysRead {
+    /// Keeps a key frame until the copy of that value is done; lets go of others.
+    pub(crate) fn note(&mut self, done: &Timeline, (value, key): (u64, &KeyFrame)) -> Result<()> {
+        while let Some((value, _)) = self.0.front() {
+            if !done.has_reached(*value)? {
+                break;
+            }
+            self.0.pop_front();
+        }
+        self.0.push_back((value, KeyFrame::clone(key)));
+        Ok(())
+    }
+}
+
+impl VulkanDevice {
+    /// Begins to send runs of a key frame, which are not lent.
+    pub(crate) fn send_host_key(
+        &mut self,
+        key: &KeyFrame,
+        runs: &[Range<usize>],
+        to: &Buffer,
+    ) -> Result<u64> {
+        if let Some(memory) = key.shared::<HostPoints>() {
+            let from = [&memory.buffer, to];
+            let value = self.upload.start(from, &bytes_of(runs), None)?;
+            self.keys_read.note(&self.upload.done, (value, key))?;
+            return Ok(value);
+        }
+        let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
+        let staging = &mut self.key_staging;
+        let mut from = staging.take(&self.gpu, done, [bytes; 2])?;
+        fill(&mut from, &[bytemuck::cast_slice(key)]);
+        staging.send(&mut self.upload, (from, bytes), to)
+    }
+}
