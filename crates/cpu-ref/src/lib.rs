@@ -17,8 +17,6 @@ mod scene;
 pub mod shadow;
 pub mod slab;
 mod submission;
-#[cfg(test)]
-mod tests;
 pub mod tiles;
 pub mod trace;
 pub mod traverse;
