@@ -2,7 +2,7 @@
 //!
 //! What rays hit is held to exact answers: see `tests/tests/hits`.
 
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Ticket};
+use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
 use conformance::record;
 use conformance::stage::{ask, stand, tree_at, triangles};
@@ -71,11 +71,8 @@ fn ready(
     threads: usize,
 ) -> CpuBackend {
     let mut backend = CpuBackend::new(Some(threads)).unwrap();
-    let method = Method {
-        intersector,
-        ..Method::default()
-    };
-    backend.load(Arc::clone(animation), method).unwrap();
+    let scene = Arc::clone(animation);
+    backend.load(scene, intersector.into()).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
     stand(&mut backend, animation, time).unwrap();
     backend.submit().unwrap();
