@@ -264,15 +264,11 @@ fn turned<L: Lanes>(d: &[L; 3]) -> ([u8; MOST_RAYS], [L; 3]) {
 /// Columns of a cell of pixels; its rows follow from the lanes.
 pub(crate) const COLUMNS: usize = 4;
 
-/// A few columns and rows of a picture, or neighbours in a list. Lanes go row by row; those beyond the edge repeat the
-/// last ones.
+/// A few columns and rows of a picture. Lanes go row by row; those beyond the edge repeat the last ones.
 pub(crate) struct Cell {
     /// Lanes within the picture.
     pub(crate) asked: u32,
-    /// The index of the first ray.
-    pub(crate) first: usize,
-    /// Columns and rows, both powers of two.
-    size: [usize; 2],
+    lanes: usize,
     /// Upper left pixel.
     corner: [usize; 2],
     /// The last pixel of the cell within the picture.
@@ -280,37 +276,30 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The cell of that size whose upper left entry among those of `tiles` is `at`.
+    /// The cell whose upper left entry among those of `tiles` is `at`.
     #[inline(always)]
-    pub(crate) fn new(tiles: &Tiles<'_>, at: [usize; 2], size: [usize; 2]) -> Self {
-        let (first, width) = (tiles.index(at[0], at[1]), tiles.width());
-        let corner = [first % width, first / width];
-        let columns = size[0].min(tiles.columns() - at[0]);
-        let rows = size[1].min(tiles.height() - at[1]);
+    pub(crate) fn new(tiles: &Tiles<'_>, at: [usize; 2], rows: usize) -> Self {
+        let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
+        let corner = [index % width, index / width];
+        let lanes = COLUMNS * rows;
+        let columns = COLUMNS.min(tiles.columns() - at[0]);
+        let rows = rows.min(tiles.height() - at[1]);
         let row = (1 << columns) - 1;
         let mut asked = 0;
         for y in 0..rows {
-            asked |= row << (y * size[0]);
+            asked |= row << (y * COLUMNS);
         }
         Self {
             asked,
-            first,
-            size,
+            lanes,
             corner,
             last: [corner[0] + columns - 1, corner[1] + rows - 1],
         }
     }
 
-    /// Column and row of a lane.
-    #[inline(always)]
-    pub(crate) fn place(&self, lane: usize) -> [usize; 2] {
-        let columns = self.size[0];
-        [lane & (columns - 1), lane >> columns.trailing_zeros()]
-    }
-
     #[inline(always)]
     fn pixel(&self, lane: usize) -> [usize; 2] {
-        let [x, y] = self.place(lane);
+        let (x, y) = (lane % COLUMNS, lane / COLUMNS);
         [
             (self.corner[0] + x).min(self.last[0]),
             (self.corner[1] + y).min(self.last[1]),
@@ -330,7 +319,7 @@ impl Cell {
     #[inline(always)]
     fn directions<L: Lanes>(&self, camera: &Camera) -> [L; 3] {
         let (mut x, mut y) = (L::splat(0.0).store(), L::splat(0.0).store());
-        for lane in 0..self.size[0] * self.size[1] {
+        for lane in 0..self.lanes {
             let pixel = self.pixel(lane);
             x.as_mut()[lane] = pixel[0] as f32 + 0.5;
             y.as_mut()[lane] = pixel[1] as f32 + 0.5;

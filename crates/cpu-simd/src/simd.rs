@@ -113,8 +113,8 @@ pub(crate) trait Isa: Sized + 'static {
     /// One number of each ray of a packet.
     type Packet: Lanes;
 
-    /// Does `work` in a function that is compiled with the set's instructions.
-    fn does<W: Work>(work: W) -> W::Out;
+    /// Does `part` in a function of its own.
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out;
 
     /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
     ///
@@ -157,6 +157,24 @@ pub(crate) trait Work {
     fn run<I: Isa>(self) -> Self::Out;
 }
 
+/// A part of some work that is done at several places, and compiled once for each set.
+pub(crate) trait Outlined<I: Isa> {
+    /// What comes of it.
+    type Out;
+
+    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    fn run(self) -> Self::Out;
+}
+
+impl<I: Isa, W: Work> Outlined<I> for W {
+    type Out = W::Out;
+
+    #[inline(always)]
+    fn run(self) -> W::Out {
+        Work::run::<I>(self)
+    }
+}
+
 /// No instructions but those that every machine of this kind has.
 struct Portable;
 
@@ -166,8 +184,8 @@ impl Isa for Portable {
     type Packet = Plain<8>;
 
     #[inline(never)]
-    fn does<W: Work>(work: W) -> W::Out {
-        work.run::<Self>()
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out {
+        part.run()
     }
 }
 
@@ -208,11 +226,11 @@ impl Level {
     #[inline]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self.0 {
-            Set::Portable => Portable::does(work),
+            Set::Portable => Portable::outlined(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => x86::Avx2::does(work),
+            Set::Avx2 => x86::Avx2::outlined(work),
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => x86::Avx512::does(work),
+            Set::Avx512 => x86::Avx512::outlined(work),
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::light::{Found, shadow_rays};
 use crate::packet::{self, NONE, Packet};
 use crate::rays::{COLUMNS, Cell, Given, Group, MOST_RAYS, OneRay};
-use crate::simd::{Isa, Lanes, Vector, Work};
+use crate::simd::{Isa, Lanes, Outlined, Vector, Work};
 use crate::tree::{NOWHERE, Wide};
 use crate::walk;
 use backend::{QueryKind, Rays};
@@ -12,7 +12,7 @@ use cpu_ref::scale::Scale;
 use cpu_ref::tiles::{Counts, Output, Tiles, fill};
 use cpu_ref::trace::Tracer;
 use cpu_ref::traverse;
-use geom::{Hit, Ray};
+use geom::{Camera, Hit, Ray};
 use std::ops::Range;
 
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
@@ -28,47 +28,6 @@ impl<'a> WideTracer<'a> {
             let tracer = self;
             self.0.tree.level.run(TilesTask { tiles, tracer })
         })
-    }
-
-    /// The answers for the rays of a cell.
-    #[inline(always)]
-    fn answers<I: Isa>(&self, cell: &Cell, state: &mut State<'a>) -> Found {
-        let Tracer { task, tree, light } = &self.0;
-        let rays = match task.query.rays {
-            Rays::Camera(camera) => cell.rays(camera),
-            Rays::List(list) => {
-                let indices = cell.first..cell.first + cell.asked.count_ones() as usize;
-                let rays = &list[indices.clone()];
-                if rays.iter().any(|ray| task.geometry.is_extreme(ray)) {
-                    return self.singly(indices, &mut state.stack);
-                }
-                Given::listed(rays)
-            }
-            Rays::OnDevice(_) => return Found::NOTHING,
-        };
-        let (scale, asked) = (task.geometry.scale, cell.asked);
-        let mut found = Found::NOTHING;
-        if task.query.kind == QueryKind::Any {
-            found.blocked = self.any::<I>((&rays, scale), (asked, &NONE), state);
-            return found;
-        }
-        found = self.closest::<I>(&rays, asked, state);
-        let (Some(light), hit) = (light, asked & found.lanes()) else {
-            return found;
-        };
-        if hit == 0 {
-            return found;
-        }
-        // At once, while all that the rays came to is in the nearest caches.
-        let corners = found.corners::<I>(&task.geometry, tree);
-        let eyes = rays.scaled_origin(scale);
-        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
-        let mut skipped = NONE;
-        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
-            *skipped = hit.triangle;
-        }
-        found.blocked = self.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
-        found
     }
 
     /// Hits of a packet, whose distances `back` brings to units of the given directions.
@@ -205,49 +164,121 @@ struct TilesTask<'a, 'o> {
 impl Work for TilesTask<'_, '_> {
     type Out = Counts;
 
-    /// Cell by cell, so that rays of a cell run together: of a picture a few columns and rows, of a list a row.
     #[inline(always)]
-    fn run<I: Isa>(mut self) -> Counts {
+    fn run<I: Isa>(self) -> Counts {
+        match self.tracer.0.task.query.rays {
+            Rays::Camera(camera) => self.picture::<I>(camera),
+            Rays::List(list) => self.list::<I>(list),
+            Rays::OnDevice(_) => Counts::default(),
+        }
+    }
+}
+
+impl TilesTask<'_, '_> {
+    #[inline(always)]
+    fn list<I: Isa>(mut self, list: &[Ray]) -> Counts {
         let (mut state, mut sum) = (State::default(), Counts::default());
-        let lanes = I::Packet::ALL.count_ones() as usize;
-        let columns = match self.tracer.0.task.query.rays {
-            Rays::Camera(_) => COLUMNS,
-            Rays::List(_) | Rays::OnDevice(_) => lanes,
-        };
-        for x in (0..self.tiles.columns()).step_by(columns) {
-            for y in (0..self.tiles.height()).step_by(lanes / columns) {
-                let cell = Cell::new(&self.tiles, [x, y], [columns, lanes / columns]);
-                let found = I::does(Answers {
+        let (tracer, lanes) = (self.tracer, I::Packet::ALL.count_ones() as usize);
+        let first = self.tiles.index(0, 0);
+        let list = &list[first..first + self.tiles.columns()];
+        for (i, rays) in list.chunks(lanes).enumerate() {
+            let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
+            let is_extreme = |ray| tracer.0.task.geometry.is_extreme(ray);
+            let found = if rays.iter().any(is_extreme) {
+                let indices = first + begin..first + begin + rays.len();
+                tracer.singly(indices, &mut state.stack)
+            } else {
+                I::outlined(Answers {
+                    tracer,
+                    rays: &Given::listed(rays),
+                    asked,
+                    state: &mut state,
+                })
+            };
+            for lane in 0..rays.len() {
+                self.tiles.set(begin + lane, 0, found.answer(lane));
+            }
+            sum = sum + found.counts(asked);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn picture<I: Isa>(mut self, camera: &Camera) -> Counts {
+        let (mut state, mut sum) = (State::default(), Counts::default());
+        let size = [self.tiles.columns(), self.tiles.height()];
+        let rows = I::Packet::ALL.count_ones() as usize / COLUMNS;
+        for x in (0..size[0]).step_by(COLUMNS) {
+            for y in (0..size[1]).step_by(rows) {
+                let cell = Cell::new(&self.tiles, [x, y], rows);
+                let found = I::outlined(Answers {
                     tracer: self.tracer,
-                    cell: &cell,
+                    rays: &cell.rays(camera),
+                    asked: cell.asked,
                     state: &mut state,
                 });
-                for lane in 0..MOST_RAYS {
-                    if cell.asked >> lane & 1 == 1 {
-                        let [column, row] = cell.place(lane);
-                        self.tiles.set(x + column, y + row, found.answer(lane));
-                    }
-                }
+                self.write(&cell, [x, y], &found);
                 sum = sum + found.counts(cell.asked);
             }
         }
         sum
     }
+
+    /// Writes the answers of the cell at `at`.
+    #[inline(always)]
+    fn write(&mut self, cell: &Cell, at: [usize; 2], found: &Found) {
+        for lane in 0..MOST_RAYS {
+            if cell.asked >> lane & 1 == 1 {
+                let (x, y) = (at[0] + lane % COLUMNS, at[1] + lane / COLUMNS);
+                self.tiles.set(x, y, found.answer(lane));
+            }
+        }
+    }
 }
 
-/// [`WideTracer::answers`], in a function of its own: so it takes less long to compile.
-struct Answers<'a, 't> {
+/// The answers for rays in the lanes of `asked`. Lists and pictures share it, since it takes long to compile.
+struct Answers<'a, 't, L> {
     tracer: &'t WideTracer<'a>,
-    cell: &'t Cell,
+    rays: &'t Given<L>,
+    asked: u32,
     state: &'t mut State<'a>,
 }
 
-impl Work for Answers<'_, '_> {
+impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
     type Out = Found;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Found {
-        self.tracer.answers::<I>(self.cell, self.state)
+    fn run(self) -> Found {
+        let Self {
+            tracer,
+            rays,
+            asked,
+            state,
+        } = self;
+        let Tracer { task, tree, light } = &tracer.0;
+        let scale = task.geometry.scale;
+        let mut found = Found::NOTHING;
+        if task.query.kind == QueryKind::Any {
+            found.blocked = tracer.any::<I>((rays, scale), (asked, &NONE), state);
+            return found;
+        }
+        found = tracer.closest::<I>(rays, asked, state);
+        let (Some(light), hit) = (light, asked & found.lanes()) else {
+            return found;
+        };
+        if hit == 0 {
+            return found;
+        }
+        // At once, while all that the rays came to is in the nearest caches.
+        let corners = found.corners::<I>(&task.geometry, tree);
+        let eyes = rays.scaled_origin(scale);
+        let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
+        let mut skipped = NONE;
+        for (skipped, hit) in skipped.iter_mut().zip(&found.hits) {
+            *skipped = hit.triangle;
+        }
+        found.blocked = tracer.any::<I>((&shadows, Scale::ONE), (hit, &skipped), state);
+        found
     }
 }
 

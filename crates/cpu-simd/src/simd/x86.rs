@@ -8,7 +8,7 @@
     reason = "vector instructions that the machine was found to have"
 )]
 
-use super::{Eight, Halves, Isa, Lanes, Vector, Work};
+use super::{Eight, Halves, Isa, Lanes, Outlined, Vector};
 use bvh_layout::Link;
 use geom::Point;
 use std::arch::is_x86_feature_detected as has;
@@ -25,14 +25,14 @@ impl Isa for Avx2 {
     type Packet = Ymm;
 
     #[inline(always)]
-    fn does<W: Work>(work: W) -> W::Out {
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out {
         #[inline(never)]
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-        fn inside<W: Work>(work: W) -> W::Out {
-            work.run::<Avx2>()
+        fn inside<P: Outlined<Avx2>>(part: P) -> P::Out {
+            part.run()
         }
         // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx2` held.
-        unsafe { inside(work) }
+        unsafe { inside(part) }
     }
 }
 
@@ -42,16 +42,16 @@ impl Isa for Avx512 {
     type Packet = Zmm;
 
     #[inline(always)]
-    fn does<W: Work>(work: W) -> W::Out {
+    fn outlined<P: Outlined<Self>>(part: P) -> P::Out {
         #[inline(never)]
         #[target_feature(
             enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
         )]
-        fn inside<W: Work>(work: W) -> W::Out {
-            work.run::<Avx512>()
+        fn inside<P: Outlined<Avx512>>(part: P) -> P::Out {
+            part.run()
         }
         // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx512` held.
-        unsafe { inside(work) }
+        unsafe { inside(part) }
     }
 
     #[inline(always)]
@@ -82,7 +82,7 @@ macro_rules! operation {
         #[inline(always)]
         fn $name($($arguments)*) -> $result {
             #[allow(unused_unsafe, reason = "some need no instruction of the set")]
-            // SAFETY: the set's vectors exist only within `Isa::does` of the set;
+            // SAFETY: the set's vectors exist only within `Isa::outlined` of the set;
             // arrays are as long as the vectors, and unaligned access is asked for.
             unsafe { $body }
         }
