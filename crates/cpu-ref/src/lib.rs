@@ -11,7 +11,6 @@ pub mod extreme;
 mod interpolate;
 pub mod intersect;
 pub mod pass;
-pub mod ray;
 pub mod scale;
 mod scene;
 pub mod shadow;

@@ -2,8 +2,7 @@
 
 use crate::bvh2::Bvh2;
 use crate::intersect::{Candidate, Meeting, Record, TriangleTest};
-use crate::ray::PreparedRay;
-use crate::scale::flushed;
+use crate::scale::{PreparedRay, flushed};
 use crate::slab::Slab;
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Link;

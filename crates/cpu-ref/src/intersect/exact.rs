@@ -6,8 +6,7 @@
 use super::watertight::{Watertight, solve};
 use super::{Asked, Meeting, Search};
 use crate::extreme::Rule;
-use crate::ray::PreparedRay;
-use crate::scale::{LEAST, flushed};
+use crate::scale::{LEAST, PreparedRay, flushed};
 use crate::traverse::{Leaf, Stack, Tree, Walk};
 use exact::Crossing;
 use geom::Hit;

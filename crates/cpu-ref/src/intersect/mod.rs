@@ -13,8 +13,7 @@ pub use woop::Woop;
 
 use crate::Geometry;
 use crate::extreme::Rule;
-use crate::ray::PreparedRay;
-use crate::scale::Scale;
+use crate::scale::{PreparedRay, Scale};
 use crate::traverse::{Stack, Tree, Walk};
 use ::exact::Line;
 use geom::{Hit, Ray, Triangle};
