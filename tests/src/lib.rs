@@ -7,7 +7,7 @@ pub mod program;
 pub mod scenes;
 pub mod stage;
 
-use libtest_mimic::Arguments;
+use libtest_mimic::{Arguments, Trial};
 
 /// Whether `ABVH_FULL=1` asks for the full tier: more cases, files and kills.
 pub fn is_full() -> bool {
@@ -36,6 +36,14 @@ pub fn arguments() -> Arguments {
     let threads = MOST_THREADS.min(cores + 1);
     arguments.test_threads.get_or_insert(threads);
     arguments
+}
+
+/// A trial that fails where `body` panics.
+pub fn trial(name: impl Into<String>, body: impl FnOnce() + Send + 'static) -> Trial {
+    Trial::test(name, move || {
+        body();
+        Ok(())
+    })
 }
 
 /// The number that an environment variable says, or else this.

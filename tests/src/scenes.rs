@@ -80,10 +80,7 @@ impl Source {
 
     /// A trial that runs on this scene; ignored, with the reason, where the scene is absent.
     pub fn trial(self, law: &str, run: impl FnOnce(Source) + Send + 'static) -> Trial {
-        let trial = Trial::test(format!("{}::{law}", self.name), move || {
-            run(self);
-            Ok(())
-        });
+        let trial = crate::trial(format!("{}::{law}", self.name), move || run(self));
         match self.packed().map(|(pack, _)| archive(pack)) {
             Some(Err(reason)) => trial.with_ignored_flag(true).with_kind(reason.to_string()),
             _ => trial,

@@ -60,31 +60,28 @@ fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Backend>> {
 
 fn main() {
     let arguments = integration::arguments();
-    let trials = BACKENDS
-        .iter()
-        .map(|&(name, requirement, open)| match open() {
-            Ok(subject) => trials_of(name, subject),
-            Err(e) => absent(name, &e.to_string(), is_required(requirement)),
-        });
-    libtest_mimic::run(&arguments, in_turn(trials.collect())).exit();
+    let of_each = BACKENDS.iter().map(|&backend| trials_of(backend));
+    // The first of each backend, then the second of each: trials of one backend wait for each other, those of others do not.
+    let mut trials: Vec<_> = of_each.flat_map(|all| (0..).zip(all)).collect();
+    trials.sort_by_key(|&(n, _): &(u32, _)| n);
+    let trials = trials.into_iter().map(|(_, trial)| trial).collect();
+    libtest_mimic::run(&arguments, trials).exit();
 }
 
-/// The first of each backend, then the second of each: trials of one backend wait for each other, those of others do not.
-fn in_turn(all: Vec<Vec<Trial>>) -> Vec<Trial> {
-    let numbered = all
-        .into_iter()
-        .flat_map(|of_one| of_one.into_iter().enumerate());
-    let mut numbered: Vec<_> = numbered.collect();
-    numbered.sort_by_key(|&(n, _)| n);
-    numbered.into_iter().map(|(_, trial)| trial).collect()
-}
-
-fn trials_of(name: &'static str, subject: Box<dyn Backend>) -> Vec<Trial> {
-    let laws = laws_of(&*subject);
+/// An absent backend's laws are ignored, or fail where the backend is required.
+fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial> {
+    let opened = open();
+    let absent = opened.as_ref().err().map(|e| format!("absent: {e}"));
+    let is_ignored = absent.is_some() && !is_required(requirement);
+    let laws = match &opened {
+        Ok(subject) => laws_of(&**subject),
+        Err(_) if name.starts_with("vulkan-rt") => OWN_TREE_LAWS,
+        Err(_) => LAWS,
+    };
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
     // With the number of complaints that a trial has shown: what was said while the backend was opened counts too.
-    let shared = Arc::new(Mutex::new((subject, reference, 0)));
+    let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A third form of all kernels would take a software driver a minute to compile.
     let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();
     let trial = |law: &Law| {
@@ -93,9 +90,10 @@ fn trials_of(name: &'static str, subject: Box<dyn Backend>) -> Vec<Trial> {
             true => law.by_usual_intersector(),
             false => *law,
         };
-        Trial::test(format!("{name}::{}", law.name), move || {
+        let trial = Trial::test(format!("{name}::{}", law.name), move || {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
+            let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);
             let held = hold(&law, &mut **subject, reference, seed, 0..cases(name));
             let complaints = subject.inspect().complaints();
@@ -105,25 +103,11 @@ fn trials_of(name: &'static str, subject: Box<dyn Backend>) -> Vec<Trial> {
             new.map_or(Ok(()), |m| {
                 Err(format!("the validation layer says: {m}").into())
             })
-        })
+        });
+        let trial = trial.with_kind(absent.as_deref().unwrap_or_default());
+        trial.with_ignored_flag(is_ignored)
     };
     laws.iter().map(trial).collect()
-}
-
-/// An absent backend's laws: ignored, or failed where the backend is required.
-fn absent(name: &str, why: &str, required: bool) -> Vec<Trial> {
-    let trial = |law: &Law| {
-        let why = why.to_owned();
-        Trial::test(format!("{name}::{}", law.name), move || {
-            Err(format!("absent: {why}").into())
-        })
-    };
-    let kind = format!("absent: {why}");
-    let own_trees = name.starts_with("vulkan-rt");
-    let laws = if own_trees { OWN_TREE_LAWS } else { LAWS };
-    laws.iter()
-        .map(|l| trial(l).with_kind(&kind).with_ignored_flag(!required))
-        .collect()
 }
 
 /// By default one case of each kind of scene, and few where another backend differs in the device alone, in a form of the

@@ -139,7 +139,7 @@ impl CpuBackend {
         report.inactive = scene.unhittable.inactive;
         report.degenerate = scene.unhittable.degenerate;
         report.sah_cost = scene.sah_cost;
-        report.settled += scene.take_settled();
+        report.settled += std::mem::take(scene.settled.get_mut());
         Ok(())
     }
 
@@ -319,7 +319,7 @@ impl Backend for CpuBackend {
 
 impl Inspect for CpuBackend {
     fn positions(&mut self) -> Result<Vec<Point>> {
-        Ok(loaded(&mut self.scene).positions().to_vec())
+        Ok(loaded(&mut self.scene).positions.clone())
     }
 
     fn boxes(&mut self) -> Result<Vec<Aabb>> {

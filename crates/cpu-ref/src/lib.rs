@@ -11,14 +11,11 @@ pub mod extreme;
 mod interpolate;
 pub mod intersect;
 pub mod pass;
-pub mod ray;
 pub mod scale;
 mod scene;
 pub mod shadow;
 pub mod slab;
 mod submission;
-#[cfg(test)]
-mod tests;
 pub mod tiles;
 pub mod trace;
 pub mod traverse;

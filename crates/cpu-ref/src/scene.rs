@@ -20,10 +20,9 @@ const GAP: usize = 64;
 pub(crate) struct SceneState {
     animation: Arc<Animation>,
     intersector: Intersector,
-    scale: Scale,
     /// Of the moment that was interpolated last.
     range: geom::Range,
-    positions: Vec<Point>,
+    pub(crate) positions: Vec<Point>,
     /// Runs of vertices that hold all that move, or all where static ones are too few to be passed over.
     runs: Vec<Range<usize>>,
     pub(crate) tree: Box<dyn Accelerator>,
@@ -31,7 +30,8 @@ pub(crate) struct SceneState {
     pub(crate) unhittable: Unhittable,
     /// As of the last refit.
     pub(crate) sah_cost: Option<f64>,
-    settled: AtomicU64,
+    /// Rays that exact arithmetic settled and no report names yet.
+    pub(crate) settled: AtomicU64,
 }
 
 impl SceneState {
@@ -56,7 +56,6 @@ impl SceneState {
             } else {
                 everything.collect()
             },
-            scale: Scale::of(&animation),
             range: geom::Range::ORDINARY,
             animation,
             intersector,
@@ -89,12 +88,7 @@ impl SceneState {
 
     pub(crate) fn preprocess(&mut self) {
         let without_leaf = self.animation.triangle_count() - self.animation.live_count();
-        let geometry = Geometry {
-            positions: &self.positions,
-            triangles: self.animation.triangles(),
-            scale: self.scale,
-            range: self.range,
-        };
+        let geometry = geometry(&self.animation, &self.positions, self.range);
         self.unhittable = self.tree.preprocess(&geometry, self.intersector);
         self.unhittable.inactive += without_leaf as u64;
     }
@@ -116,26 +110,26 @@ impl SceneState {
     }
 
     fn geometry(&self) -> Geometry<'_> {
-        Geometry {
-            positions: &self.positions,
-            triangles: self.animation.triangles(),
-            scale: self.scale,
-            range: self.range,
-        }
-    }
-
-    /// Rays that exact arithmetic settled since it was last asked.
-    pub(crate) fn take_settled(&mut self) -> u64 {
-        std::mem::take(self.settled.get_mut())
-    }
-
-    pub(crate) fn positions(&self) -> &[Point] {
-        &self.positions
+        geometry(&self.animation, &self.positions, self.range)
     }
 
     /// Boxes in node order, in the scene's units.
     pub(crate) fn boxes(&self) -> Result<Vec<Aabb>> {
-        let boxes = self.tree.boxes(&self.geometry())?;
-        Ok(boxes.into_iter().map(|b| self.scale.undo(b)).collect())
+        let geometry = self.geometry();
+        let (boxes, scale) = (self.tree.boxes(&geometry)?, geometry.scale);
+        Ok(boxes.into_iter().map(|b| scale.undo(b)).collect())
+    }
+}
+
+fn geometry<'a>(
+    animation: &'a Animation,
+    positions: &'a [Point],
+    range: geom::Range,
+) -> Geometry<'a> {
+    Geometry {
+        positions,
+        triangles: animation.triangles(),
+        scale: Scale::of(animation),
+        range,
     }
 }

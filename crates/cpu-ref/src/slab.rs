@@ -1,7 +1,7 @@
 //! The padded box test, on both boxes of a pair at once.
 
 use crate::bvh2::Pair;
-use crate::ray::PreparedRay;
+use crate::scale::PreparedRay;
 use geom::Aabb;
 use glam::{Vec3A, Vec4};
 

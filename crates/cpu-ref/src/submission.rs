@@ -76,8 +76,8 @@ impl Submission {
             }
             Command::CopyPositions => {
                 let mut positions = copies.spares.pop().unwrap_or_default();
-                positions.resize(scene.positions().len(), [0.0; 3]);
-                copy(scene.positions(), &mut positions);
+                positions.resize(scene.positions.len(), [0.0; 3]);
+                copy(&scene.positions, &mut positions);
                 self.report.readback_bytes += size_of_val(&positions[..]) as u64;
                 let ticket = self.ticket.expect("it has begun");
                 let copy = (ticket, copies.spares.lend(positions));

@@ -2,8 +2,7 @@
 
 use crate::bvh2::Bvh2;
 use crate::intersect::{Candidate, Meeting, Record, TriangleTest};
-use crate::ray::PreparedRay;
-use crate::scale::flushed;
+use crate::scale::{PreparedRay, flushed};
 use crate::slab::Slab;
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Link;
@@ -237,30 +236,19 @@ impl Tree for &Bvh2 {
     }
 }
 
-/// One ray on its way.
-pub(crate) struct Walk<'a, N, T: TriangleTest> {
-    pub(crate) tree: N,
-    pub(crate) ray: &'a PreparedRay,
-    pub(crate) test: T::Ray,
-}
-
-impl<'a, N: Tree, T: TriangleTest> Walk<'a, N, T> {
-    #[inline(always)]
-    pub(crate) fn new(tree: N, ray: &'a PreparedRay) -> Self {
-        let test = T::prepare(ray);
-        Self { tree, ray, test }
+/// Where a ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
+#[inline(always)]
+pub(crate) fn meet_leaf<T: TriangleTest>(
+    tree: impl Tree,
+    (ray, test): (&PreparedRay, &T::Ray),
+    leaf: &Leaf,
+) -> Option<Meeting> {
+    let mut meeting = T::meet(test, &tree.record::<T>(leaf.place))?;
+    if meeting.t < leaf.entry {
+        meeting.t = leaf.entry;
+    } else if meeting.t > leaf.exit {
+        meeting.t = leaf.exit;
     }
-
-    /// Where the ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
-    #[inline(always)]
-    pub(crate) fn meet_leaf(&self, leaf: &Leaf) -> Option<Meeting> {
-        let mut meeting = T::meet(&self.test, &self.tree.record::<T>(leaf.place))?;
-        if meeting.t < leaf.entry {
-            meeting.t = leaf.entry;
-        } else if meeting.t > leaf.exit {
-            meeting.t = leaf.exit;
-        }
-        meeting.t = flushed(meeting.t);
-        (meeting.t > self.ray.t_min && meeting.t < self.ray.t_max).then_some(meeting)
-    }
+    meeting.t = flushed(meeting.t);
+    (meeting.t > ray.t_min && meeting.t < ray.t_max).then_some(meeting)
 }

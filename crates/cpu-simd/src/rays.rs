@@ -2,8 +2,7 @@
 
 use crate::leaf::{flushed, scaled};
 use crate::simd::{Lanes, Plain, Vector, each};
-use cpu_ref::ray::PreparedRay;
-use cpu_ref::scale::{LEAST_COMPONENT, Scale};
+use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
 use cpu_ref::slab::{CALM, FARTHEST, PAD, SMALLEST};
 use cpu_ref::tiles::Tiles;
 use geom::{Aabb, Camera, Ray};

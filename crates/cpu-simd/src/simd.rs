@@ -18,21 +18,12 @@ use geom::Point;
 /// instructions; expressions are part of the function that they stand in.
 macro_rules! each {
     ($i:ident => $value:expr) => {
-        [
-            {
-                let $i = 0;
-                $value
-            },
-            {
-                let $i = 1;
-                $value
-            },
-            {
-                let $i = 2;
-                $value
-            },
-        ]
+        [each!($i 0 $value), each!($i 1 $value), each!($i 2 $value)]
     };
+    ($i:ident $number:literal $value:expr) => {{
+        let $i = $number;
+        $value
+    }};
 }
 pub(crate) use each;
 

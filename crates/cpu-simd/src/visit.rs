@@ -7,7 +7,7 @@ use crate::simd::{Isa, Lanes, Work};
 use crate::tree::{LANES, Wide};
 use crate::walk::{NodeRay, Stack, Visitor, walk};
 use cpu_ref::intersect::{Record, TriangleTest};
-use cpu_ref::ray::PreparedRay;
+use cpu_ref::scale::PreparedRay;
 use cpu_ref::traverse::{Below, Leaf, Tree};
 use geom::{Aabb, Hit};
 

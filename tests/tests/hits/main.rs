@@ -6,6 +6,7 @@ mod schedule;
 mod watertight;
 
 use integration::scenes::{DEMOS, REAL};
+use integration::trial;
 use libtest_mimic::Trial;
 use std::process::ExitCode;
 
@@ -19,14 +20,8 @@ fn main() -> ExitCode {
     }
     trials.extend(hard::trials());
     trials.extend(schedule::trials());
-    for (name, test) in [
-        ("odd_scenes", exact::odd_scenes as fn()),
-        ("soup::every_answer_can_be_explained", watertight::soups),
-    ] {
-        trials.push(Trial::test(name, move || {
-            test();
-            Ok(())
-        }));
-    }
+    trials.push(trial("odd_scenes", exact::odd_scenes));
+    let soups = "soup::every_answer_can_be_explained";
+    trials.push(trial(soups, watertight::soups));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

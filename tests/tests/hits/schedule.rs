@@ -17,10 +17,7 @@ const AT_REST: usize = 4;
 pub(crate) fn trials() -> [Trial; 2] {
     [("from_read_back_vertices", false), ("ahead", true)].map(|(name, predict)| {
         let name = format!("schedule::frames_are_right_with_trees_{name}");
-        Trial::test(name, move || {
-            frames_are_right(predict);
-            Ok(())
-        })
+        integration::trial(name, move || frames_are_right(predict))
     })
 }
 

@@ -64,7 +64,12 @@ impl Verifier {
             let near = |limit: f32| (f64::from(limit) - on_line.t).abs() <= rounding;
             near(ray.t_min) || near(ray.t_max)
         };
-        self.near_edge(ray, triangle) || self.oracle.hit_of(&line, triangle).is_some_and(near_limit)
+        self.near_edge(ray, triangle) || self.hit_of(&line, triangle).is_some_and(near_limit)
+    }
+
+    fn hit_of(&self, ray: &Ray, triangle: u32) -> Option<ExactHit> {
+        let mut all = self.oracle.all(ray).into_iter();
+        all.find(|hit| hit.triangle == triangle)
     }
 
     /// The largest coordinate distance between the ray's origin and the box of all triangles.
@@ -106,7 +111,7 @@ impl Verifier {
     /// Two triangles differ. The one found must be hit, or have an excuse; and so must the exact one, unless it is not surely
     /// before the one found.
     fn explains_neighbour(&self, ray: &Ray, found: &Hit, exact: &ExactHit) -> bool {
-        let may_be = match self.oracle.hit_of(ray, found.triangle) {
+        let may_be = match self.hit_of(ray, found.triangle) {
             Some(own) => self.distance_holds(ray, found, &own),
             None => self.excuses(ray, found.triangle),
         };

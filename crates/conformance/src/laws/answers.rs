@@ -35,7 +35,7 @@ pub(super) fn asked(
     Ok(())
 }
 
-/// By every method whose answers are the same everywhere; triangles and hits are counted alike too.
+/// Triangle, `t`, `u`, `v`: bit for bit those of the reference. Triangles and hits are counted alike too.
 pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,
@@ -62,22 +62,17 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
     }
 }
 
-/// Triangle, `t`, `u`, `v`: bit for bit.
-pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
+/// Closest hits of given rays.
+pub(super) fn closest(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     asked(c, c.rays(), QueryKind::Closest, verify)
 }
 
 /// Whether anything is hit.
-pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
+pub(super) fn any(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     asked(c, c.rays(), QueryKind::Any, verify)
 }
 
 /// A camera's rays made on the device, with shadows; and the shadows of given rays.
-pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
-    shadows(c, verify)
-}
-
-/// Likewise, held to whatever they should be.
 pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {

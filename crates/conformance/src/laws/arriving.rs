@@ -1,7 +1,7 @@
 //! Key frames may arrive while they are played, and nobody needs to have looked at them.
 
-use super::answers::{self, Verify};
-use super::{Check, within};
+use super::Check;
+use super::answers::Verify;
 use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
@@ -27,16 +27,7 @@ const LEAPS: [Point; 6] = [
 ];
 
 /// Key frames that arrive give the hits and counts of an animation that holds them all.
-pub(super) fn held(c: &mut Check<'_>) -> Result<()> {
-    pushed(c, answers::verify)
-}
-
-/// Likewise, within rounding of the exact answer.
-pub(super) fn held_within(c: &mut Check<'_>) -> Result<()> {
-    pushed(c, within::verify)
-}
-
-fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
+pub(super) fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
     let (case, live) = leaping(c.case, rng)?;
     // It has another scene loaded.

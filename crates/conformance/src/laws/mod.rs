@@ -10,25 +10,28 @@ mod within;
 
 use crate::stage::{self, open};
 use crate::{Case, Reference};
+use answers::verify;
 use anyhow::{Result, ensure};
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
+
+/// Says by which methods a law is tried, one after the other in use.
+pub(crate) type Methods = fn(&Check<'_>) -> Result<Vec<Method>>;
 
 /// A law: `Err` says how subject and reference disagree.
 #[derive(Clone, Copy)]
 pub struct Law {
     /// Its name, as a sentence with underscores.
     pub name: &'static str,
+    pub(crate) methods: Methods,
     /// Whether it holds.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
-    /// By which methods it is tried, one after the other in use.
-    pub(crate) methods: fn(&Check<'_>) -> Result<Vec<Method>>,
 }
 
 impl Law {
     /// The same law, tried by the usual intersector alone.
     #[must_use]
     pub fn by_usual_intersector(self) -> Self {
-        let methods: fn(&Check<'_>) -> Result<Vec<Method>> = |c| c.layouts();
+        let methods: Methods = usual;
         Self { methods, ..self }
     }
 }
@@ -71,135 +74,106 @@ impl<'a> Check<'a> {
         let case: &'a Case = self.case;
         Rays::List(&case.rays)
     }
-
-    /// Every method by which the subject traces.
-    fn methods(&self) -> Result<Vec<Method>> {
-        let with = |intersector| {
-            Layout::ALL.map(|layout| Method {
-                intersector,
-                layout,
-            })
-        };
-        let all = Intersector::ALL.into_iter().flat_map(with);
-        let methods: Vec<Method> = all.filter(|&m| self.subject.supports(m)).collect();
-        let usual = methods.contains(&Method::default());
-        ensure!(usual, "the backend does not support the usual method");
-        Ok(methods)
-    }
-
-    /// Of these methods those with the intersector whose turn it is: all have theirs within a few cases.
-    fn in_turn(&self, mut all: Vec<Method>) -> Vec<Method> {
-        let mut intersectors: Vec<_> = all.iter().map(|m| m.intersector).collect();
-        intersectors.dedup();
-        let turn = intersectors[self.case.number as usize % intersectors.len()];
-        all.retain(|m| m.intersector == turn);
-        all
-    }
-
-    /// The usual intersector on every layout.
-    fn layouts(&self) -> Result<Vec<Method>> {
-        let mut all = self.methods()?;
-        all.retain(|m| m.intersector == Method::default().intersector);
-        Ok(all)
-    }
-
-    /// Those whose answers are the same everywhere.
-    fn robust_methods(&self) -> Result<Vec<Method>> {
-        let mut all = self.methods()?;
-        all.retain(|m| matches!(m.intersector, Intersector::Watertight | Intersector::Exact));
-        Ok(all)
-    }
 }
 
-const fn law(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
-    Law {
-        name,
-        check,
-        methods: |c| c.layouts(),
-    }
+/// Every method by which the subject traces.
+fn all(c: &Check<'_>) -> Result<Vec<Method>> {
+    let with = |intersector| {
+        Layout::ALL.map(|layout| Method {
+            intersector,
+            layout,
+        })
+    };
+    let mut all: Vec<_> = Intersector::ALL.into_iter().flat_map(with).collect();
+    all.retain(|&m| c.subject.supports(m));
+    let usual = all.contains(&Method::default());
+    ensure!(usual, "the backend does not support the usual method");
+    Ok(all)
 }
 
-const fn law_of_methods(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
-    Law {
-        methods: |c| c.methods(),
-        ..law(name, check)
-    }
+/// Those with some intersectors.
+fn by(c: &Check<'_>, is_wanted: impl Fn(Intersector) -> bool) -> Result<Vec<Method>> {
+    let mut some = all(c)?;
+    some.retain(|m| is_wanted(m.intersector));
+    Ok(some)
 }
 
-const fn law_of_robust(name: &'static str, check: fn(&mut Check<'_>) -> Result<()>) -> Law {
-    Law {
-        methods: |c| c.robust_methods(),
-        ..law(name, check)
-    }
+/// The usual intersector on every layout.
+fn usual(c: &Check<'_>) -> Result<Vec<Method>> {
+    by(c, |i| i == Method::default().intersector)
+}
+
+/// Those whose answers are the same everywhere.
+fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
+    by(c, |i| {
+        matches!(i, Intersector::Watertight | Intersector::Exact)
+    })
+}
+
+fn all_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
+    in_turn(c, all(c)?)
+}
+
+fn robust_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
+    in_turn(c, robust(c)?)
+}
+
+/// Of these methods those with the intersector whose turn it is: all have theirs within a few cases.
+fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
+    let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
+    intersectors.dedup();
+    let turn = intersectors[c.case.number as usize % intersectors.len()];
+    methods.retain(|m| m.intersector == turn);
+    Ok(methods)
+}
+
+/// A line a law: by which methods it is tried, its name, and whether it holds.
+macro_rules! laws {
+    ($($methods:ident $name:ident: $check:expr;)+) => {
+        &[$(Law { name: stringify!($name), methods: $methods, check: $check },)+]
+    };
 }
 
 /// Every law of backends that trace our trees.
-pub const LAWS: &[Law] = &[
-    law("positions_equal_the_formula", geometry::positions),
-    law_of_robust("boxes_are_of_the_moment_interpolated_last", geometry::boxes),
-    law("reports_name_what_was_done", reports::stages),
-    law("positions_come_back_as_they_were", geometry::read_back),
-    law(
-        "positions_of_a_stream_are_those_of_held_key_frames",
-        geometry::streamed,
-    ),
-    Law {
-        methods: |c| Ok(c.in_turn(c.robust_methods()?)),
-        ..law(
-            "key_frames_that_arrive_need_no_look_of_the_host",
-            arriving::measured,
-        )
-    },
-    law_of_robust(
-        "key_frames_that_arrive_are_played_as_those_held",
-        arriving::held,
-    ),
-    law_of_robust("closest_hits_equal_the_reference", answers::closest),
-    law_of_robust("any_hits_equal_the_reference", answers::any),
-    law_of_robust("pictures_and_shadows_equal_the_reference", answers::picture),
-    law_of_methods("a_camera_is_its_rays", answers::camera_is_rays),
-    law_of_methods("any_hit_agrees_with_closest_hit", answers::any_is_closest),
-    law_of_methods("queries_together_find_what_each_does", answers::together),
-    law("closed_bodies_do_not_leak", answers::leaks),
-    law_of_methods("tree_age_does_not_change_hits", trees::age),
-    law_of_methods("tree_shape_does_not_change_hits", trees::shape),
-    law("a_swap_does_not_change_hits", trees::swap),
-    law_of_methods("a_tree_that_was_brought_is_the_one_adopted", trees::brought),
-    law("what_never_moves_may_be_passed_over", still::passed_over),
-    law("a_tree_made_on_the_device_is_whole", trees::whole),
-    Law {
-        methods: |c| Ok(c.in_turn(c.methods()?)),
-        ..law(
-            "a_tree_made_on_the_device_does_not_change_hits",
-            trees::same_hits,
-        )
-    },
-    law("a_wrong_tree_is_refused", trees::wrong),
-    law(
-        "tickets_finish_in_order_and_answers_are_kept",
-        reports::tickets,
-    ),
-    law("loading_again_starts_afresh", reports::reload),
-];
+pub const LAWS: &[Law] = laws! {
+    usual positions_equal_the_formula: geometry::positions;
+    robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
+    usual reports_name_what_was_done: reports::stages;
+    usual positions_come_back_as_they_were: geometry::read_back;
+    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
+    robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
+    robust key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, verify);
+    robust closest_hits_equal_the_reference: |c| answers::closest(c, verify);
+    robust any_hits_equal_the_reference: |c| answers::any(c, verify);
+    robust pictures_and_shadows_equal_the_reference: |c| answers::shadows(c, verify);
+    all a_camera_is_its_rays: answers::camera_is_rays;
+    all any_hit_agrees_with_closest_hit: answers::any_is_closest;
+    all queries_together_find_what_each_does: answers::together;
+    usual closed_bodies_do_not_leak: answers::leaks;
+    all tree_age_does_not_change_hits: trees::age;
+    all tree_shape_does_not_change_hits: trees::shape;
+    usual a_swap_does_not_change_hits: trees::swap;
+    all a_tree_that_was_brought_is_the_one_adopted: trees::brought;
+    usual what_never_moves_may_be_passed_over: still::passed_over;
+    usual a_tree_made_on_the_device_is_whole: trees::whole;
+    all_in_turn a_tree_made_on_the_device_does_not_change_hits: trees::same_hits;
+    usual a_wrong_tree_is_refused: trees::wrong;
+    usual tickets_finish_in_order_and_answers_are_kept: reports::tickets;
+    usual loading_again_starts_afresh: reports::reload;
+};
 
 /// Every law of backends that make their trees themselves and leave what a ray hits to a driver.
-pub const OWN_TREE_LAWS: &[Law] = &[
-    law("positions_equal_the_formula", geometry::positions),
-    law("reports_name_what_was_done", reports::stages),
-    law("positions_come_back_as_they_were", geometry::read_back),
-    law(
-        "positions_of_a_stream_are_those_of_held_key_frames",
-        geometry::streamed,
-    ),
-    law_of_methods("a_camera_is_its_rays", within::camera_is_rays),
-    law("closest_hits_lie_within_rounding", within::closest),
-    law("any_hits_lie_within_rounding", within::any),
-    law("pictures_and_shadows_lie_within_rounding", within::picture),
-    law(
-        "key_frames_that_arrive_are_played_as_those_held",
-        arriving::held_within,
-    ),
-];
+pub const OWN_TREE_LAWS: &[Law] = laws! {
+    usual positions_equal_the_formula: geometry::positions;
+    usual reports_name_what_was_done: reports::stages;
+    usual positions_come_back_as_they_were: geometry::read_back;
+    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
+    all a_camera_is_its_rays: within::camera_is_rays;
+    usual closest_hits_lie_within_rounding: within::closest;
+    usual any_hits_lie_within_rounding: |c| answers::any(c, within::verify);
+    usual pictures_and_shadows_lie_within_rounding: |c| answers::shadows(c, within::verify);
+    usual key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, within::verify);
+};
 
 /// The laws that `backend` is to keep.
 pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {

@@ -11,19 +11,9 @@ use geom::{Hit, Ray};
 
 /// Closest hits of given rays and of a camera's.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Closest, verify)?;
+    answers::closest(c, verify)?;
     let camera = Rays::Camera(&c.case.camera);
     asked(c, camera, QueryKind::Closest, verify)
-}
-
-/// Whether anything is hit.
-pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Any, verify)
-}
-
-/// Hits and shadows of given rays and of a camera's.
-pub(super) fn picture(c: &mut Check<'_>) -> Result<()> {
-    answers::shadows(c, verify)
 }
 
 /// A camera's rays made on the device answer as the same rays given one by one, where a driver can be asked about them.

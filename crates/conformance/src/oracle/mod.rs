@@ -80,16 +80,6 @@ impl Oracle {
         self.settle(ray, maybe.into_iter())
     }
 
-    /// The hit of one triangle by itself, if it is hit; `tie` is then `false`.
-    ///
-    /// # Panics
-    /// If there is no such triangle.
-    pub fn hit_of(&self, ray: &Ray, triangle: u32) -> Option<ExactHit> {
-        let possible = is_active(&self.corners[triangle as usize]) && ray.is_valid();
-        let hits = self.settle(ray, possible.then_some(triangle).into_iter());
-        hits.into_iter().next()
-    }
-
     /// Every triangle whose box the ray may meet and that it does not surely miss, as far as `visit` asks (see
     /// [`Boxes::near`]).
     fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Candidate) -> f64) {

@@ -33,10 +33,7 @@ impl StressTest {
 
     /// Asks a backend everything; `None` if it does not support the intersector.
     pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<Option<Cell>> {
-        let method = Method {
-            intersector,
-            ..Method::default()
-        };
+        let method = Method::from(intersector);
         if !subject.supports(method) {
             return Ok(None);
         }

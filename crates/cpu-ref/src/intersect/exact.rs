@@ -3,12 +3,11 @@
 //! A filter in the sense of Shewchuk (1997) over the watertight test's own
 //! numbers. The bounds and their proof stand in `docs/design/hits.md`.
 
-use super::watertight::{Watertight, solve};
-use super::{Asked, Meeting, Search};
+use super::watertight::{Shear, Watertight, solve};
+use super::{Asked, Meeting, Search, TriangleTest};
 use crate::extreme::Rule;
-use crate::ray::PreparedRay;
-use crate::scale::{LEAST, flushed};
-use crate::traverse::{Leaf, Stack, Tree, Walk};
+use crate::scale::{LEAST, PreparedRay, flushed};
+use crate::traverse::{Leaf, Stack, Tree};
 use exact::Crossing;
 use geom::Hit;
 use glam::Vec4;
@@ -43,21 +42,16 @@ impl<N: Tree> Search<N> for Exact {
 
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit> {
         let ray = PreparedRay::new(&asked.ray, asked.scale)?;
-        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
-        let mut found = std::mem::take(&mut stack.candidates);
-        found.clear();
-        asked.tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
-            let candidate = judge(&walk, leaf).filter(|c| c.low <= bound);
-            found.extend(candidate);
-            Some(
-                candidate
-                    .filter(|c| c.sure)
-                    .map_or(bound, |c| bound.min(c.high)),
-            )
+        let (waiting, candidates) = (&mut stack.waiting, &mut stack.candidates);
+        candidates.clear();
+        let shear = Watertight::prepare(&ray);
+        asked.tree.visit(&ray, waiting, |leaf, bound| {
+            let candidate = judge(asked.tree, (&ray, &shear), leaf).filter(|c| c.low <= bound);
+            candidates.extend(candidate);
+            let sure = candidate.filter(|c| c.sure);
+            Some(sure.map_or(bound, |c| bound.min(c.high)))
         });
-        let hit = nearest(asked, &ray, &mut found);
-        stack.candidates = found;
-        hit
+        nearest(asked, &ray, candidates)
     }
 
     fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack<N>) -> bool {
@@ -65,27 +59,27 @@ impl<N: Tree> Search<N> for Exact {
         let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
             return false;
         };
-        let walk = Walk::<N, Watertight>::new(asked.tree, &ray);
-        let mut open = std::mem::take(&mut stack.candidates);
-        open.clear();
-        let mut blocked = asked.tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
-            let candidate = judge(&walk, leaf).filter(|c| other(c.place));
-            open.extend(candidate);
+        let (waiting, candidates) = (&mut stack.waiting, &mut stack.candidates);
+        candidates.clear();
+        let shear = Watertight::prepare(&ray);
+        let blocked = asked.tree.visit(&ray, waiting, |leaf, bound| {
+            let candidate = judge(asked.tree, (&ray, &shear), leaf).filter(|c| other(c.place));
+            candidates.extend(candidate);
             (!candidate.is_some_and(|c| c.sure)).then_some(bound)
         });
-        if !blocked && !open.is_empty() {
-            asked.settled.fetch_add(1, Relaxed);
-            blocked = open.iter().any(|c| meet(asked, c.place).is_some());
+        if blocked || candidates.is_empty() {
+            return blocked;
         }
-        stack.candidates = open;
-        blocked
+        asked.settled.fetch_add(1, Relaxed);
+        let mut open = candidates.iter();
+        open.any(|c| meet(asked, c.place).is_some())
     }
 }
 
 /// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
 #[inline(always)]
-fn judge<N: Tree>(walk: &Walk<'_, N, Watertight>, leaf: &Leaf) -> Option<Candidate> {
-    let sheared = walk.test.apply(&walk.tree.record::<Watertight>(leaf.place));
+fn judge<N: Tree>(tree: N, (ray, shear): (&PreparedRay, &Shear), leaf: &Leaf) -> Option<Candidate> {
+    let sheared = shear.apply(&tree.record::<Watertight>(leaf.place));
     let edges = sheared.edges();
     let largest = |v: Vec4| v.abs().truncate().max_element();
     let wide = largest(sheared.x).max(largest(sheared.y));
@@ -99,10 +93,10 @@ fn judge<N: Tree>(walk: &Walk<'_, N, Watertight>, leaf: &Leaf) -> Option<Candida
         return None;
     }
     let certain = (least > doubt || most < -doubt) && edges.truncate().is_finite();
-    let depths = walk.test.depths(&sheared);
+    let depths = shear.depths(&sheared);
     let meeting = solve(edges, depths);
     let [low, high] = span(leaf, meeting.t, (edges, depths), certain.then_some(doubt));
-    let within_limits = low > walk.ray.t_min && high < walk.ray.t_max;
+    let within_limits = low > ray.t_min && high < ray.t_max;
     Some(Candidate {
         place: leaf.place,
         sure: certain && within_limits,

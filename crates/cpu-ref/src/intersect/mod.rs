@@ -13,9 +13,8 @@ pub use woop::Woop;
 
 use crate::Geometry;
 use crate::extreme::Rule;
-use crate::ray::PreparedRay;
-use crate::scale::Scale;
-use crate::traverse::{Stack, Tree, Walk};
+use crate::scale::{PreparedRay, Scale};
+use crate::traverse::{Stack, Tree, meet_leaf};
 use ::exact::Line;
 use geom::{Hit, Ray, Triangle};
 use std::sync::atomic::AtomicU64;
@@ -96,13 +95,13 @@ impl<N: Tree, T: TriangleTest> Search<N> for T {
 
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit> {
         let (tree, ray) = (asked.tree, PreparedRay::new(&asked.ray, asked.scale)?);
-        let walk = Walk::<N, T>::new(tree, &ray);
+        let test = T::prepare(&ray);
         let mut best = Hit {
             t: ray.t_max,
             ..Hit::MISS
         };
         tree.visit(&ray, &mut stack.waiting, |leaf, _| {
-            if let Some(Meeting { t, u, v }) = walk.meet_leaf(leaf)
+            if let Some(Meeting { t, u, v }) = meet_leaf::<T>(tree, (&ray, &test), leaf)
                 && t <= best.t
             {
                 let triangle = tree.triangle(leaf.place).unwrap_or(best.triangle);
@@ -121,9 +120,9 @@ impl<N: Tree, T: TriangleTest> Search<N> for T {
         let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
             return false;
         };
-        let (tree, walk) = (asked.tree, Walk::<N, T>::new(asked.tree, &ray));
+        let (tree, test) = (asked.tree, T::prepare(&ray));
         tree.visit(&ray, &mut stack.waiting, |leaf, bound| {
-            let hit = walk.meet_leaf(leaf).is_some()
+            let hit = meet_leaf::<T>(tree, (&ray, &test), leaf).is_some()
                 && (skipped.is_none() || tree.triangle(leaf.place) != skipped);
             (!hit).then_some(bound)
         })

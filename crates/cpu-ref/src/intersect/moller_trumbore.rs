@@ -3,7 +3,7 @@
 //! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling and without its epsilon.
 
 use super::{Meeting, Record, TriangleTest};
-use crate::ray::PreparedRay;
+use crate::scale::PreparedRay;
 use geom::Triangle;
 use glam::Vec3A;
 

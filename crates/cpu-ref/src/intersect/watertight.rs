@@ -7,8 +7,7 @@
 
 use super::{Meeting, Record, TriangleTest};
 use crate::extreme::Rule;
-use crate::ray::PreparedRay;
-use crate::scale::flushed4;
+use crate::scale::{PreparedRay, flushed4};
 use geom::{Point, Triangle};
 use glam::{Vec4, Vec4Swizzles};
 

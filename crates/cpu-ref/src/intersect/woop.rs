@@ -5,7 +5,7 @@
 //! its squared length, which loses small triangles.
 
 use super::{Meeting, Record, TriangleTest};
-use crate::ray::PreparedRay;
+use crate::scale::PreparedRay;
 use geom::Triangle;
 use glam::{Vec3A, Vec4};
 

@@ -5,8 +5,7 @@ use crate::rays::{Given, Group, OneRay};
 use crate::simd::{Isa, Lanes, Level, Plain, Work};
 use crate::tree::{EMPTY, LANES, Planes};
 use crate::walk::{BoxTest, NodeRay};
-use cpu_ref::ray::PreparedRay;
-use cpu_ref::scale::Scale;
+use cpu_ref::scale::{PreparedRay, Scale};
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
 

@@ -19,8 +19,7 @@ const KEPT: usize = 4;
 pub struct Batch {
     /// Which.
     pub spec: BatchSpec,
-    answered: Answered,
-    about: AuditCounts,
+    pub(super) answered: Answered,
 }
 
 /// What was counted.
@@ -48,23 +47,6 @@ pub struct AuditCounts {
 }
 
 impl Batch {
-    pub(super) fn new(spec: BatchSpec, scene: StressScene) -> Self {
-        let answered = Answered::new(scene);
-        let hits = || answered.exact.iter().flatten();
-        let about = AuditCounts {
-            rays: answered.exact.len() as u64,
-            hits: hits().count() as u64,
-            ties: hits().filter(|e| e.tie).count() as u64,
-            edges: hits().filter(|e| e.edge).count() as u64,
-            ..AuditCounts::default()
-        };
-        Self {
-            spec,
-            answered,
-            about,
-        }
-    }
-
     /// Asks a backend all rays, for the closest hit and for any.
     ///
     /// # Errors
@@ -75,7 +57,7 @@ impl Batch {
         let (any, _) = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?;
         let mut tally = AuditCounts {
             settled: report.settled,
-            ..self.about.clone()
+            ..AuditCounts::default()
         };
         let bounds = TBounds::of(scene);
         let found = closest.closest.iter().zip(&any.blocked);
@@ -84,6 +66,10 @@ impl Batch {
             let wrong_any = (any == 1) != expected.is_some();
             let right_t = |e: ExactHit| bounds.allow(&scene.rays[number], &e, hit.t);
             let wrong_t = !wrong && !expected.is_none_or(right_t);
+            tally.rays += 1;
+            tally.hits += u64::from(expected.is_some());
+            tally.ties += u64::from(expected.is_some_and(|e| e.tie));
+            tally.edges += u64::from(expected.is_some_and(|e| e.edge));
             tally.wrong += u64::from(wrong);
             tally.wrong_any += u64::from(wrong_any);
             tally.wrong_t += u64::from(wrong_t);

@@ -11,6 +11,7 @@ use crate::generate::rays::{Aims, turn};
 use crate::generate::scenes::{SceneKind, scene};
 use crate::generate::{mixed, shares};
 use crate::stress::scenes::StressScene;
+use crate::stress::stress_test::Answered;
 use fastrand::Rng;
 use geom::Animation;
 use rayon::prelude::*;
@@ -86,7 +87,10 @@ impl Audit {
         let aims = Aims::of(&scene.animation, scene.time);
         let ray = |i| turn(&aims, i, &mut Rng::with_seed(mixed(seed ^ (i + 1))));
         scene.rays = (0..spec.rays).into_par_iter().map(ray).collect();
-        Batch::new(*spec, scene)
+        Batch {
+            spec: *spec,
+            answered: Answered::new(scene),
+        }
     }
 }
 

@@ -1,13 +1,14 @@
-//! What a backend owes its caller, as far as no other backend can be the measure; and that misuse panics.
+//! What the reference owes its caller: no other backend can be its measure. And that misuse panics.
 //!
-//! What rays hit is held to laws, to other backends and to exact answers: see `conformance` and `tests/tests/hits`.
+//! What rays hit is held to exact answers: see `tests/tests/hits`.
 
-use crate::CpuBackend;
-use backend::{Backend, Generation, Hits, Intersector, Method, Query, QueryKind, Rays, Ticket};
-use bvh_build::{BinaryTree, Boxes};
-use bvh_layout::{Converter, Spare, Topology};
+use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
+use bvh_layout::Topology;
+use conformance::record;
+use conformance::stage::{ask, stand, tree_at, triangles};
+use cpu_ref::CpuBackend;
 use fastrand::Rng;
-use geom::{Aabb, Animation, Point, Pose, Ray};
+use geom::{Aabb, Animation, Point, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -48,36 +49,17 @@ fn moving() -> Arc<Animation> {
     apart(keys)
 }
 
-/// A tree built over any boxes, for instance those of another moment.
-fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
-    let triangles = boxes.triangle_count();
-    Converter::new().convert(&BinaryTree::over(boxes), triangles, Spare::default())
-}
-
-/// The tree for a moment.
-fn tree_at(animation: &Animation, pose: Pose) -> Topology {
-    tree_over(&(animation, &vertices(animation, pose)[..]))
-}
-
-fn vertices(animation: &Animation, pose: Pose) -> Vec<Point> {
-    let moment = animation.moment(pose).unwrap();
-    let all = 0..animation.vertex_count() as u32;
-    all.map(|v| moment.vertex(v)).collect()
-}
-
 /// A tree that knows nothing of where triangles are: many overlaps, every depth.
 fn senseless_tree(animation: &Animation) -> Topology {
     let mut rng = Rng::with_seed(6);
-    let mut bounds = |i: u32| {
-        // Exponents spread out make long thin branches.
-        let at = [2.0_f32.powi(rng.i32(-40..40)), f32::from(rng.u8(..8)), 0.0];
-        match animation.is_live(i) {
-            true => Aabb { min: at, max: at },
-            false => Aabb::EMPTY,
-        }
-    };
     let all = 0..animation.triangle_count() as u32;
-    tree_over(&all.map(&mut bounds).collect::<Vec<Aabb>>()[..])
+    let mut leaves: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
+    rng.shuffle(&mut leaves);
+    let uneven = |depth, leaves| match depth {
+        0..20 => rng.usize(1..leaves),
+        _ => leaves / 2,
+    };
+    record(animation.triangle_count(), &leaves, uneven)
 }
 
 /// A backend that has interpolated, preprocessed and refitted.
@@ -85,38 +67,22 @@ fn ready(
     animation: &Arc<Animation>,
     intersector: Intersector,
     tree: &Topology,
-    pose: Pose,
+    time: f64,
     threads: usize,
 ) -> CpuBackend {
     let mut backend = CpuBackend::new(Some(threads)).unwrap();
-    let method = Method {
-        intersector,
-        ..Method::default()
-    };
-    backend.load(Arc::clone(animation), method).unwrap();
+    let scene = Arc::clone(animation);
+    backend.load(scene, intersector.into()).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
-    deform(&mut backend, pose);
+    stand(&mut backend, animation, time).unwrap();
     backend.submit().unwrap();
     backend
 }
 
-fn deform(backend: &mut CpuBackend, pose: Pose) {
-    backend.interpolate(pose).unwrap();
-    backend.preprocess().unwrap();
-    backend.refit().unwrap();
-}
-
-/// A backend that traces a scene as it stands at first.
-fn still(animation: &Arc<Animation>) -> CpuBackend {
-    let (pose, by) = (animation.pose(0.0), Intersector::Watertight);
-    ready(animation, by, &tree_at(animation, pose), pose, 1)
-}
-
-fn trace(backend: &mut CpuBackend, rays: &[Ray], kind: QueryKind) -> Hits {
-    let rays = Rays::List(rays);
-    backend.trace(Query { rays, kind }).unwrap();
-    let ticket = backend.submit().unwrap();
-    backend.hits(ticket).unwrap().clone()
+fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Hits {
+    ask(backend, Rays::List(rays), QueryKind::Closest)
+        .unwrap()
+        .0
 }
 
 /// Rays from a point to every vertex of the first key frame.
@@ -126,16 +92,16 @@ fn to_vertices(animation: &Animation, eye: Point) -> Vec<Ray> {
 }
 
 /// The box of each node, from its own triangles.
-fn boxes_from_scratch(animation: &Animation, tree: &Topology, positions: &[Point]) -> Vec<Aabb> {
+fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<Aabb> {
+    let all = triangles(animation, time);
     let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
     for node in (0..tree.node_count()).rev() {
         let rank = tree.ranks().of(node as u32);
         boxes[node] = match rank.leaf() {
             Some(leaf) => {
-                let t = animation.triangles()[tree.leaf_triangles()[leaf as usize] as usize];
-                let corners = t.map(|v| positions[v as usize]);
-                match geom::is_active(&corners) && !geom::is_degenerate(&corners) {
-                    true => Aabb::of_triangle(&corners),
+                let corners = &all[tree.leaf_triangles()[leaf as usize] as usize];
+                match geom::is_active(corners) && !geom::is_degenerate(corners) {
+                    true => Aabb::of_triangle(corners),
                     false => Aabb::EMPTY,
                 }
             }
@@ -149,7 +115,7 @@ fn boxes_from_scratch(animation: &Animation, tree: &Topology, positions: &[Point
 }
 
 fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) -> (Vec<Aabb>, f64) {
-    deform(backend, animation.pose(time));
+    stand(backend, animation, time).unwrap();
     let ticket = backend.submit().unwrap();
     let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
     (backend.inspect().boxes().unwrap(), cost)
@@ -158,13 +124,11 @@ fn boxes_and_cost(backend: &mut CpuBackend, animation: &Animation, time: f64) ->
 #[test]
 fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
     let animation = moving();
-    let pose = animation.pose(0.0);
-    for tree in [tree_at(&animation, pose), senseless_tree(&animation)] {
-        let mut backend = ready(&animation, Intersector::Watertight, &tree, pose, 2);
+    for tree in [tree_at(&animation, 0.0), senseless_tree(&animation)] {
+        let mut backend = ready(&animation, Intersector::Watertight, &tree, 0.0, 2);
         for time in [0.0, 0.4, 1.0, 1.7, 2.0] {
             let (found, cost) = boxes_and_cost(&mut backend, &animation, time);
-            let positions = backend.inspect().positions().unwrap();
-            let expected = boxes_from_scratch(&animation, &tree, &positions);
+            let expected = boxes_from_scratch(&animation, &tree, time);
             assert_eq!(found, expected, "{time}");
             let areas: f64 = expected.iter().map(Aabb::half_area).sum();
             let ratio = cost / (areas / expected[0].half_area());
@@ -176,11 +140,10 @@ fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
 #[test]
 fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
     let animation = apart(free(6_000, 60_000));
-    let start = animation.pose(0.0);
-    let plain = tree_at(&animation, start);
-    let listed = plain.clone().with_moving(animation.static_parts());
-    assert!(listed.moving().is_some());
-    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, start, threads);
+    let listed = tree_at(&animation, 0.0);
+    let plain = Topology::from_words(listed.words().to_vec()).unwrap();
+    assert!(listed.moving().is_some() && plain.moving().is_none());
+    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, 0.0, threads);
     let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
     let rays = to_vertices(&animation, [0.0; 3]);
     for time in [0.4, 1.0, 2.0, 0.0] {
@@ -191,12 +154,17 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
         assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
         assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
         let rays: Vec<Ray> = rays.iter().step_by(100).copied().collect();
-        let [a, b] = [&mut one, &mut many].map(|b| trace(b, &rays, QueryKind::Closest));
+        let [a, b] = [&mut one, &mut many].map(|b| closest(b, &rays));
         assert!(a == b, "{time}");
     }
     let still = apart(free(0, 3_000));
-    let tree = tree_at(&still, still.pose(0.0)).with_moving(still.static_parts());
-    let mut backend = ready(&still, Intersector::Watertight, &tree, start, 2);
+    let mut backend = ready(
+        &still,
+        Intersector::Watertight,
+        &tree_at(&still, 0.0),
+        0.0,
+        2,
+    );
     let first = boxes_and_cost(&mut backend, &still, 0.0);
     assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
 }
@@ -204,16 +172,19 @@ fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
 #[test]
 fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
     let animation = moving();
-    let [early, late] = [0.0, 1.7].map(|time| animation.pose(time));
+    let (early, late) = (0.0, 1.7);
     let rays = to_vertices(&animation, [0.3, 0.2, 9.0]);
     let tree = tree_at(&animation, early);
-    let fresh = |pose| ready(&animation, Intersector::Exact, &tree, pose, 1);
-    let expected = trace(&mut fresh(early), &rays, QueryKind::Closest);
+    let fresh = |time| ready(&animation, Intersector::Exact, &tree, time, 1);
+    let expected = closest(&mut fresh(early), &rays);
     let mut backend = fresh(late);
-    deform(&mut backend, early);
-    let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
-    backend.trace(Query { rays, kind }).unwrap();
-    backend.interpolate(late).unwrap();
+    stand(&mut backend, &animation, early).unwrap();
+    let query = Query {
+        rays: Rays::List(&rays),
+        kind: QueryKind::Closest,
+    };
+    backend.trace(query).unwrap();
+    backend.interpolate(animation.pose(late)).unwrap();
     let ticket = backend.submit().unwrap();
     let report = backend.wait(ticket).unwrap();
     assert_eq!(*backend.hits(ticket).unwrap(), expected);
@@ -251,11 +222,12 @@ fn misuse_panics_and_says_what_comes_first() {
         ("never given", |b| drop(b.wait(Ticket(77)))),
     ];
     for (why, misuse) in table {
-        let mut backend = still(&moving());
+        let (animation, by) = (moving(), Intersector::Watertight);
+        let mut backend = ready(&animation, by, &tree_at(&animation, 0.0), 0.0, 1);
         let panic = catch_unwind(AssertUnwindSafe(|| {
             misuse(&mut backend);
             assert!(why == stale, "it should have panicked before");
-            trace(&mut backend, &[], QueryKind::Closest);
+            closest(&mut backend, &[]);
         }));
         let said = panic.expect_err(why);
         let text = said.downcast_ref::<String>().map(String::as_str);
