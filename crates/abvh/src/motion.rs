@@ -244,12 +244,16 @@ impl Joined {
         }
     }
 
-    /// Has steps to come prepared where the device reads them.
+    /// Has steps to come prepared where the device reads them, with memory for as many as are held at a time: none of them stops
+    /// for a driver to make it.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
         if self.is_live {
-            let made = backend.point_buffer(self.animation.vertex_count());
-            self.next = made.map_err(Error::of_backend)?;
-            self.next.copy_from_slice(self.animation.first());
+            let first = self.animation.first();
+            self.next = copy_of(first, backend)?;
+            // One is read by whoever builds a tree, one by a frame under way.
+            for _ in 0..Animation::KEPT + 2 {
+                self.animation.add_spare_frame(copy_of(first, backend)?);
+            }
         }
         Ok(())
     }
@@ -275,12 +279,7 @@ impl Joined {
         // A frame that was dropped has meshes that never move where they are.
         let spare = match self.animation.spare_frame() {
             Some(spare) => spare,
-            None => {
-                let new = backend.point_buffer(self.next.len());
-                let mut new = new.map_err(Error::of_backend)?;
-                new.copy_from_slice(&self.next);
-                new
-            }
+            None => copy_of(&self.next, backend)?,
         };
         self.is_fresh = self.meshes.iter().map(|m| m.motion.is_fixed()).collect();
         let pushed = self
@@ -309,6 +308,13 @@ impl Joined {
         }
         Ok(())
     }
+}
+
+fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
+    let made = backend.point_buffer(points.len());
+    let mut made = made.map_err(Error::of_backend)?;
+    made.copy_from_slice(points);
+    Ok(made)
 }
 
 /// Whether vertices arrive while the scene is traced: steps bring them, or they are read beside those of other meshes.

@@ -56,6 +56,10 @@ impl LiveKeys {
         state.last
     }
 
+    pub(crate) fn add_spare(&self, frame: PointBuffer) {
+        lock(&self.state).dropped.push(Arc::new(frame));
+    }
+
     pub(crate) fn spare(&self) -> Option<PointBuffer> {
         let dropped = &mut lock(&self.state).dropped;
         let is_free = |frame: &KeyFrame| Arc::strong_count(frame) == 1;
@@ -131,6 +135,16 @@ impl Animation {
         Ok(live.push(frame) as f64)
     }
 
+    /// Key frames that are kept of a [live](Self::live) animation.
+    pub const KEPT: usize = LiveKeys::KEPT;
+
+    /// Takes memory for a key frame to come, where they [arrive](Self::push).
+    pub fn add_spare_frame(&self, frame: PointBuffer) {
+        if let KeyFrames::Live(live) = &self.keys {
+            live.add_spare(frame);
+        }
+    }
+
     /// Whether key frames [arrive](Self::push).
     pub fn is_arriving(&self) -> bool {
         matches!(self.keys, KeyFrames::Live(_))
@@ -182,6 +196,10 @@ mod tests {
         assert_eq!(late.vertex(0)[0], 16.0);
         assert_eq!(live.at(0.0).unwrap().vertex(1), REST[1]);
         assert_eq!(live.spare_frame().map(|frame| frame.len()), Some(3));
+        let spare = || live.spare_frame().map(|frame| frame[0][0]);
+        while spare().is_some() {}
+        live.add_spare_frame(at(7.0).into());
+        assert_eq!([spare(), spare()], [Some(7.0), None]);
     }
 
     #[test]

@@ -102,6 +102,7 @@ impl HostMemory {
             .allocation_size(bytes)
             .memory_type_index(types.trailing_zeros())
             .push_next(&mut from);
+        let _turn = gpu.memory.turn();
         // SAFETY: the pages are aligned, as many as said, and unmapped only after the memory is freed.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) }.ok()?;
         Some(Self { memory, pages })
@@ -109,6 +110,7 @@ impl HostMemory {
 
     /// Gives the pages back. Nothing may use them any more.
     pub(crate) fn free(self, gpu: &Gpu) {
+        let _turn = gpu.memory.turn();
         // SAFETY: the caller destroyed the buffer, whose submissions are done.
         unsafe { gpu.vk.free_memory(self.memory, None) };
     }

@@ -14,6 +14,7 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use gpu_common::lock;
+use parking_lot::{FairMutex, FairMutexGuard};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -22,6 +23,8 @@ use std::sync::{Arc, Mutex};
 pub(crate) struct Memory {
     /// Taken out before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
+    /// Whose turn it is to submit, allocate or free.
+    turn: FairMutex<()>,
     pub(crate) physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory.
     held: AtomicU64,
@@ -52,6 +55,7 @@ impl Memory {
         .map_err(|e| BackendError::NoDevice(format!("no memory allocator: {e}")))?;
         Ok(Self {
             allocator: Mutex::new(Some(allocator)),
+            turn: FairMutex::new(()),
             physical,
             held: AtomicU64::new(0),
             made: AtomicU64::new(0),
@@ -102,6 +106,12 @@ impl Memory {
         self.made.load(Ordering::Relaxed)
     }
 
+    /// Who submits, allocates or frees waits for one other at most: a lock within NVIDIA's driver goes to whoever comes first, and
+    /// a scene that is freed would keep it for all of its buffers.
+    pub(crate) fn turn(&self) -> FairMutexGuard<'_, ()> {
+        self.turn.lock()
+    }
+
     fn allocate(
         &self,
         what: &str,
@@ -115,7 +125,7 @@ impl Memory {
             linear: true,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let mut allocator = lock(&self.allocator);
+        let (_turn, mut allocator) = (self.turn(), lock(&self.allocator));
         let allocator = allocator.as_mut();
         let allocator = allocator.expect("the allocator lives as long as the device");
         let allocation = allocator
@@ -139,6 +149,7 @@ impl Memory {
     fn free(&self, allocation: Allocation) {
         self.held
             .fetch_sub(device_bytes(&allocation), Ordering::Relaxed);
+        let _turn = self.turn();
         if let Some(allocator) = lock(&self.allocator).as_mut() {
             // Freeing fails only for memory that is not this allocator's.
             let _ = allocator.free(allocation);

@@ -122,7 +122,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<
             .push_next(values)
     });
     let infos: Vec<_> = infos.collect();
-    let queue = lock(&queue.queue);
+    let (_turn, queue) = (gpu.memory.turn(), lock(&queue.queue));
     // SAFETY: who holds the lock alone uses the queue; all buffers live.
     unsafe { gpu.vk.queue_submit(*queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))
