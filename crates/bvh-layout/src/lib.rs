@@ -24,5 +24,5 @@ pub use convert::{Converter, Spare};
 pub use moving::Moving;
 pub use ranks::{NodeRank, NodeRanks};
 pub use record::Topology;
-pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};
+pub use treelets::{Treelet, Treelets, WideTree};
 pub use validate::RecordError;

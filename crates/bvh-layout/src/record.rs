@@ -155,7 +155,7 @@ impl Topology {
 
     /// Bytes handed over: the record, and lists of what moves.
     pub fn bytes(&self) -> usize {
-        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
+        let lists = self.moving.as_ref().map_or(0, |m| m.words.len());
         (self.words.len() + lists) * 4
     }
 

@@ -2,15 +2,13 @@
 
 mod cut;
 mod fill;
-mod moving;
 mod wide;
 
-use crate::Topology;
+use crate::{Moving, Topology};
 use bvh_build::BinaryTree;
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
 use geom::StaticParts;
-pub use moving::MovingTreelets;
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
 
@@ -63,7 +61,7 @@ pub struct Treelets {
     /// Roots of all treelets.
     pub root_count: u32,
     /// What must be done again when the scene moves; `None` if all of it.
-    pub moving: Option<MovingTreelets>,
+    pub moving: Option<Moving>,
     /// The same tree with 32 children a node, if it has that form.
     pub wide: Option<WideTree>,
 }
@@ -198,7 +196,7 @@ impl Treelets {
     /// If `parts` are of a scene that has not all the triangles.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        self.moving = MovingTreelets::of(&self, parts);
+        self.moving = Moving::of_treelets(&self, parts);
         let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
