@@ -84,10 +84,7 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        tree.fill(|tree| {
-            if cancel.is_cancelled() {
-                return Err(BuildError::Cancelled);
-            }
+        tree.fill(cancel, |tree| {
             let n = boxes.triangle_count();
             assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
             if self.prims.len() < n {

@@ -52,12 +52,8 @@ impl SubtreeRebuilder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<Costs, BuildError> {
-        tree.fill(|tree| {
+        tree.fill(cancel, |tree| {
             let areas = self.groups.find(last, boxes);
-            assert_eq!(
-                areas.lost, 0,
-                "a triangle of the last tree has no usable box"
-            );
             builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
             self.count();
             let slot = tree.slot(last.leaf_count());
@@ -179,15 +175,6 @@ mod tests {
     }
 
     #[test]
-    fn a_tree_of_none_or_one_stays_so() {
-        for n in [0, 1] {
-            let boxes = clumps(n, |_| 0.0, 1.0);
-            let last = BinaryTree::over(&boxes[..]);
-            assert_eq!(subtrees(&last, &boxes).0, last);
-        }
-    }
-
-    #[test]
     #[should_panic(expected = "no usable box")]
     fn a_box_that_vanished_is_refused() {
         let mut boxes = clumps(70, |c| c as f32, 0.1);
@@ -239,7 +226,7 @@ mod tests {
         /// Whatever moved where: every triangle is in it once, and costs are those of the trees.
         #[test]
         fn trees_stay_whole(
-            from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),
+            from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 0..300),
             shift in 0.0_f32..20.0,
         ) {
             let at = |shift: f32| -> Vec<Aabb> {
@@ -256,7 +243,7 @@ mod tests {
             order.sort_unstable();
             prop_assert!(order.iter().copied().eq(0..from.len() as u32));
             prop_assert!(groups.iter().all(|g| g.leaves <= MOST));
-            prop_assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
+            prop_assert!(tree.root().is_none_or(|root| depth(&tree, root) <= MAX_DEPTH));
             prop_assert!(is_about(costs.new, sah_cost(&tree, &after[..])), "{:?}", costs);
             prop_assert!(is_about(costs.last, sah_cost(&last, &after[..])), "{:?}", costs);
         }

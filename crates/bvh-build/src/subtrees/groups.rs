@@ -23,8 +23,6 @@ pub(super) struct Areas {
     pub(super) all: f64,
     /// Of those below the roots of groups.
     pub(super) within_groups: f64,
-    /// Leaves whose boxes are not usable.
-    pub(super) lost: usize,
 }
 
 /// Groups of a tree, from left to right, with their boxes; keeps its memory.
@@ -82,7 +80,6 @@ fn sum<'a>(
     let part = parts.next().expect("a task for each");
     areas.all += part.areas.all;
     areas.within_groups += part.areas.within_groups;
-    areas.lost += part.areas.lost;
     part.bounds
 }
 
@@ -143,7 +140,10 @@ impl Part {
         let before = self.nodes.len();
         let seen = if node.leaves == 1 {
             let bounds = self.leaves[(node.first_leaf - first) as usize];
-            self.areas.lost += usize::from(!is_usable(&bounds));
+            assert!(
+                is_usable(&bounds),
+                "a triangle of the last tree has no usable box"
+            );
             let area = bounds.half_area();
             let within = Some(0.0);
             Seen {
