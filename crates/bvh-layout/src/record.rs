@@ -230,9 +230,8 @@ impl Topology {
             .zip(self.leaf_bits().chunks(TASK))
         {
             let ones = bits.iter().map(|w| w.count_ones() as usize).sum();
-            let (part, after) = rest.split_at_mut(ones);
-            tasks.push((first, bits, part));
-            rest = after;
+            let part = rest.split_off_mut(..ones);
+            tasks.push((first, bits, part.expect("a node for each leaf")));
         }
         let tasks = tasks.into_par_iter();
         tasks.for_each(|(first, bits, part)| {

@@ -178,12 +178,12 @@ impl StaticParts {
 
     /// How many vertices are static.
     pub fn vertex_count(&self) -> usize {
-        count(&self.vertices)
+        self.vertices.iter().filter(|&&s| s).count()
     }
 
     /// How many triangles are static.
     pub fn triangle_count(&self) -> usize {
-        count(&self.triangles)
+        self.triangles.iter().filter(|&&s| s).count()
     }
 
     /// Runs of vertices that hold all that move, in order. Static vertices
@@ -218,10 +218,6 @@ fn bits(p: &Point) -> [u32; 3] {
 fn keeps_its_bits(p: &Point) -> bool {
     p.iter()
         .all(|x| x.is_finite() && x.to_bits() != (-0.0_f32).to_bits())
-}
-
-fn count(of: &[bool]) -> usize {
-    of.iter().filter(|&&is_static| is_static).count()
 }
 
 #[cfg(test)]

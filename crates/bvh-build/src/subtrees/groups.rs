@@ -93,9 +93,8 @@ fn join<T: Copy + Default + Send + Sync>(
     let mut rest = &mut to[..];
     let mut places = Vec::with_capacity(from.len());
     for part in from {
-        let (place, after) = rest.split_at_mut(of(part).len());
-        places.push((place, part));
-        rest = after;
+        let place = rest.split_off_mut(..of(part).len());
+        places.push((place.expect("there is room for all"), part));
     }
     let fill = |(place, part): (&mut [T], &Part)| place.copy_from_slice(of(part));
     places.into_par_iter().for_each(fill);

@@ -14,12 +14,6 @@ pub(super) struct Boxes {
     pub(super) rows: [Lanes; 6],
 }
 
-impl Default for Boxes {
-    fn default() -> Self {
-        Self::EMPTY
-    }
-}
-
 impl Boxes {
     pub(super) const EMPTY: Self = Self {
         rows: [[f32::NEG_INFINITY; LANES]; 6],

@@ -28,45 +28,30 @@ fn moments(all: &[Vec<Aabb>]) -> Vec<Moment<Frozen<'_>>> {
     (all.iter().map(|b| Frozen(b)).zip(weights).map(moment)).collect()
 }
 
-/// A builder of either kind, with memory of its own.
-enum AnyBuilder {
-    OneMoment(Builder),
-    Temporal(TemporalBuilder),
-}
+/// Builds a tree for the first moment, or for all.
+type AnyBuilder = Box<dyn FnMut(&[Vec<Aabb>], &mut BinaryTree)>;
 
-impl AnyBuilder {
-    fn all() -> [Self; 2] {
-        [
-            Self::OneMoment(Builder::new()),
-            Self::Temporal(TemporalBuilder::default()),
-        ]
-    }
-
-    /// The tree for the first moment, or for all.
-    fn build(&mut self, all: &[Vec<Aabb>], tree: &mut BinaryTree) {
-        let cancel = Cancel::new();
-        let built = match self {
-            Self::OneMoment(builder) => builder.build(&all[0][..], &cancel, tree),
-            Self::Temporal(builder) => builder.build(&moments(all), &cancel, tree),
-        };
+/// A builder for one moment and one for several, each with memory of its own.
+fn builders() -> [AnyBuilder; 2] {
+    let (mut one, mut temporal) = (Builder::new(), TemporalBuilder::default());
+    let one: AnyBuilder = Box::new(move |all, tree| {
+        let built = one.build(&all[0][..], &Cancel::new(), tree);
         built.unwrap();
-    }
-
-    /// The moments that a tree is built for.
-    fn moments<'a>(&self, all: &'a [Vec<Aabb>]) -> &'a [Vec<Aabb>] {
-        match self {
-            Self::OneMoment(_) => &all[..1],
-            Self::Temporal(_) => all,
-        }
-    }
+    });
+    let temporal: AnyBuilder = Box::new(move |all, tree| {
+        let built = temporal.build(&moments(all), &Cancel::new(), tree);
+        built.unwrap();
+    });
+    [one, temporal]
 }
 
 /// Builds with each builder and checks what holds for every tree; gives the depths.
 fn check(all: &[Vec<Aabb>]) -> [u32; 2] {
-    AnyBuilder::all().map(|mut builder| {
+    let mut built_for = [&all[..1], all].into_iter();
+    builders().map(|mut build| {
         let mut tree = BinaryTree::default();
-        builder.build(all, &mut tree);
-        let moments = builder.moments(all);
+        build(all, &mut tree);
+        let moments = built_for.next().unwrap();
         let usable = |i: &u32| moments.iter().any(|boxes| is_usable(&boxes[*i as usize]));
         check_holds((0..all[0].len() as u32).filter(usable).collect(), &tree)
     })
@@ -177,11 +162,11 @@ proptest! {
 
     #[test]
     fn the_workspace_leaves_no_trace_in_the_tree(first in moving_soup(), second in moving_soup()) {
-        for (mut builder, mut other) in AnyBuilder::all().into_iter().zip(AnyBuilder::all()) {
+        for (mut build, mut other) in builders().into_iter().zip(builders()) {
             let (mut reused, mut fresh) = (BinaryTree::default(), BinaryTree::default());
-            builder.build(&first, &mut reused);
-            builder.build(&second, &mut reused);
-            other.build(&second, &mut fresh);
+            build(&first, &mut reused);
+            build(&second, &mut reused);
+            other(&second, &mut fresh);
             prop_assert_eq!(reused, fresh);
         }
     }
@@ -202,13 +187,13 @@ proptest! {
         let mut large = || -> Vec<_> { (0..70_000).map(|i| troublesome((i % 11) as u8, 1.0, &mut next)).collect() };
         let with = |all: &[Vec<Aabb>], threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let built = |mut builder: AnyBuilder| {
+            let built = |mut build: AnyBuilder| {
                 let mut tree = BinaryTree::default();
-                builder.build(all, &mut tree);
+                build(all, &mut tree);
                 let cost = sah_cost(&tree, &all[0][..]).to_bits();
                 (tree, cost)
             };
-            pool.install(|| AnyBuilder::all().map(built))
+            pool.install(|| builders().map(built))
         };
         for all in [vec![boxes], vec![large(), large(), large()]] {
             let one = with(&all, 1);
