@@ -214,14 +214,14 @@ pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::tests::sized;
     use crate::prim::Extents;
     use geom::Aabb;
     use proptest::prelude::*;
 
     fn prim(corners: &[i16; 6], triangle: u32) -> Prim {
         let [a, b, c, x, y, z] = corners.map(f32::from);
-        let (min, max) = ([a, b, c], [a + x.abs(), b + y.abs(), c + z.abs()]);
-        Prim::new(&Aabb { min, max }, triangle)
+        Prim::new(&sized([a, b, c], [x, y, z].map(f32::abs)), triangle)
     }
 
     /// Area times number of one side of a plane.
@@ -263,11 +263,7 @@ mod tests {
     #[test]
     fn centres_at_both_ends_fall_into_the_first_and_last_bin() {
         for far in [1.0, 0.1, 3.3e7, 1e-30] {
-            let near = -0.7 * far;
-            let ends = [near, far].map(|x: f32| Aabb {
-                min: [x; 3],
-                max: [x; 3],
-            });
+            let ends = [-0.7 * far, far].map(|x: f32| sized([x; 3], [0.0; 3]));
             let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];
             let grid = Grid::new(&Extents::of(&prims).centers, 1000);
             let bins = prims.map(|p| grid.bins_of(&p));

@@ -129,14 +129,16 @@ pub(crate) mod tests {
     use geom::Aabb;
     use std::sync::atomic::AtomicU32;
 
+    /// A box by its lower corner and its edges.
+    pub(crate) fn sized(min: Point, edges: Point) -> Aabb {
+        let max = std::array::from_fn(|i| min[i] + edges[i]);
+        Aabb { min, max }
+    }
+
     /// So many cubes in a row.
     pub(crate) fn row(n: u32, edge: f32) -> Vec<Aabb> {
-        let bounds = |i: u32| {
-            let min = [i, i % 7, i % 31].map(|x| x as f32 * edge);
-            let max = min.map(|x| x + edge);
-            Aabb { min, max }
-        };
-        (0..n).map(bounds).collect()
+        let at = |i: u32| [i, i % 7, i % 31].map(|x| x as f32 * edge);
+        (0..n).map(|i| sized(at(i), [edge; 3])).collect()
     }
 
     #[test]

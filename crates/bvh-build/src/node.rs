@@ -237,16 +237,13 @@ pub(crate) fn partition_parallel(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geom::Aabb;
+    use crate::builder::tests::sized;
 
     #[test]
     fn chunks_in_parallel_move_like_one_loop_and_keep_the_order() {
         let n = 3 * CHUNK + 17;
         let at = |i: usize| std::array::from_fn(|k| (i * (7919 + 31 * k) % 1009) as f32);
-        let prim = |i: usize| {
-            let (min, max) = (at(i), at(i));
-            Prim::new(&Aabb { min, max }, i as u32)
-        };
+        let prim = |i: usize| Prim::new(&sized(at(i), [0.0; 3]), i as u32);
         let prims: Vec<_> = (0..n).map(prim).collect();
         let extents = Extents::of(&prims);
         let grid = Grid::new(&extents.centers, n);

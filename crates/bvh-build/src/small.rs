@@ -174,6 +174,7 @@ fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::tests::sized;
     use geom::Aabb;
     use proptest::prelude::*;
 
@@ -214,7 +215,6 @@ mod tests {
 
     fn prim(corners: &[u8; 6], triangle: u32) -> Prim {
         let [a, b, c, x, y, z] = corners.map(f32::from);
-        let (min, max) = ([a, b, c], [a + x + 1.0, b + y + 1.0, c + z + 1.0]);
-        Prim::new(&Aabb { min, max }, triangle)
+        Prim::new(&sized([a, b, c], [x, y, z].map(|e| e + 1.0)), triangle)
     }
 }

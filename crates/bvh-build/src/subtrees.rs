@@ -112,6 +112,7 @@ mod tests {
     use super::groups::MOST;
     use super::*;
     use crate::MAX_DEPTH;
+    use crate::builder::tests::sized;
     use geom::Aabb;
     use proptest::prelude::*;
 
@@ -120,10 +121,7 @@ mod tests {
         let bounds = |i: u32| {
             let x = clump(i / 7) + (i % 7) as f32 * part;
             let min = [x, ((i / 7) % 5) as f32, (i % 7) as f32 * 0.1];
-            Aabb {
-                min,
-                max: min.map(|x| x + 1.0),
-            }
+            sized(min, [1.0; 3])
         };
         (0..n).map(bounds).collect()
     }
@@ -198,10 +196,7 @@ mod tests {
 
     #[test]
     fn no_leaf_lies_too_deep() {
-        let cube = |min: [f32; 3], size: f32| Aabb {
-            min,
-            max: min.map(|x| x + size),
-        };
+        let cube = |min, size| sized(min, [size; 3]);
         // Each plane takes one away: every cube lies 64 times as far out as the next.
         let mut boxes = Vec::new();
         for i in 0..78 {
@@ -232,7 +227,7 @@ mod tests {
             let at = |shift: f32| -> Vec<Aabb> {
                 let moved = |(i, (p, r)): (usize, &([f32; 3], f32))| {
                     let min = [p[0] + shift * (i % 3) as f32, p[1], p[2] - shift * (i % 2) as f32];
-                    Aabb { min, max: min.map(|x| x + r) }
+                    sized(min, [*r; 3])
                 };
                 from.iter().enumerate().map(moved).collect()
             };
