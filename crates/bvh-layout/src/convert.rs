@@ -111,19 +111,11 @@ impl Converter {
         reuse: Spare,
     ) -> Topology {
         let mut room = std::mem::take(&mut self.room);
-        let Spare { words, treelets } = reuse;
+        let (words, treelets) = (reuse.words, Vec::new());
+        let record_room = Spare { words, treelets };
         let (mut record, treelets) = rayon::join(
-            || {
-                self.convert(
-                    tree,
-                    triangle_count,
-                    Spare {
-                        words,
-                        ..Spare::default()
-                    },
-                )
-            },
-            || Treelets::of_tree_in(tree, &mut room, treelets),
+            || self.convert(tree, triangle_count, record_room),
+            || Treelets::of_tree_in(tree, &mut room, reuse.treelets),
         );
         self.room = room;
         record.treelets = Some(Box::new(treelets));

@@ -49,11 +49,10 @@ impl Walk {
             let node = walk.pop();
             let left = tree.left_leaves()[at];
             let [left_child, right_child] = node.children(left);
+            walk.push(right_child);
             if at + (left as usize) <= start {
-                walk.push(right_child);
                 at += left as usize;
             } else {
-                walk.push(right_child);
                 walk.push(left_child);
                 at += 1;
             }

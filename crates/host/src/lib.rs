@@ -293,21 +293,6 @@ mod linux {
 mod tests {
     use super::*;
 
-    #[test]
-    fn what_is_needed_and_what_is_there_are_both_told() {
-        let by = "control group";
-        let free = Free {
-            bytes: 2_500_000,
-            by,
-        };
-        let e = NotEnough {
-            need: 19_000_000_000,
-            free,
-        };
-        let says = "19.0 GB of memory are needed, 2.5 MB are free (control group)";
-        assert_eq!(e.to_string(), says);
-    }
-
     #[cfg(target_os = "linux")]
     #[test]
     fn more_than_there_is_is_refused() {

@@ -53,7 +53,10 @@ fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
 
 #[test]
 fn all_three_encodings_say_the_same() {
-    let text = ascii("0 0 0\n1 0 0\n1 1 0\n 0 1. .0\n", "4 0 1 2 3\n3 3 2 0\n");
+    let text = ascii(
+        "0 0 0\n+1 0 0\n10e-1 .1e1 -.0\r\n 0 1. .0\n",
+        "4 0 1 2 3\n3 3 2 0\n",
+    );
     let faces: [(i32, &[i16]); 2] = [(4, &[0, 1, 2, 3]), (3, &[3, 2, 0])];
     let (little, big) = (binary(false, &faces), binary(true, &faces));
     for bytes in [text.into_bytes(), little, big] {

@@ -102,7 +102,7 @@ const NORMALIZED: &str = r#","normalized":true"#;
 
 const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// A triangle on a node that moves, below one that turns by steps and one that mirrors.
+/// A triangle on a node that moves, below one that turns by steps, later and no longer, and one that mirrors.
 fn moving() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
@@ -110,12 +110,13 @@ fn moving() -> (Bin, String) {
     let moves = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0], "VEC3");
     let half = 0.5_f32.sqrt();
     let turns = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], "VEC4");
+    let later = bin.floats(&[1.25, 1.75], "SCALAR");
     let rest = format!(
         r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners}}},"material":0}}]}}],
         "materials":[{{"pbrMetallicRoughness":{{"baseColorFactor":[1,0,0.21404114,1]}}}}],
         "nodes":[{{"mesh":0,"translation":[0,5,0]}},{{"children":[0],"rotation":[0,0,0,1]}},{{"children":[1],"scale":[-1,1,1]}}],
         "scenes":[{{"nodes":[2]}}],"scene":0,
-        "animations":[{{"name":"go","samplers":[{{"input":{times},"output":{moves}}},{{"input":{times},"output":{turns},"interpolation":"STEP"}}],
+        "animations":[{{"name":"go","samplers":[{{"input":{times},"output":{moves}}},{{"input":{later},"output":{turns},"interpolation":"STEP"}}],
         "channels":[{{"sampler":0,"target":{{"node":0,"path":"translation"}}}},{{"sampler":1,"target":{{"node":1,"path":"rotation"}}}}]}}]"#
     );
     (bin, rest)
@@ -184,7 +185,8 @@ fn skinned() -> (Bin, String) {
     binds[16 + 12] = -1.0;
     let binds = bin.floats(&binds, "MAT4");
     let times = bin.floats(&[0.0, 1.0], "SCALAR");
-    let half = 0.5_f32.sqrt();
+    let half = -0.5_f32.sqrt();
+    // The negated quaternion says the same, but the arc to it is the longer one.
     let turns = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], "VEC4");
     let rest = format!(
         r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners},"JOINTS_0":{joints},"WEIGHTS_0":{weights}}}}}]}}],

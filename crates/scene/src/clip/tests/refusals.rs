@@ -141,7 +141,7 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
         read_with(&bytes, &options)
     };
     let with = |fps, memory| with_run(fps, memory, [0, 0]);
-    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free";
+    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free (limit given)";
     refused(with(1.0, 16 << 30), &[says]);
     let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
     refused(with(0.001, 100_000), &[says]);
