@@ -94,7 +94,6 @@ impl Plane {
     }
 }
 
-/// What fell into each bin.
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
     boxes: [[Bounds; BINS]; 3],
@@ -171,7 +170,6 @@ impl Bins {
         Some(Plane::new(*grid, axis, best_bin[axis] as usize))
     }
 
-    /// The boxes on both sides of a plane.
     pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
         let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
         [left, right].map(|side| side.iter().copied().fold(Bounds::EMPTY, Bounds::union))

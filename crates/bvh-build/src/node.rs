@@ -75,7 +75,6 @@ pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildErro
     each.try_for_each(|node| build_subtree(node, task))
 }
 
-/// Builds the subtree of `node`.
 fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {

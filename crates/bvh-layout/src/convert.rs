@@ -25,7 +25,6 @@ pub struct Converter {
     tallies: Vec<LevelCounts>,
     /// One entry an inner node in breadth-first order: which children are leaves.
     leaf_children: Vec<u8>,
-    /// Where treelets are made.
     room: Workspace,
 }
 
@@ -122,7 +121,6 @@ impl Converter {
         record
     }
 
-    /// Fills the tallies.
     fn count(&mut self, tree: &BinaryTree) {
         let chunks = tree.left_leaves().par_chunks(CHUNK).enumerate();
         chunks

@@ -33,7 +33,6 @@ impl Header {
         self.node_count().div_ceil(32)
     }
 
-    /// Words of the whole record.
     pub(crate) fn record_words(self) -> usize {
         let table = Topology::HEADER_WORDS + self.levels as usize;
         table + 2 * self.bit_words() + self.leaves as usize

@@ -16,7 +16,6 @@ const SPARE: usize = 2;
 pub(crate) struct KeyWindow {
     /// How many key frames the whole sequence has.
     pub(crate) keys: usize,
-    /// How many are kept.
     pub(crate) capacity: usize,
     /// Always held, beside the others.
     pub(crate) first: KeyFrame,

@@ -5,7 +5,6 @@ use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range, lock}
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-/// The last few key frames.
 #[derive(Debug)]
 pub(crate) struct LiveKeys {
     pub(crate) first: KeyFrame,

@@ -29,7 +29,6 @@ pub(crate) struct Survey {
 const RUN: usize = 1 << 16;
 
 impl Survey {
-    /// Looks at all key frames, one after another.
     pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
         let first = keys.first();
         let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![bounds(first)]);

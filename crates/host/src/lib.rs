@@ -238,7 +238,6 @@ mod linux {
         all
     }
 
-    /// What the system says of this process.
     pub(super) fn status() -> String {
         read_to_string("/proc/self/status").unwrap_or_default()
     }

@@ -45,7 +45,6 @@ pub(crate) fn path(word: &str) -> PathBuf {
     decoded().unwrap_or_else(|| word.into())
 }
 
-/// The path that a word stands for.
 #[cfg(not(unix))]
 pub(crate) fn path(word: &str) -> PathBuf {
     word.into()

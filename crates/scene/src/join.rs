@@ -14,7 +14,6 @@ const AND: char = '+';
 /// Between an input and where it stands.
 const AT: char = '@';
 
-/// One input and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Input<'a> {
     /// What names it alone.

@@ -22,7 +22,6 @@ impl From<KeyFrameError> for SceneError {
 /// Key frames that are kept of a stream, at least and at most.
 const WINDOW: [u64; 2] = [8, 64];
 
-/// Bytes of a key frame of so many vertices.
 pub(crate) fn bytes(vertices: usize) -> u64 {
     (vertices as u64).saturating_mul(size_of::<Point>() as u64)
 }

@@ -17,9 +17,7 @@ const TASK: u32 = 2048;
 /// Sums of half areas of nodes of the tree at hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Areas {
-    /// The root's.
     pub(super) root: f64,
-    /// Of all nodes.
     pub(super) all: f64,
     /// Of those below the roots of groups.
     pub(super) within_groups: f64,
@@ -34,7 +32,6 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Finds those of `tree`.
     pub(super) fn find<B: Boxes + ?Sized>(&mut self, tree: &BinaryTree, boxes: &B) -> Areas {
         let mut tasks = Vec::new();
         if let Some(root) = tree.root() {

@@ -11,7 +11,6 @@ use fastrand::Rng;
 use geom::Aabb;
 use proptest::prelude::*;
 
-/// Boxes of one moment.
 struct Frozen<'a>(&'a [Aabb]);
 
 impl Boxes for Frozen<'_> {
@@ -87,7 +86,6 @@ fn check_holds(active: Vec<u32>, tree: &BinaryTree) -> u32 {
     deepest
 }
 
-/// Box of edge `edge` at `at`.
 fn cube(at: [f32; 3], edge: f32) -> Aabb {
     Aabb {
         min: at,

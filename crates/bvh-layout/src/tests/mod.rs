@@ -39,7 +39,6 @@ pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
     }
 }
 
-/// The tree's record.
 pub(crate) fn record(tree: &BinaryTree) -> Topology {
     Converter::new().convert(tree, scene(tree), Spare::default())
 }

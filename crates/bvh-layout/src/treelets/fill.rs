@@ -197,7 +197,6 @@ impl Inner {
 }
 
 impl Treelets {
-    /// Writes the table.
     fn finish(&mut self, cuts: &[Cut], found: &[(u32, u32)], inner_at: usize) {
         let mut next = Treelet {
             inner_at: inner_at as u32,

@@ -108,7 +108,6 @@ pub(crate) struct Workspace {
 
 #[cfg(test)]
 impl Workspace {
-    /// Writes over all that is in it.
     pub(crate) fn spoil(&mut self) {
         self.inner.fill(u32::MAX);
         let places = self.places.iter_mut();

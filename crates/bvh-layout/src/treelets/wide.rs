@@ -34,7 +34,6 @@ impl Lane {
 }
 
 impl Source<'_> {
-    /// The children of an inner node.
     fn open(&self, node: Subtree) -> [Lane; 2] {
         let place = self.places[node.inner as usize].load(Ordering::Relaxed);
         let row = self.treelets.treelet(place as usize >> 8).inner_row + 4 * (place & 255);

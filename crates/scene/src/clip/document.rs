@@ -35,7 +35,6 @@ fn is_understood(name: &str) -> bool {
 }
 
 impl File {
-    /// What is wrong with something in the JSON.
     pub(super) fn wrong(&self, place: Location, cause: impl std::fmt::Display) -> SceneError {
         SceneError::malformed(&self.path, place, cause)
     }

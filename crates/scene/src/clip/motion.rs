@@ -18,7 +18,6 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Reads all channels of a clip, if there is one.
     pub(super) fn of(file: &File, clip: Option<&gltf::Animation<'_>>) -> Result<Self> {
         let mut motion = Self::default();
         for channel in clip.into_iter().flat_map(gltf::Animation::channels) {
@@ -27,7 +26,6 @@ impl Motion {
         Ok(motion)
     }
 
-    /// Whether anything moves at a node.
     pub(super) fn moves(&self, node: usize) -> bool {
         let own = self.tracks.range((node, 0)..(node + 1, 0));
         own.count() > 0
@@ -97,7 +95,6 @@ fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
-/// How many morph targets a node's mesh has.
 fn targets(node: &gltf::Node<'_>) -> usize {
     let primitives = node.mesh().into_iter().flat_map(|m| m.primitives());
     let counts = primitives.map(|p| p.morph_targets().count());
@@ -150,7 +147,6 @@ impl Track {
         Ok(())
     }
 
-    /// Values for each time.
     fn each(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,

@@ -15,7 +15,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_memory(path, &bytes)?;
@@ -58,7 +57,6 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     })
 }
 
-/// What a file says.
 #[derive(Debug, Default)]
 struct Statements {
     /// Vertices and faces alone, faces by absolute position index: text for `tobj`.
@@ -67,11 +65,9 @@ struct Statements {
     topology: Topology,
     /// One for each vertex, if every vertex has one.
     colours: Vec<Rgb>,
-    /// Names of material libraries.
     libraries: Vec<String>,
     /// (First face, name) of each material in use.
     uses: Vec<(usize, String)>,
-    /// Line of each face.
     face_lines: Vec<usize>,
     /// Statements that are skipped: how many there are, and the line of the first.
     skipped: BTreeMap<String, (usize, usize)>,
@@ -83,7 +79,6 @@ struct Statements {
 type Wrong = (usize, String);
 
 impl Statements {
-    /// Goes through the whole text.
     fn scan(bytes: &[u8]) -> Result<Self, Wrong> {
         let mut found = Self {
             open_end: !bytes.ends_with(b"\n") && !bytes.is_empty(),
@@ -205,7 +200,6 @@ impl Statements {
         Ok(())
     }
 
-    /// Remarks about what was left out.
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
         let told = |(word, (count, line)): (&String, &(usize, usize))| {
