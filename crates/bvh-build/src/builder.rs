@@ -110,10 +110,7 @@ impl Builder {
 }
 
 impl BinaryTree {
-    /// A tree over all boxes that are not empty, by a builder of its own.
-    ///
-    /// # Panics
-    /// As [`Builder::build`].
+    /// [`Builder::build`], by a builder of its own.
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();

@@ -143,10 +143,7 @@ impl BinaryTree {
         &self.order[node.first_leaf as usize..][..node.leaves as usize]
     }
 
-    /// Both children of an inner node.
-    ///
-    /// # Panics
-    /// On a leaf.
+    /// See [`Subtree::children`].
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
         node.children(&self.left_leaves)

@@ -99,9 +99,6 @@ impl Converter {
 
     /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them, and
     /// 10 more where they are made wide.
-    ///
-    /// # Panics
-    /// As [`Converter::convert`].
     #[must_use]
     pub fn convert_with_treelets(
         &mut self,

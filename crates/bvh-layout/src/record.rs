@@ -61,10 +61,7 @@ impl Topology {
     /// Words before the level table.
     pub const HEADER_WORDS: usize = 8;
 
-    /// Takes a record from elsewhere, checking every property it must have.
-    ///
-    /// # Errors
-    /// [`RecordError`] says what is wrong and where.
+    /// Takes a record from elsewhere, checking every property it must have. The error says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         validate(&words)?;
         Ok(Self::of_words(words))
@@ -302,10 +299,7 @@ pub struct NodeRanks<'a> {
 }
 
 impl NodeRanks<'_> {
-    /// The rank of a node.
-    ///
-    /// # Panics
-    /// If there is no such node.
+    /// The rank of a node, which must be there.
     #[inline]
     pub fn of(self, node: u32) -> NodeRank {
         let (word, bit) = (node as usize / 32, node % 32);

@@ -60,10 +60,7 @@ impl Walk {
         walk
     }
 
-    /// Meets the next inner nodes, one for each entry of `left_leaves`.
-    ///
-    /// # Panics
-    /// If the tree is deeper than [`MAX_DEPTH`].
+    /// Meets the next inner nodes, one for each entry of `left_leaves`. Panics if the tree is deeper than [`MAX_DEPTH`].
     #[inline(always)]
     pub(crate) fn run(mut self, left_leaves: &[u32], mut meet: impl FnMut(Inner)) {
         for &left in left_leaves {

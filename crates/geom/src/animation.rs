@@ -129,10 +129,7 @@ impl Animation {
         }
     }
 
-    /// All key frames, also those that are not held.
-    ///
-    /// # Errors
-    /// One cannot be read.
+    /// All key frames, also those that are not held, if each can be read.
     pub fn all_keys(&self) -> Result<Vec<KeyFrame>, KeyFrameError> {
         (0..self.key_count()).map(|key| self.key(key)).collect()
     }
@@ -176,9 +173,6 @@ impl Animation {
     }
 
     /// Likewise, at a time in key frames.
-    ///
-    /// # Errors
-    /// Those of [`Self::key`].
     pub fn at(&self, time: f64) -> Result<Moment<'_>, KeyFrameError> {
         self.moment(self.pose(time))
     }

@@ -46,10 +46,7 @@ struct Entry {
 }
 
 impl KeyWindow {
-    /// Of a part of so many key frames, at least four of them.
-    ///
-    /// # Errors
-    /// No threads can be had.
+    /// Of a part of so many key frames, at least four of them; if threads can be had.
     pub(crate) fn new(
         source: Arc<KeySource>,
         first: KeyFrame,

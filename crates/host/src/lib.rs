@@ -37,9 +37,6 @@ pub struct NotEnough {
 }
 
 /// Checks that so many bytes can be had, where the system tells.
-///
-/// # Errors
-/// They cannot.
 pub fn check(need: u64) -> Result<(), NotEnough> {
     // Asking takes longer than having.
     const ALWAYS: u64 = 1 << 20;
@@ -50,9 +47,6 @@ pub fn check(need: u64) -> Result<(), NotEnough> {
 }
 
 /// Checks that so many bytes are at most what is free, if that is known.
-///
-/// # Errors
-/// They are more.
 pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     match free {
         Some(free) if need > free.bytes => Err(NotEnough { need, free }),
@@ -60,10 +54,7 @@ pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     }
 }
 
-/// An empty list with room for so many elements.
-///
-/// # Errors
-/// The allocator refuses.
+/// An empty list with room for so many elements, unless the allocator refuses.
 pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut list = Vec::new();
     list.try_reserve_exact(count)?;

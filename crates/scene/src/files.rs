@@ -51,10 +51,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
 }
 
 /// All files that decide what the scene named by `spec` holds: key frames, materials, buffers, times; sorted, each once.
-/// A demo has none.
-///
-/// # Errors
-/// [`SceneError`]: an input cannot be found or read.
+/// A demo has none. Every input must be there.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {

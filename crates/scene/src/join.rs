@@ -41,10 +41,8 @@ impl Placement {
     }
 }
 
-/// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains.
-///
-/// # Errors
-/// What follows `@` is no place.
+/// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains. What follows
+/// an `@` must be a place.
 pub(crate) fn inputs<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
     let (mut inputs, mut rest) = (Vec::new(), Some(spec));
     while let Some(spec) = rest {
@@ -94,10 +92,7 @@ fn parse(text: &str) -> Option<Placement> {
     })
 }
 
-/// Opens every input and joins them.
-///
-/// # Errors
-/// Those of each, or inputs that move have different numbers of key frames.
+/// Opens every input and joins them. Those that move must have equally many key frames.
 pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
     if !inputs.iter().any(|i| source::has_clips(i.spec)) {
         source::refuse_clip(spec, options)?;

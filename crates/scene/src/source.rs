@@ -6,9 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Opens the scene that `spec` names.
-///
-/// # Errors
-/// See [`SceneError`].
 pub fn open(spec: &str, options: &Options) -> Result<Scene> {
     match join::inputs(spec, &exists)?.as_slice() {
         [Input { spec, place: None }] => open_one(spec, options),

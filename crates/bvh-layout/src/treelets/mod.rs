@@ -228,10 +228,7 @@ impl Treelets {
         self.levels.last().map_or(0, |level| level.end as usize)
     }
 
-    /// A treelet's entry.
-    ///
-    /// # Panics
-    /// If there is no such treelet.
+    /// A treelet's entry; it must be there.
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];

@@ -1,9 +1,8 @@
 //! Wavefront OBJ: `tobj` reads numbers, fans faces and reads materials.
 //!
-//! `tobj` names no line, counts the vertices of each group anew, takes lines
-//! (`l`) for faces and leaves out what it does not like about some of them;
-//! so [`Statements`] goes through the text first, refuses what is wrong with
-//! the line it is in, and hands on plain vertices and faces only.
+//! `tobj` names no line, counts the vertices of each group anew, takes lines (`l`) for faces and leaves out what it does not
+//! like about some of them. So [`Statements`] goes through the text first, refuses what is wrong with the line it is in, and
+//! hands on plain vertices and faces only.
 
 mod materials;
 
