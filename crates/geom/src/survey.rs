@@ -1,6 +1,5 @@
 //! What all key frames of an animation tell together, seen one after another; and which parts never move.
 
-use crate::key_frames::KeyFrames;
 use crate::sizes::{Parts, Sizes};
 use crate::triangle::corners;
 use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, is_active, is_degenerate};
@@ -8,7 +7,7 @@ use rayon::prelude::*;
 use std::ops;
 
 /// Facts that hold for the whole motion.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
     /// Triangles that are inactive in the first key frame, and their boxes in the first that has them active.
     pub(crate) fallback_corners: Vec<(u32, Aabb)>,
@@ -29,8 +28,9 @@ pub(crate) struct Survey {
 const RUN: usize = 1 << 16;
 
 impl Survey {
-    pub(crate) fn of(keys: &KeyFrames, triangles: &[[u32; 3]]) -> Result<Self, KeyFrameError> {
-        let first = keys.first();
+    /// Of all key frames, one after another; several are read at a time.
+    pub(crate) fn of(animation: &Animation) -> Result<Self, KeyFrameError> {
+        let (first, triangles) = (animation.first(), animation.triangles());
         let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![bounds(first)]);
         let mut is_static = vec![true; first.len()];
         let mut fallback_corners = Vec::new();
@@ -41,7 +41,10 @@ impl Survey {
             let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
             inactive = all.filter(none).collect();
         }
-        keys.for_each_after_first(|frame| {
+        let count = animation.key_count();
+        for key in 1..count {
+            animation.look_ahead((key..count).map(|key| key as f64));
+            let frame = &animation.key(key)?[..];
             let is_first_blend = sizes.len() == 1;
             let pairs = first.par_iter().zip(frame);
             let each = is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
@@ -59,7 +62,7 @@ impl Survey {
                 }
                 !active
             });
-        })?;
+        }
         fallback_corners.sort_unstable_by_key(|&(t, _)| t);
         let (scale_exponent, ranges) = Range::of_keys(&sizes);
         Ok(Self {
