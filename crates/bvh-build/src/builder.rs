@@ -54,12 +54,6 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// A builder that holds no memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
     ///
     /// # Errors
@@ -114,7 +108,7 @@ impl BinaryTree {
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();
-        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+        let built = Builder::default().build(boxes, &Cancel::new(), &mut tree);
         built.expect("nobody cancels");
         tree
     }
@@ -140,7 +134,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_second_build_of_the_same_or_a_smaller_size_keeps_its_memory() {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (large, cancel) = (row(50_000, 1.0), Cancel::new());
         builder.build(&large[..], &cancel, &mut tree).unwrap();
         let memory = |builder: &Builder, tree: &BinaryTree| {
@@ -175,7 +169,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_cancelled_build_leaves_an_empty_tree_and_a_working_builder() {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (before, during, few) = (Cancel::new(), Cancel::new(), row(9, 1.0));
         builder.build(&few[..], &before, &mut tree).unwrap();
         before.cancel();

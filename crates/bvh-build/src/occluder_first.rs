@@ -76,7 +76,7 @@ mod tests {
     }
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         builder.toward = toward;
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree

@@ -129,7 +129,7 @@ mod tests {
     /// The next tree, what both cost, and the groups it is made of.
     fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
-        let mut builder = Builder::new();
+        let mut builder = Builder::default();
         let costs = rebuilder.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
         (tree, costs.unwrap(), rebuilder.groups.nodes)
     }

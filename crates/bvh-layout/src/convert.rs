@@ -52,12 +52,6 @@ struct LevelCounts {
 }
 
 impl Converter {
-    /// A converter that holds no memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// The record of `tree`, for a scene of `triangle_count` triangles, in the memory of an old one.
     ///
     /// Runs in the rayon pool that the caller installed; the record does not depend on the number of threads. Needs 1 byte
@@ -267,7 +261,7 @@ mod tests {
 
     #[test]
     fn memory_reused_leaves_no_trace() {
-        let mut converter = Converter::new();
+        let mut converter = Converter::default();
         let [mut plain, mut spare] = [(); 2].map(|()| Spare::default());
         plain.words = vec![u32::MAX; 5_000];
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
@@ -283,13 +277,15 @@ mod tests {
             spare = both.into_spare();
             spare.words.fill(u32::MAX);
             spare.treelets.fill(u32::MAX);
-            converter.room.spoil();
+            converter.room.inner.fill(u32::MAX);
+            let places = converter.room.places.iter_mut();
+            places.for_each(|place| *place.get_mut() = u32::MAX);
         }
     }
 
     #[test]
     fn triangles_may_be_in_no_leaf() {
-        let record = Converter::new().convert(&BinaryTree::default(), 3, Spare::default());
+        let record = Converter::default().convert(&BinaryTree::default(), 3, Spare::default());
         assert_eq!((record.triangle_count(), record.leaf_count()), (3, 0));
     }
 
@@ -298,7 +294,7 @@ mod tests {
     fn a_tree_of_another_scene_is_refused() {
         let tree = random_tree(100, 1);
         let greatest = *tree.order().iter().max().unwrap();
-        let _ = Converter::new().convert(&tree, greatest as usize, Spare::default());
+        let _ = Converter::default().convert(&tree, greatest as usize, Spare::default());
     }
 
     #[test]
@@ -307,6 +303,6 @@ mod tests {
         let order: Vec<u32> = (0..300).collect();
         let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
         let tree = BinaryTree::new(order, left_leaves);
-        let _ = Converter::new().convert(&tree, 300, Spare::default());
+        let _ = Converter::default().convert(&tree, 300, Spare::default());
     }
 }

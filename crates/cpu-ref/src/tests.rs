@@ -51,7 +51,7 @@ fn moving() -> Arc<Animation> {
 /// A tree built over any boxes, for instance those of another moment.
 fn tree_over<B: Boxes + ?Sized>(boxes: &B) -> Topology {
     let triangles = boxes.triangle_count();
-    Converter::new().convert(&BinaryTree::over(boxes), triangles, Spare::default())
+    Converter::default().convert(&BinaryTree::over(boxes), triangles, Spare::default())
 }
 
 /// The tree for a moment.

@@ -33,7 +33,7 @@ type AnyBuilder = Box<dyn FnMut(&[Vec<Aabb>], &mut BinaryTree)>;
 
 /// A builder for one moment and one for several, each with memory of its own.
 fn builders() -> [AnyBuilder; 2] {
-    let (mut one, mut temporal) = (Builder::new(), TemporalBuilder::default());
+    let (mut one, mut temporal) = (Builder::default(), TemporalBuilder::default());
     let one: AnyBuilder = Box::new(move |all, tree| {
         let built = one.build(&all[0][..], &Cancel::new(), tree);
         built.unwrap();

@@ -40,7 +40,7 @@ pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
 }
 
 pub(crate) fn record(tree: &BinaryTree) -> Topology {
-    Converter::new().convert(tree, scene(tree), Spare::default())
+    Converter::default().convert(tree, scene(tree), Spare::default())
 }
 
 /// A tree that is neither balanced nor too deep.

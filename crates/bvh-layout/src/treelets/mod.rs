@@ -102,17 +102,8 @@ impl WideTree {
 /// Memory that treelets are made in: a word a triangle, and another where they are made wide.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
-    inner: Vec<u32>,
-    places: Vec<AtomicU32>,
-}
-
-#[cfg(test)]
-impl Workspace {
-    pub(crate) fn spoil(&mut self) {
-        self.inner.fill(u32::MAX);
-        let places = self.places.iter_mut();
-        places.for_each(|place| *place.get_mut() = u32::MAX);
-    }
+    pub(crate) inner: Vec<u32>,
+    pub(crate) places: Vec<AtomicU32>,
 }
 
 /// A treelet's entry in the table: twelve words, in this order.
