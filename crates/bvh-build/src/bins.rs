@@ -1,7 +1,7 @@
 //! Sorts a node's triangles into bins along each axis, and finds the best plane between two bins.
 
 use crate::prim::{Bounds, Prim, Ruler};
-use glam::{BVec4A, Vec4};
+use glam::Vec4;
 use rayon::join;
 
 #[cfg(target_arch = "x86_64")]
@@ -94,7 +94,6 @@ impl Plane {
     }
 }
 
-/// What fell into each bin.
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
     boxes: [[Bounds; BINS]; 3],
@@ -163,46 +162,53 @@ impl Bins {
     }
 
     /// The plane of least cost by the surface area heuristic; `None` if every axis has all triangles in one bin.
-    ///
-    /// All three axes are swept at once, one a lane. An empty side costs
-    /// infinity times zero, which is not a number and never least.
     #[inline(never)]
     pub(crate) fn best_plane(&self, node: &Bounds, grid: &Grid) -> Option<Plane> {
-        let ruler = Ruler::new(node);
-        let mut right = [Vec4::NAN; BINS];
-        let mut boxes = [Bounds::EMPTY; 3];
-        let mut count = Vec4::ZERO;
-        for bin in (1..grid.bins).rev() {
-            add_column(&mut boxes, &mut count, self.column(bin));
-            right[bin] = ruler.half_areas(&boxes) * count;
-        }
-        let mut best = Vec4::INFINITY;
-        let mut best_bin = Vec4::ZERO;
-        (boxes, count) = ([Bounds::EMPTY; 3], Vec4::ZERO);
-        for (bin, &right) in right[..grid.bins].iter().enumerate().skip(1) {
-            add_column(&mut boxes, &mut count, self.column(bin - 1));
-            let cost = ruler.half_areas(&boxes) * count + right;
-            let better: BVec4A = cost.cmplt(best);
-            best = Vec4::select(better, cost, best);
-            best_bin = Vec4::select(better, Vec4::splat(bin as f32), best_bin);
-        }
+        let column = |bin| self.column(bin);
+        let (_, best, best_bin) = cuts::<BINS>(grid.bins, column, Ruler::new(node));
         let axis = least_axis(best)?;
         Some(Plane::new(*grid, axis, best_bin[axis] as usize))
     }
 
-    /// The boxes on both sides of a plane.
     pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
         let (left, right) = self.boxes[plane.axis].split_at(plane.bin);
         [left, right].map(|side| side.iter().copied().fold(Bounds::EMPTY, Bounds::union))
     }
 }
 
-#[inline]
-fn add_column(boxes: &mut [Bounds; 3], count: &mut Vec4, column: ([Bounds; 3], Vec4)) {
-    for (b, c) in boxes.iter_mut().zip(column.0) {
-        b.grow(&c);
+/// The costs of all cuts of a row of `n` boxes along each axis, one a lane, by how many boxes go left; the least of them; and
+/// the cuts that have these. A box comes with its number of triangles.
+///
+/// An empty side costs infinity times zero, which is not a number and never least.
+#[inline(always)]
+pub(crate) fn cuts<const N: usize>(
+    n: usize,
+    column: impl Fn(usize) -> ([Bounds; 3], Vec4),
+    ruler: Ruler,
+) -> ([Vec4; N], Vec4, Vec4) {
+    let add = |(boxes, count): &mut ([Bounds; 3], Vec4),
+               (other, its_count): ([Bounds; 3], Vec4)| {
+        boxes.iter_mut().zip(other).for_each(|(b, c)| b.grow(&c));
+        *count += its_count;
+    };
+    let mut costs = [Vec4::NAN; N];
+    let none = ([Bounds::EMPTY; 3], Vec4::ZERO);
+    let mut side = none;
+    for left in (1..n).rev() {
+        add(&mut side, column(left));
+        costs[left % N] = ruler.half_areas(&side.0) * side.1;
     }
-    *count += column.1;
+    let (mut best, mut best_left) = (Vec4::INFINITY, Vec4::ONE);
+    side = none;
+    for left in 1..n {
+        add(&mut side, column(left - 1));
+        let cost = ruler.half_areas(&side.0) * side.1 + costs[left % N];
+        let better = cost.cmplt(best);
+        best = Vec4::select(better, cost, best);
+        best_left = Vec4::select(better, Vec4::splat(left as f32), best_left);
+        costs[left % N] = cost;
+    }
+    (costs, best, best_left)
 }
 
 /// The first of the least costs, if any is finite.
@@ -214,14 +220,14 @@ pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::tests::sized;
     use crate::prim::Extents;
     use geom::Aabb;
     use proptest::prelude::*;
 
     fn prim(corners: &[i16; 6], triangle: u32) -> Prim {
         let [a, b, c, x, y, z] = corners.map(f32::from);
-        let (min, max) = ([a, b, c], [a + x.abs(), b + y.abs(), c + z.abs()]);
-        Prim::new(&Aabb { min, max }, triangle)
+        Prim::new(&sized([a, b, c], [x, y, z].map(f32::abs)), triangle)
     }
 
     /// Area times number of one side of a plane.
@@ -263,11 +269,7 @@ mod tests {
     #[test]
     fn centres_at_both_ends_fall_into_the_first_and_last_bin() {
         for far in [1.0, 0.1, 3.3e7, 1e-30] {
-            let near = -0.7 * far;
-            let ends = [near, far].map(|x: f32| Aabb {
-                min: [x; 3],
-                max: [x; 3],
-            });
+            let ends = [-0.7 * far, far].map(|x: f32| sized([x; 3], [0.0; 3]));
             let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];
             let grid = Grid::new(&Extents::of(&prims).centers, 1000);
             let bins = prims.map(|p| grid.bins_of(&p));

@@ -54,12 +54,6 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// A builder that holds no memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
     ///
     /// # Errors
@@ -84,10 +78,7 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        tree.fill(|tree| {
-            if cancel.is_cancelled() {
-                return Err(BuildError::Cancelled);
-            }
+        tree.fill(cancel, |tree| {
             let n = boxes.triangle_count();
             assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
             if self.prims.len() < n {
@@ -113,14 +104,11 @@ impl Builder {
 }
 
 impl BinaryTree {
-    /// A tree over all boxes that are not empty, by a builder of its own.
-    ///
-    /// # Panics
-    /// As [`Builder::build`].
+    /// [`Builder::build`], by a builder of its own.
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();
-        let built = Builder::new().build(boxes, &Cancel::new(), &mut tree);
+        let built = Builder::default().build(boxes, &Cancel::new(), &mut tree);
         built.expect("nobody cancels");
         tree
     }
@@ -132,19 +120,21 @@ pub(crate) mod tests {
     use geom::Aabb;
     use std::sync::atomic::AtomicU32;
 
+    /// A box by its lower corner and its edges.
+    pub(crate) fn sized(min: Point, edges: Point) -> Aabb {
+        let max = std::array::from_fn(|i| min[i] + edges[i]);
+        Aabb { min, max }
+    }
+
     /// So many cubes in a row.
     pub(crate) fn row(n: u32, edge: f32) -> Vec<Aabb> {
-        let bounds = |i: u32| {
-            let min = [i, i % 7, i % 31].map(|x| x as f32 * edge);
-            let max = min.map(|x| x + edge);
-            Aabb { min, max }
-        };
-        (0..n).map(bounds).collect()
+        let at = |i: u32| [i, i % 7, i % 31].map(|x| x as f32 * edge);
+        (0..n).map(|i| sized(at(i), [edge; 3])).collect()
     }
 
     #[test]
     fn a_second_build_of_the_same_or_a_smaller_size_keeps_its_memory() {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (large, cancel) = (row(50_000, 1.0), Cancel::new());
         builder.build(&large[..], &cancel, &mut tree).unwrap();
         let memory = |builder: &Builder, tree: &BinaryTree| {
@@ -179,7 +169,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_cancelled_build_leaves_an_empty_tree_and_a_working_builder() {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         let (before, during, few) = (Cancel::new(), Cancel::new(), row(9, 1.0));
         builder.build(&few[..], &before, &mut tree).unwrap();
         before.cancel();

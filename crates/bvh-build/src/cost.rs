@@ -40,14 +40,14 @@ fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::builder::tests::sized;
 
     /// A wavy square of `n * n` boxes, in rows.
     fn waves(n: u32) -> Vec<Aabb> {
         let bounds = |i| {
             let (x, y) = ((i % n) as f32, (i / n) as f32);
             let z = (x * 0.3).sin() + (y * 0.2).cos();
-            let (min, max) = ([x, y, z], [x + 1.0, y + 1.5, z + 0.5]);
-            Aabb { min, max }
+            sized([x, y, z], [1.0, 1.5, 0.5])
         };
         (0..n * n).map(bounds).collect()
     }

@@ -12,7 +12,6 @@ mod cost;
 mod gather;
 mod node;
 mod occluder_first;
-mod partition;
 mod prim;
 mod small;
 mod subtrees;

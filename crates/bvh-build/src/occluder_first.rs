@@ -60,7 +60,7 @@ fn turn<B: Boxes + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::builder::tests::row;
+    use crate::builder::tests::{row, sized};
     use crate::cost::tests::bounds;
     use crate::small::MOST;
     use crate::{Builder, Cancel, tiny};
@@ -70,14 +70,13 @@ mod tests {
         let corners = prop::array::uniform6(0_u8..200);
         let bounds = corners.prop_map(|c| {
             let [a, b, c, x, y, z] = c.map(f32::from);
-            let (min, max) = ([a, b, c], [a + x / 9.0, b + y / 9.0, c + z / 9.0]);
-            Aabb { min, max }
+            sized([a, b, c], [x, y, z].map(|e| e / 9.0))
         });
         prop::collection::vec(bounds, 1..300)
     }
 
     fn built(boxes: &[Aabb], toward: Option<Point>) -> BinaryTree {
-        let (mut builder, mut tree) = (Builder::new(), BinaryTree::default());
+        let (mut builder, mut tree) = (Builder::default(), BinaryTree::default());
         builder.toward = toward;
         builder.build(boxes, &Cancel::new(), &mut tree).unwrap();
         tree
@@ -122,10 +121,7 @@ mod tests {
 
     #[test]
     fn few_triangles_in_a_row_face_either_end() {
-        let bounds = |i: usize| Aabb {
-            min: [2.0 * i as f32, 0.0, 0.0],
-            max: [2.0 * i as f32 + 1.0, 1.0, 1.0],
-        };
+        let bounds = |i: usize| sized([2.0 * i as f32, 0.0, 0.0], [1.0; 3]);
         let few: Vec<_> = (0..MOST).map(bounds).collect();
         let plain = built(&few, None);
         for x in [-9.0, 99.0] {

@@ -79,7 +79,6 @@ impl Prim {
         self.bounds.lo - self.bounds.up
     }
 
-    /// The same box in other units.
     #[inline]
     pub(crate) fn scaled(&self, factor: f32) -> Self {
         let Bounds { lo, up } = self.bounds;
@@ -89,7 +88,6 @@ impl Prim {
     }
 }
 
-/// Boxes and centres of one node's triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extents {
     pub(crate) boxes: Bounds,

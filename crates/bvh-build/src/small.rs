@@ -1,6 +1,6 @@
 //! Subtrees of few triangles: every plane between two neighbours along an axis is weighed (a full sweep).
 
-use crate::bins::least_axis;
+use crate::bins::{cuts, least_axis};
 use crate::node::fits;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
@@ -92,46 +92,26 @@ impl Sorted {
         })
     }
 
-    /// The axis and the number of triangles on the left of the plane of least cost. All three axes are swept at once,
-    /// one a lane: from the right, which leaves the right sides' part of each cost, then from the left.
+    /// The axis and the number of triangles on the left of the plane of least cost.
     #[inline(never)]
     fn best_cut(&self, start: usize, end: usize) -> (usize, usize) {
         let mut node = Bounds::EMPTY;
         for place in start..end {
             node.grow(&self.at(0, place).bounds);
         }
-        let ruler = Ruler::new(&node);
-        let mut costs = [Vec4::ZERO; MOST];
-        let mut boxes = [Bounds::EMPTY; 3];
-        for place in (start + 1..end).rev() {
-            self.grow(&mut boxes, place);
-            costs[place % MOST] = ruler.half_areas(&boxes) * (end - place) as f32;
-        }
-        let mut best = Vec4::INFINITY;
-        let mut best_left = Vec4::ONE;
-        boxes = [Bounds::EMPTY; 3];
-        for place in start..end - 1 {
-            self.grow(&mut boxes, place);
-            let left = Vec4::splat((place + 1 - start) as f32);
-            let cost = ruler.half_areas(&boxes) * left + costs[(place + 1) % MOST];
-            let better = cost.cmplt(best);
-            best = Vec4::select(better, cost, best);
-            best_left = Vec4::select(better, left, best_left);
-            costs[(place + 1) % MOST] = cost;
-        }
+        let column = |i: usize| {
+            (
+                [0, 1, 2].map(|axis| self.at(axis, start + i).bounds),
+                Vec4::ONE,
+            )
+        };
+        let (costs, best, best_left) = cuts::<MOST>(end - start, column, Ruler::new(&node));
         let axis = least_axis(best).unwrap_or(0);
         let half = (end - start) / 2;
-        if costs[(start + half) % MOST][axis] <= best[axis] * NEARLY {
+        if costs[half % MOST][axis] <= best[axis] * NEARLY {
             return (axis, half);
         }
         (axis, best_left[axis] as usize)
-    }
-
-    #[inline]
-    fn grow(&self, boxes: &mut [Bounds; 3], place: usize) {
-        for (axis, b) in boxes.iter_mut().enumerate() {
-            b.grow(&self.at(axis, place).bounds);
-        }
     }
 
     /// Reorders the two other axes so that the first `left` along `axis` come first in each, still sorted.
@@ -174,6 +154,7 @@ fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::tests::sized;
     use geom::Aabb;
     use proptest::prelude::*;
 
@@ -214,7 +195,6 @@ mod tests {
 
     fn prim(corners: &[u8; 6], triangle: u32) -> Prim {
         let [a, b, c, x, y, z] = corners.map(f32::from);
-        let (min, max) = ([a, b, c], [a + x + 1.0, b + y + 1.0, c + z + 1.0]);
-        Prim::new(&Aabb { min, max }, triangle)
+        Prim::new(&sized([a, b, c], [x, y, z].map(|e| e + 1.0)), triangle)
     }
 }

@@ -52,10 +52,7 @@ impl TemporalBuilder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        tree.fill(|tree| {
-            if cancel.is_cancelled() {
-                return Err(BuildError::Cancelled);
-            }
+        tree.fill(cancel, |tree| {
             self.prims.gather(moments, &mut tree.order);
             let leaves = tree.order.len();
             self.room.resize(leaves, 0);

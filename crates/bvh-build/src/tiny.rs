@@ -99,14 +99,14 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
 mod tests {
     use super::*;
     use crate::BinaryTree;
+    use crate::builder::tests::sized;
     use geom::Aabb;
 
     fn prims(seed: u64) -> [Prim; 4] {
         let mut random = fastrand::Rng::with_seed(seed);
         std::array::from_fn(|i| {
-            let min = [0.0; 3].map(|_: f32| random.f32());
-            let max = min.map(|x| x + random.f32());
-            Prim::new(&Aabb { min, max }, i as u32)
+            let [min, edges] = [[0; 3]; 2].map(|of| of.map(|_| random.f32()));
+            Prim::new(&sized(min, edges), i as u32)
         })
     }
 
@@ -153,10 +153,7 @@ mod tests {
 
     #[test]
     fn three_triangles_begin_with_the_closest_pair() {
-        let at = |x: f32, i| {
-            let (min, max) = ([x; 3], [x + 1.0; 3]);
-            Prim::new(&Aabb { min, max }, i)
-        };
+        let at = |x: f32, i| Prim::new(&sized([x; 3], [1.0; 3]), i);
         for (order, far) in [
             ([0.0, 9.0, 1.0], 1),
             ([9.0, 0.0, 1.0], 0),

@@ -1,6 +1,6 @@
 //! A binary tree in depth-first order, without boxes: 8 bytes a triangle.
 
-use crate::BuildError;
+use crate::{BuildError, Cancel};
 
 /// A binary tree with one triangle per leaf.
 ///
@@ -96,12 +96,16 @@ impl BinaryTree {
         Self { left_leaves, order }
     }
 
-    /// Has itself filled; empties itself if that fails.
+    /// Has itself filled, unless that is cancelled; empties itself if that fails.
     pub(crate) fn fill<T>(
         &mut self,
+        cancel: &Cancel,
         build: impl FnOnce(&mut Self) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
-        let built = build(self);
+        let built = match cancel.is_cancelled() {
+            true => Err(BuildError::Cancelled),
+            false => build(self),
+        };
         if built.is_err() {
             self.order.clear();
             self.left_leaves.clear();
@@ -139,10 +143,7 @@ impl BinaryTree {
         &self.order[node.first_leaf as usize..][..node.leaves as usize]
     }
 
-    /// Both children of an inner node.
-    ///
-    /// # Panics
-    /// On a leaf.
+    /// See [`Subtree::children`].
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
         node.children(&self.left_leaves)

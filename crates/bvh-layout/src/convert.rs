@@ -25,7 +25,6 @@ pub struct Converter {
     tallies: Vec<LevelCounts>,
     /// One entry an inner node in breadth-first order: which children are leaves.
     leaf_children: Vec<u8>,
-    /// Where treelets are made.
     room: Workspace,
 }
 
@@ -53,12 +52,6 @@ struct LevelCounts {
 }
 
 impl Converter {
-    /// A converter that holds no memory yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// The record of `tree`, for a scene of `triangle_count` triangles, in the memory of an old one.
     ///
     /// Runs in the rayon pool that the caller installed; the record does not depend on the number of threads. Needs 1 byte
@@ -100,9 +93,6 @@ impl Converter {
 
     /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them, and
     /// 10 more where they are made wide.
-    ///
-    /// # Panics
-    /// As [`Converter::convert`].
     #[must_use]
     pub fn convert_with_treelets(
         &mut self,
@@ -111,26 +101,17 @@ impl Converter {
         reuse: Spare,
     ) -> Topology {
         let mut room = std::mem::take(&mut self.room);
-        let Spare { words, treelets } = reuse;
+        let (words, treelets) = (reuse.words, Vec::new());
+        let record_room = Spare { words, treelets };
         let (mut record, treelets) = rayon::join(
-            || {
-                self.convert(
-                    tree,
-                    triangle_count,
-                    Spare {
-                        words,
-                        ..Spare::default()
-                    },
-                )
-            },
-            || Treelets::of_tree_in(tree, &mut room, treelets),
+            || self.convert(tree, triangle_count, record_room),
+            || Treelets::of_tree_in(tree, &mut room, reuse.treelets),
         );
         self.room = room;
         record.treelets = Some(Box::new(treelets));
         record
     }
 
-    /// Fills the tallies.
     fn count(&mut self, tree: &BinaryTree) {
         let chunks = tree.left_leaves().par_chunks(CHUNK).enumerate();
         chunks
@@ -280,7 +261,7 @@ mod tests {
 
     #[test]
     fn memory_reused_leaves_no_trace() {
-        let mut converter = Converter::new();
+        let mut converter = Converter::default();
         let [mut plain, mut spare] = [(); 2].map(|()| Spare::default());
         plain.words = vec![u32::MAX; 5_000];
         let (up, down) = (shapes().into_iter(), shapes().into_iter().rev());
@@ -296,13 +277,15 @@ mod tests {
             spare = both.into_spare();
             spare.words.fill(u32::MAX);
             spare.treelets.fill(u32::MAX);
-            converter.room.spoil();
+            converter.room.inner.fill(u32::MAX);
+            let places = converter.room.places.iter_mut();
+            places.for_each(|place| *place.get_mut() = u32::MAX);
         }
     }
 
     #[test]
     fn triangles_may_be_in_no_leaf() {
-        let record = Converter::new().convert(&BinaryTree::default(), 3, Spare::default());
+        let record = Converter::default().convert(&BinaryTree::default(), 3, Spare::default());
         assert_eq!((record.triangle_count(), record.leaf_count()), (3, 0));
     }
 
@@ -311,7 +294,7 @@ mod tests {
     fn a_tree_of_another_scene_is_refused() {
         let tree = random_tree(100, 1);
         let greatest = *tree.order().iter().max().unwrap();
-        let _ = Converter::new().convert(&tree, greatest as usize, Spare::default());
+        let _ = Converter::default().convert(&tree, greatest as usize, Spare::default());
     }
 
     #[test]
@@ -320,6 +303,6 @@ mod tests {
         let order: Vec<u32> = (0..300).collect();
         let left_leaves: Vec<u32> = (0..299).map(|i| 299 - i).collect();
         let tree = BinaryTree::new(order, left_leaves);
-        let _ = Converter::new().convert(&tree, 300, Spare::default());
+        let _ = Converter::default().convert(&tree, 300, Spare::default());
     }
 }

@@ -11,7 +11,6 @@
 mod blocks;
 mod convert;
 mod moving;
-mod ranks;
 mod record;
 #[cfg(test)]
 mod tests;
@@ -22,7 +21,6 @@ mod walk;
 pub use blocks::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
 pub use convert::{Converter, Spare};
 pub use moving::Moving;
-pub use ranks::{NodeRank, NodeRanks};
-pub use record::Topology;
-pub use treelets::{MovingTreelets, Treelet, Treelets, WideTree};
+pub use record::{NodeRank, NodeRanks, Topology};
+pub use treelets::{Treelet, Treelets, WideTree};
 pub use validate::RecordError;

@@ -1,7 +1,7 @@
 //! The record that is handed over, and how to read it.
 
 use crate::validate::{Header, validate};
-use crate::{BlockTree, First, Moving, NodeRank, NodeRanks, RecordError, Spare, Treelets};
+use crate::{BlockTree, First, Moving, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -10,6 +10,8 @@ use std::sync::Arc;
 
 /// Inner nodes that one task handles.
 const RUN: usize = 2048;
+/// Words of bits that one task unpacks.
+const TASK: usize = 1 << 9;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
 ///
@@ -59,10 +61,7 @@ impl Topology {
     /// Words before the level table.
     pub const HEADER_WORDS: usize = 8;
 
-    /// Takes a record from elsewhere, checking every property it must have.
-    ///
-    /// # Errors
-    /// [`RecordError`] says what is wrong and where.
+    /// Takes a record from elsewhere, checking every property it must have. The error says what is wrong and where.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         validate(&words)?;
         Ok(Self::of_words(words))
@@ -155,7 +154,7 @@ impl Topology {
 
     /// Bytes handed over: the record, and lists of what moves.
     pub fn bytes(&self) -> usize {
-        let lists = self.moving.as_ref().map_or(0, |m| m.words().len());
+        let lists = self.moving.as_ref().map_or(0, |m| m.words.len());
         (self.words.len() + lists) * 4
     }
 
@@ -218,6 +217,32 @@ impl Topology {
         NodeRanks { bits, ranks }
     }
 
+    /// Writes the node of each leaf, by rank, in parallel, reusing memory. The triangle of `nodes[i]` is
+    /// `leaf_triangles()[i]`.
+    pub fn leaf_nodes(&self, nodes: &mut Vec<u32>) {
+        nodes.resize(self.leaf_count(), 0);
+        let (mut rest, mut tasks) = (&mut nodes[..], Vec::new());
+        for (first, bits) in (0_u32..)
+            .step_by(32 * TASK)
+            .zip(self.leaf_bits().chunks(TASK))
+        {
+            let ones = bits.iter().map(|w| w.count_ones() as usize).sum();
+            let part = rest.split_off_mut(..ones);
+            tasks.push((first, bits, part.expect("a node for each leaf")));
+        }
+        let tasks = tasks.into_par_iter();
+        tasks.for_each(|(first, bits, part)| {
+            let mut places = part.iter_mut();
+            for (base, &word) in (first..).step_by(32).zip(bits) {
+                let mut ones = word;
+                for place in places.by_ref().take(word.count_ones() as usize) {
+                    *place = base + ones.trailing_zeros();
+                    ones &= ones.wrapping_sub(1);
+                }
+            }
+        });
+    }
+
     /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
     /// leaf's by its rank, and `none` is overwritten.
     pub(crate) fn bottom_up<T: Copy + Send + Sync>(
@@ -246,6 +271,53 @@ impl Topology {
     }
 }
 
+/// A node by its rank among its kind: leaves by their place in [`Topology::leaf_triangles`], or inner nodes in node order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NodeRank(u32);
+
+impl NodeRank {
+    const LEAF: u32 = 1 << 31;
+
+    /// A leaf's rank; `None` for an inner node.
+    #[inline]
+    pub fn leaf(self) -> Option<u32> {
+        (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
+    }
+
+    /// The rank, of whichever kind.
+    #[inline]
+    pub fn rank(self) -> u32 {
+        self.0 & !Self::LEAF
+    }
+}
+
+/// Finds the ranks of a record's nodes.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeRanks<'a> {
+    pub(crate) bits: &'a [u32],
+    pub(crate) ranks: &'a [u32],
+}
+
+impl NodeRanks<'_> {
+    /// The rank of a node, which must be there.
+    #[inline]
+    pub fn of(self, node: u32) -> NodeRank {
+        let (word, bit) = (node as usize / 32, node % 32);
+        let before = self.ranks[word] + (self.bits[word] & ((1 << bit) - 1)).count_ones();
+        if self.bits[word] >> bit & 1 == 1 {
+            NodeRank(before | NodeRank::LEAF)
+        } else {
+            NodeRank(node - before)
+        }
+    }
+
+    /// Both children of an inner node.
+    #[inline]
+    pub fn children(self, inner: NodeRank) -> [NodeRank; 2] {
+        Topology::children_of_inner(inner.0).map(|node| self.of(node))
+    }
+}
+
 /// The record of no triangle.
 impl Default for Topology {
     fn default() -> Self {
@@ -255,7 +327,8 @@ impl Default for Topology {
 
 #[cfg(test)]
 mod tests {
-    use crate::tests::{chain, random_tree, record};
+    use super::TASK;
+    use crate::tests::{chain, random_tree, record, shapes};
 
     #[test]
     fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
@@ -268,5 +341,17 @@ mod tests {
         assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
         let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
+    }
+
+    #[test]
+    fn every_leaf_has_its_node_in_order() {
+        let mut found = Vec::new();
+        for tree in shapes().iter().chain(&[random_tree(TASK * 40, 5)]) {
+            let record = record(tree);
+            record.leaf_nodes(&mut found);
+            let nodes = 0..record.node_count() as u32;
+            let leaves = nodes.filter(|&node| record.ranks().of(node).leaf().is_some());
+            assert!(leaves.eq(found.iter().copied()));
+        }
     }
 }

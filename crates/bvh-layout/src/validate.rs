@@ -33,7 +33,6 @@ impl Header {
         self.node_count().div_ceil(32)
     }
 
-    /// Words of the whole record.
     pub(crate) fn record_words(self) -> usize {
         let table = Topology::HEADER_WORDS + self.levels as usize;
         table + 2 * self.bit_words() + self.leaves as usize
@@ -44,12 +43,18 @@ impl Header {
 pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
     let header = check_header(words)?;
     let (table, body) = words[Topology::HEADER_WORDS..].split_at(header.levels as usize);
-    check_level_table(header, table)?;
     let (bits, body) = body.split_at(header.bit_words());
     let (ranks, leaf_triangles) = body.split_at(header.bit_words());
-    let first_bit_word = Topology::HEADER_WORDS + table.len();
-    check_bits(header, table, bits, first_bit_word)?;
-    check_ranks(bits, ranks, first_bit_word + bits.len())?;
+    check_levels(header, table, bits)?;
+    let used = header.node_count() % 32;
+    let past = bits
+        .last()
+        .filter(|_| used > 0)
+        .map_or(0, |bits| bits >> used);
+    ensure(past == 0, || {
+        format!("bits past the last node must be 0, they are {past:#x}")
+    })?;
+    check_ranks(bits, ranks)?;
     check_triangles(leaf_triangles, header.triangles)
 }
 
@@ -77,11 +82,10 @@ fn check_header(words: &[u32]) -> Result<Header, RecordError> {
         let found = words[1];
         format!("word 1 gives layout version {found}, only {version} is known")
     })?;
-    for (word, found) in (5..).zip(&words[5..Topology::HEADER_WORDS]) {
-        ensure(*found == 0, || {
-            format!("word {word} is {found}, it is reserved and must be 0")
-        })?;
-    }
+    let reserved = &words[5..Topology::HEADER_WORDS];
+    ensure(reserved.iter().all(|&word| word == 0), || {
+        format!("words 5 to 7 are {reserved:?}, they are reserved and must be 0")
+    })?;
     let header = Header {
         triangles: words[2],
         leaves: words[3],
@@ -93,92 +97,54 @@ fn check_header(words: &[u32]) -> Result<Header, RecordError> {
 }
 
 fn check_sizes(header: Header) -> Result<(), RecordError> {
-    let Header {
-        triangles,
-        leaves,
-        levels,
-    } = header;
-    let limit = Animation::MAX_TRIANGLES;
+    let (limit, most) = (Animation::MAX_TRIANGLES, MAX_DEPTH + 1);
+    let [triangles, leaves, levels] = [header.triangles, header.leaves, header.levels];
     ensure(triangles as usize <= limit, || {
         format!("word 2 gives {triangles} triangles, the limit is {limit}")
     })?;
     ensure(leaves <= triangles, || {
         format!("word 3 gives {leaves} leaves, the scene has {triangles} triangles")
     })?;
-    // Full levels are the fewest, one inner node a level the most.
-    let least = match leaves {
-        0 => 0,
-        _ => leaves.next_power_of_two().ilog2() + 1,
-    };
-    let most = leaves.min(MAX_DEPTH + 1);
-    ensure((least..=most).contains(&levels), || {
-        format!("word 4 gives {levels} levels, {leaves} leaves need {least} to {most}")
+    ensure(levels <= most, || {
+        format!("word 4 gives {levels} levels, the limit is {most}")
     })
 }
 
-fn check_level_table(header: Header, table: &[u32]) -> Result<(), RecordError> {
-    let (mut nodes, mut sum) = (1, 0);
+/// The bits of each level tell its inner nodes, whose children are the next level.
+fn check_levels(header: Header, table: &[u32], bits: &[u32]) -> Result<(), RecordError> {
+    let all = header.node_count();
+    let (mut first, mut nodes) = (0, all.min(1));
     for (level, &found) in table.iter().enumerate() {
-        let is_last = level + 1 == table.len();
-        let (inner, least) = (u64::from(found), u64::from(!is_last));
-        ensure((least..=nodes).contains(&inner), || {
-            format!(
-                "level {level} has {found} inner nodes, its {nodes} nodes allow {least} to {nodes}"
-            )
+        let (end, left) = (first + nodes, all - first);
+        ensure((1..=left).contains(&nodes), || {
+            format!("level {level} has {nodes} nodes, {left} are left")
         })?;
-        ensure(!is_last || found == 0, || {
-            format!("level {level} is the last, but has {found} inner nodes")
-        })?;
-        nodes = 2 * inner;
-        sum += inner;
-    }
-    let leaves = header.leaves;
-    let expected = u64::from(leaves.saturating_sub(1));
-    ensure(sum == expected, || {
-        format!("the levels have {sum} inner nodes, {leaves} leaves imply {expected}")
-    })
-}
-
-fn check_bits(
-    header: Header,
-    table: &[u32],
-    bits: &[u32],
-    first_word: usize,
-) -> Result<(), RecordError> {
-    let (mut first, mut nodes) = (0, 1);
-    for (level, &inner) in table.iter().enumerate() {
-        let end = first + nodes;
-        let (found, expected) = (count_ones(bits, first, end), nodes - inner);
-        ensure(found == expected, || {
-            format!(
-                "level {level}, nodes {first}..{end}: {found} bits mark leaves, the level table implies {expected}"
-            )
+        let inner = nodes - count_ones(bits, first, end);
+        ensure(found as usize == inner, || {
+            format!("level {level} has {found} inner nodes, its bits have {inner}")
         })?;
         (first, nodes) = (end, 2 * inner);
     }
-    let (count, last_word) = (header.node_count(), bits.last().copied().unwrap_or(0));
-    ensure(count % 32 == 0 || last_word >> (count % 32) == 0, || {
-        let (word, last) = (first_word + bits.len() - 1, count - 1);
-        format!("word {word} is {last_word:#010x}, bits past the last node {last} must be 0")
+    let (leaves, levels) = (header.leaves, header.levels);
+    ensure((first, nodes) == (all, 0), || {
+        format!("{levels} levels have {first} nodes, {leaves} leaves make {all}")
     })
 }
 
 /// Ones among the bits `first..end`, where `first < end`.
-fn count_ones(bits: &[u32], first: u32, end: u32) -> u32 {
-    let (first_word, last_word) = (first / 32, (end - 1) / 32);
-    let words = &bits[first_word as usize..=last_word as usize];
+fn count_ones(bits: &[u32], first: usize, end: usize) -> usize {
+    let words = &bits[first / 32..=(end - 1) / 32];
     let all: u32 = words.iter().map(|word| word.count_ones()).sum();
     let before = words[0] & !(u32::MAX << (first % 32));
     let after = words[words.len() - 1] & (u32::MAX << 1 << ((end - 1) % 32));
-    all - before.count_ones() - after.count_ones()
+    (all - before.count_ones() - after.count_ones()) as usize
 }
 
-fn check_ranks(bits: &[u32], ranks: &[u32], first_word: usize) -> Result<(), RecordError> {
+fn check_ranks(bits: &[u32], ranks: &[u32]) -> Result<(), RecordError> {
     let mut expected = 0;
-    for (at, (bits, &found)) in bits.iter().zip(ranks).enumerate() {
+    for (node, (bits, &found)) in (0..).step_by(32).zip(bits.iter().zip(ranks)) {
         ensure(found == expected, || {
-            let (word, node) = (first_word + at, at * 32);
-            format!("word {word} counts {found} leaves before node {node}, there are {expected}")
+            format!("{found} leaves are counted before node {node}, there are {expected}")
         })?;
         expected += bits.count_ones();
     }
@@ -194,9 +160,7 @@ fn check_triangles(leaf_triangles: &[u32], triangles: u32) -> Result<(), RecordE
         })?;
         let (word, bit) = (triangle as usize / 64, 1 << (triangle % 64));
         ensure(seen[word] & bit == 0, || {
-            let mut leaves = leaf_triangles.iter();
-            let first = leaves.position(|&t| t == triangle).unwrap_or(leaf);
-            format!("leaves {first} and {leaf} both name triangle {triangle}")
+            format!("leaf {leaf} names triangle {triangle}, as one before it does")
         })?;
         seen[word] |= bit;
     }

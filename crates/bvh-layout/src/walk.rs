@@ -49,11 +49,10 @@ impl Walk {
             let node = walk.pop();
             let left = tree.left_leaves()[at];
             let [left_child, right_child] = node.children(left);
+            walk.push(right_child);
             if at + (left as usize) <= start {
-                walk.push(right_child);
                 at += left as usize;
             } else {
-                walk.push(right_child);
                 walk.push(left_child);
                 at += 1;
             }
@@ -61,10 +60,7 @@ impl Walk {
         walk
     }
 
-    /// Meets the next inner nodes, one for each entry of `left_leaves`.
-    ///
-    /// # Panics
-    /// If the tree is deeper than [`MAX_DEPTH`].
+    /// Meets the next inner nodes, one for each entry of `left_leaves`. Panics if the tree is deeper than [`MAX_DEPTH`].
     #[inline(always)]
     pub(crate) fn run(mut self, left_leaves: &[u32], mut meet: impl FnMut(Inner)) {
         for &left in left_leaves {

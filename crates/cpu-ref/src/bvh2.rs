@@ -191,8 +191,8 @@ impl Bvh2 {
         }
         // Pair `k + 1` is that of the children of inner node `k`.
         let (_, children) = pairs.split_at_mut(1);
-        for level in moving.levels.iter().rev() {
-            let list = &moving.inner()[level.clone()];
+        for level in moving.lists[1..].iter().rev() {
+            let list = &moving.words[level.clone()];
             // Children lie on a later level, so behind every pair of this one.
             let end = list.last().map_or(0, |&last| last as usize + 1);
             total += refit_level(children, (end, end + 1), Which::Listed(list));

@@ -13,7 +13,6 @@ pub struct Aabb {
     pub max: Point,
 }
 
-/// Holds no point.
 impl Default for Aabb {
     fn default() -> Self {
         Self::EMPTY

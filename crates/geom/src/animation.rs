@@ -14,6 +14,8 @@ use std::sync::Arc;
 /// N >= 1 key frames over one list of triangles.
 #[derive(Clone, Debug)]
 pub struct Animation {
+    /// Always held.
+    first: KeyFrame,
     pub(crate) keys: KeyFrames,
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) survey: Survey,
@@ -42,10 +44,9 @@ impl Animation {
             let cause = "an animation needs at least one key frame";
             return Err(KeyFrameError(cause.to_owned()));
         };
-        let vertices = first.len();
         let mut numbered = keys.iter().enumerate();
-        numbered.try_for_each(|(key, frame)| check_key(key, frame.len(), vertices))?;
-        Self::over(KeyFrames::Held(keys), triangles)
+        numbered.try_for_each(|(key, frame)| check_key(key, frame.len(), first.len()))?;
+        Self::over(Arc::clone(first), KeyFrames::Held(keys), triangles)
     }
 
     /// An animation of so many key frames that holds a window of so many of them and reads the others while it is
@@ -58,19 +59,26 @@ impl Animation {
         [keys, window]: [usize; 2],
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        let first = Arc::new(source(0)?.into());
-        let window = Arc::new(KeyWindow::new(source, first, [keys, window])?);
-        Self::over(KeyFrames::Streamed(window), triangles)
+        let first: KeyFrame = Arc::new(source(0)?.into());
+        let window = KeyWindow::new(source, Arc::clone(&first), [keys, window])?;
+        Self::over(first, KeyFrames::Streamed(Arc::new(window)), triangles)
     }
 
-    pub(crate) fn over(keys: KeyFrames, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
-        check_triangles(&triangles, keys.first().len())?;
-        Ok(Self {
-            survey: Survey::of(&keys, &triangles)?,
+    pub(crate) fn over(
+        first: KeyFrame,
+        keys: KeyFrames,
+        triangles: Vec<[u32; 3]>,
+    ) -> Result<Self, KeyFrameError> {
+        check_triangles(&triangles, first.len())?;
+        let mut animation = Self {
+            first,
             keys,
             triangles,
+            survey: Survey::default(),
             times: None,
-        })
+        };
+        animation.survey = Survey::of(&animation)?;
+        Ok(animation)
     }
 
     /// Plays key frames at times of their own, from 0 to `end`: as what is left of an animation with more of them, in whose
@@ -102,12 +110,16 @@ impl Animation {
 
     /// How many key frames there are.
     pub fn key_count(&self) -> usize {
-        self.keys.len()
+        match &self.keys {
+            KeyFrames::Held(all) => all.len(),
+            KeyFrames::Streamed(window) => window.keys,
+            KeyFrames::Live(live) => live.key_count(),
+        }
     }
 
     /// The first key frame, which is always held.
     pub fn first(&self) -> &[Point] {
-        self.keys.first()
+        &self.first
     }
 
     /// One key frame, counted from 0. Waits for it where it has to be read.
@@ -118,7 +130,11 @@ impl Animation {
     /// # Panics
     /// If there are not so many.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
-        self.keys.get(key)
+        match &self.keys {
+            KeyFrames::Held(all) => Ok(Arc::clone(&all[key])),
+            KeyFrames::Streamed(window) => window.get(key),
+            KeyFrames::Live(live) => Ok(live.get(key)),
+        }
     }
 
     /// All key frames, if they are held.
@@ -129,10 +145,7 @@ impl Animation {
         }
     }
 
-    /// All key frames, also those that are not held.
-    ///
-    /// # Errors
-    /// One cannot be read.
+    /// All key frames, also those that are not held, if each can be read.
     pub fn all_keys(&self) -> Result<Vec<KeyFrame>, KeyFrameError> {
         (0..self.key_count()).map(|key| self.key(key)).collect()
     }
@@ -176,9 +189,6 @@ impl Animation {
     }
 
     /// Likewise, at a time in key frames.
-    ///
-    /// # Errors
-    /// Those of [`Self::key`].
     pub fn at(&self, time: f64) -> Result<Moment<'_>, KeyFrameError> {
         self.moment(self.pose(time))
     }

@@ -97,51 +97,6 @@ pub(crate) enum KeyFrames {
     Live(Arc<LiveKeys>),
 }
 
-impl KeyFrames {
-    pub(crate) fn len(&self) -> usize {
-        match self {
-            Self::Held(all) => all.len(),
-            Self::Streamed(window) => window.keys,
-            Self::Live(live) => live.key_count(),
-        }
-    }
-
-    pub(crate) fn first(&self) -> &KeyFrame {
-        match self {
-            Self::Held(all) => &all[0],
-            Self::Streamed(window) => &window.first,
-            Self::Live(live) => &live.first,
-        }
-    }
-
-    pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
-        match self {
-            Self::Held(all) => Ok(Arc::clone(&all[key])),
-            Self::Streamed(window) => window.get(key),
-            Self::Live(live) => Ok(live.get(key)),
-        }
-    }
-
-    /// Shows all key frames but the first, in their order. Several are read at a time.
-    pub(crate) fn for_each_after_first(
-        &self,
-        mut see: impl FnMut(&[Point]),
-    ) -> Result<(), KeyFrameError> {
-        match self {
-            Self::Held(all) => all[1..].iter().for_each(|frame| see(frame)),
-            Self::Streamed(window) => {
-                for key in 1..self.len() {
-                    window.look_ahead(key..self.len());
-                    see(&window.get(key)?);
-                }
-            }
-            // The others are not there yet.
-            Self::Live(_) => {}
-        }
-        Ok(())
-    }
-}
-
 /// One moment. It keeps its key frames alive.
 #[derive(Clone, Debug)]
 pub struct Moment<'a> {

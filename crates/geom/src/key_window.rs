@@ -16,7 +16,6 @@ const SPARE: usize = 2;
 pub(crate) struct KeyWindow {
     /// How many key frames the whole sequence has.
     pub(crate) keys: usize,
-    /// How many are kept.
     pub(crate) capacity: usize,
     /// Always held, beside the others.
     pub(crate) first: KeyFrame,
@@ -47,10 +46,7 @@ struct Entry {
 }
 
 impl KeyWindow {
-    /// Of a part of so many key frames, at least four of them.
-    ///
-    /// # Errors
-    /// No threads can be had.
+    /// Of a part of so many key frames, at least four of them; if threads can be had.
     pub(crate) fn new(
         source: Arc<KeySource>,
         first: KeyFrame,

@@ -5,7 +5,6 @@ use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range, lock}
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-/// The last few key frames.
 #[derive(Debug)]
 pub(crate) struct LiveKeys {
     pub(crate) first: KeyFrame,
@@ -33,9 +32,9 @@ impl LiveKeys {
     /// Key frames that are kept.
     pub(crate) const KEPT: usize = 4;
 
-    pub(crate) fn new(first: Vec<Point>) -> Self {
+    pub(crate) fn new(first: KeyFrame) -> Self {
         Self {
-            first: Arc::new(first.into()),
+            first,
             state: Mutex::default(),
         }
     }
@@ -113,10 +112,14 @@ impl Animation {
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
         check_count(fixed.len(), first.len())?;
-        let keys = KeyFrames::Live(Arc::new(LiveKeys::new(first)));
-        let mut live = Self::over(keys, triangles)?;
-        let survey = &mut live.survey;
-        survey.expect_others(live.keys.first(), &live.triangles, fixed);
+        let first: KeyFrame = Arc::new(first.into());
+        let keys = LiveKeys::new(Arc::clone(&first));
+        let mut live = Self::over(
+            Arc::clone(&first),
+            KeyFrames::Live(Arc::new(keys)),
+            triangles,
+        )?;
+        live.survey.expect_others(&first, &live.triangles, fixed);
         Ok(live)
     }
 
@@ -200,18 +203,6 @@ mod tests {
         while spare().is_some() {}
         live.add_spare_frame(at(7.0).into());
         assert_eq!([spare(), spare()], [Some(7.0), None]);
-    }
-
-    #[test]
-    fn what_comes_may_reach_anywhere_and_become_active() {
-        let mut rest = at(0.0);
-        rest[0] = [f32::NAN; 3];
-        let live = Animation::live(rest, &[false; 3], vec![[0, 1, 2]]).unwrap();
-        assert!(live.is_live(0) && !live.fallback_corner(0).is_empty());
-        let mut far = at(0.0);
-        far[2][1] = 1e30;
-        let extreme = |frame| live.range(live.pose(live.push(frame).unwrap())).extreme;
-        assert_eq!([at(1.0), far, at(2.0)].map(extreme), [false, true, false]);
     }
 
     #[test]

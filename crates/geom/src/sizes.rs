@@ -24,7 +24,7 @@ pub(crate) struct Sizes {
 impl Sizes {
     pub(crate) fn of(key: &[Point]) -> Self {
         let runs = key.par_chunks(RUN).map(Extremes::of);
-        let found = runs.reduce(Extremes::default, Extremes::join);
+        let found = runs.reduce(|| Extremes::NONE, Extremes::join);
         Self::with(found, samples_at(key, sampled(key.len())).collect())
     }
 
@@ -108,7 +108,7 @@ impl Parts {
             runs: moving.iter().flat_map(split).collect(),
             sampled,
             samples: samples_at(key, still.into_iter()).collect(),
-            rest: rest.fold(Extremes::default(), Extremes::join),
+            rest: rest.fold(Extremes::NONE, Extremes::join),
         }
     }
 }
@@ -147,20 +147,17 @@ struct Extremes {
     least: [f32; 3],
 }
 
-impl Default for Extremes {
-    fn default() -> Self {
-        Self {
-            largest: 0.0,
-            least: [f32::INFINITY; 3],
-        }
-    }
-}
-
 impl Extremes {
+    /// Of no vertices.
+    const NONE: Self = Self {
+        largest: 0.0,
+        least: [f32::INFINITY; 3],
+    };
+
     /// Looks at groups, most of which have nothing new.
     fn of(points: &[Point]) -> Self {
         const GROUP: usize = 16;
-        points.chunks(GROUP).fold(Self::default(), |found, group| {
+        points.chunks(GROUP).fold(Self::NONE, |found, group| {
             let has_new = |&p: &Point| {
                 let size = size(p);
                 size.is_nan() | (size > found.largest) | (size < found.least[2])

@@ -2,7 +2,7 @@
 
 use crate::{BufferTable, GpuDevice, LastUse, Pool, lock, with_slack};
 use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
-use bvh_layout::{Moving, Topology};
+use bvh_layout::Topology;
 use geom::Animation;
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
@@ -223,7 +223,7 @@ fn with_parts<T>(
 ) -> T {
     match layout {
         Layout::Bvh2 => {
-            let lists = tree.moving().map_or(&[][..], Moving::words);
+            let lists = tree.moving().map_or(&[][..], |moving| &moving.words);
             use_them(&[tree.words(), lists])
         }
         Layout::Fast => use_them(&tree.to_treelets(animation.static_parts()).parts()),

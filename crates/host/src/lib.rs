@@ -37,9 +37,6 @@ pub struct NotEnough {
 }
 
 /// Checks that so many bytes can be had, where the system tells.
-///
-/// # Errors
-/// They cannot.
 pub fn check(need: u64) -> Result<(), NotEnough> {
     // Asking takes longer than having.
     const ALWAYS: u64 = 1 << 20;
@@ -50,9 +47,6 @@ pub fn check(need: u64) -> Result<(), NotEnough> {
 }
 
 /// Checks that so many bytes are at most what is free, if that is known.
-///
-/// # Errors
-/// They are more.
 pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     match free {
         Some(free) if need > free.bytes => Err(NotEnough { need, free }),
@@ -60,10 +54,7 @@ pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     }
 }
 
-/// An empty list with room for so many elements.
-///
-/// # Errors
-/// The allocator refuses.
+/// An empty list with room for so many elements, unless the allocator refuses.
 pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut list = Vec::new();
     list.try_reserve_exact(count)?;
@@ -238,7 +229,6 @@ mod linux {
         all
     }
 
-    /// What the system says of this process.
     pub(super) fn status() -> String {
         read_to_string("/proc/self/status").unwrap_or_default()
     }
@@ -292,21 +282,6 @@ mod linux {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_is_needed_and_what_is_there_are_both_told() {
-        let by = "control group";
-        let free = Free {
-            bytes: 2_500_000,
-            by,
-        };
-        let e = NotEnough {
-            need: 19_000_000_000,
-            free,
-        };
-        let says = "19.0 GB of memory are needed, 2.5 MB are free (control group)";
-        assert_eq!(e.to_string(), says);
-    }
 
     #[cfg(target_os = "linux")]
     #[test]

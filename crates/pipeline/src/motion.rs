@@ -116,7 +116,7 @@ fn decay_at(
     times: impl Iterator<Item = f64>,
     step: usize,
 ) -> Result<Vec<Decay>, BuildError> {
-    let (mut builder, cancel) = (Builder::new(), Cancel::new());
+    let (mut builder, cancel) = (Builder::default(), Cancel::new());
     let (mut first, mut tree) = (None, BinaryTree::default());
     let triangles = (0..animation.triangle_count())
         .into_par_iter()

@@ -45,17 +45,13 @@ pub(crate) fn path(word: &str) -> PathBuf {
     decoded().unwrap_or_else(|| word.into())
 }
 
-/// The path that a word stands for.
 #[cfg(not(unix))]
 pub(crate) fn path(word: &str) -> PathBuf {
     word.into()
 }
 
 /// All files that decide what the scene named by `spec` holds: key frames, materials, buffers, times; sorted, each once.
-/// A demo has none.
-///
-/// # Errors
-/// [`SceneError`]: an input cannot be found or read.
+/// A demo has none. Every input must be there.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {

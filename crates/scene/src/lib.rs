@@ -137,6 +137,7 @@ impl SceneError {
 
 #[cfg(test)]
 mod testing {
+    use crate::{Options, Result, Scene};
     use std::fs;
     use std::path::PathBuf;
     use tempfile::TempDir;
@@ -147,5 +148,23 @@ mod testing {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(&path, bytes).unwrap();
         path
+    }
+
+    /// Opens the inputs of a folder with these names.
+    pub(crate) fn open_in(folder: &TempDir, names: &str, options: &Options) -> Result<Scene> {
+        let root = folder.path().to_str().unwrap();
+        let spec: Vec<String> = names.split('+').map(|n| format!("{root}/{n}")).collect();
+        crate::open(&spec.join("+"), options)
+    }
+
+    /// It was refused in one line, with all these words.
+    #[track_caller]
+    pub(crate) fn refused<T>(tried: Result<T>, says: &[&str]) {
+        let message = tried.err().expect("it is refused").to_string();
+        let told = says.iter().all(|part| message.contains(part));
+        assert!(
+            told && !message.contains('\n'),
+            "{says:?} is not in {message:?}"
+        );
     }
 }

@@ -156,7 +156,6 @@ pub(crate) fn from_linear(colour: [f32; 3]) -> Rgb {
     }))
 }
 
-/// The mean of a triangle's vertices.
 pub(crate) fn mean(colours: [Rgb; 3]) -> Rgb {
     std::array::from_fn(|i| (colours.iter().map(|c| u32::from(c[i])).sum::<u32>() / 3) as u8)
 }

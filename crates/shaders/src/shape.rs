@@ -190,8 +190,7 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     StaticParts::pays(rows.len(), all).then_some(rows)
 }
 
-/// Where a tree's lists of what moves lie: words that are uploaded behind the tree's record. See [`bvh_layout::Moving`] and
-/// [`bvh_layout::MovingTreelets`].
+/// Where a tree's lists of what moves lie: words that are uploaded behind the tree's record. See [`bvh_layout::Moving`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MovingShape {
     /// With layout `bvh2`, leaves' ranks.
@@ -208,12 +207,13 @@ pub struct MovingShape {
 impl MovingShape {
     pub(crate) fn of(tree: &Topology) -> Option<Self> {
         let moving = tree.moving()?;
-        let leaves_at = tree.words().len() as u32;
-        let inner_at = leaves_at + moving.leaves().len() as u32;
+        let at = tree.words().len() as u32;
+        let mut lists = behind(at, &moving.lists);
+        let leaves = lists.remove(0);
         Some(Self {
-            leaves: leaves_at..inner_at,
-            inner: inner_at..inner_at + moving.inner().len() as u32,
-            levels: behind(inner_at, &moving.levels),
+            inner: leaves.end..at + moving.words.len() as u32,
+            leaves,
+            levels: lists,
             degenerate_elsewhere: moving.degenerate_elsewhere,
         })
     }
@@ -221,16 +221,16 @@ impl MovingShape {
     pub(crate) fn of_treelets(tree: &Treelets) -> Option<Self> {
         let moving = tree.moving.as_ref()?;
         Some(Self {
-            levels: behind(tree.words().len() as u32, &moving.levels),
+            levels: behind(tree.words().len() as u32, &moving.lists),
             degenerate_elsewhere: moving.degenerate_elsewhere,
             ..Self::default()
         })
     }
 }
 
-fn behind(at: u32, levels: &[Range<usize>]) -> Vec<Range<u32>> {
+fn behind(at: u32, lists: &[Range<usize>]) -> Vec<Range<u32>> {
     let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
-    levels.iter().map(place).collect()
+    lists.iter().map(place).collect()
 }
 
 #[cfg(test)]

@@ -17,14 +17,10 @@ const TASK: u32 = 2048;
 /// Sums of half areas of nodes of the tree at hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Areas {
-    /// The root's.
     pub(super) root: f64,
-    /// Of all nodes.
     pub(super) all: f64,
     /// Of those below the roots of groups.
     pub(super) within_groups: f64,
-    /// Leaves whose boxes are not usable.
-    pub(super) lost: usize,
 }
 
 /// Groups of a tree, from left to right, with their boxes; keeps its memory.
@@ -36,7 +32,6 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Finds those of `tree`.
     pub(super) fn find<B: Boxes + ?Sized>(&mut self, tree: &BinaryTree, boxes: &B) -> Areas {
         let mut tasks = Vec::new();
         if let Some(root) = tree.root() {
@@ -82,7 +77,6 @@ fn sum<'a>(
     let part = parts.next().expect("a task for each");
     areas.all += part.areas.all;
     areas.within_groups += part.areas.within_groups;
-    areas.lost += part.areas.lost;
     part.bounds
 }
 
@@ -96,9 +90,8 @@ fn join<T: Copy + Default + Send + Sync>(
     let mut rest = &mut to[..];
     let mut places = Vec::with_capacity(from.len());
     for part in from {
-        let (place, after) = rest.split_at_mut(of(part).len());
-        places.push((place, part));
-        rest = after;
+        let place = rest.split_off_mut(..of(part).len());
+        places.push((place.expect("there is room for all"), part));
     }
     let fill = |(place, part): (&mut [T], &Part)| place.copy_from_slice(of(part));
     places.into_par_iter().for_each(fill);
@@ -143,7 +136,10 @@ impl Part {
         let before = self.nodes.len();
         let seen = if node.leaves == 1 {
             let bounds = self.leaves[(node.first_leaf - first) as usize];
-            self.areas.lost += usize::from(!is_usable(&bounds));
+            assert!(
+                is_usable(&bounds),
+                "a triangle of the last tree has no usable box"
+            );
             let area = bounds.half_area();
             let within = Some(0.0);
             Seen {

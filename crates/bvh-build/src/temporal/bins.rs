@@ -10,7 +10,6 @@ const PER_BIN: usize = 8;
 /// Extents of centres below this are none.
 const LEAST: f32 = 1.0 / (1_u64 << 60) as f32;
 
-/// Boxes of a node's triangles, and boxes of their centres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extents {
     boxes: Boxes,
@@ -81,7 +80,6 @@ impl Grid {
     }
 }
 
-/// What fell into each bin along one axis.
 struct Bins {
     boxes: [Boxes; BINS],
     counts: [u32; BINS],

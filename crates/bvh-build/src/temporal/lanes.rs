@@ -14,12 +14,6 @@ pub(super) struct Boxes {
     pub(super) rows: [Lanes; 6],
 }
 
-impl Default for Boxes {
-    fn default() -> Self {
-        Self::EMPTY
-    }
-}
-
 impl Boxes {
     pub(super) const EMPTY: Self = Self {
         rows: [[f32::NEG_INFINITY; LANES]; 6],
@@ -89,31 +83,5 @@ impl<'a> Ruler<'a> {
         // Pairwise, so that additions need not wait for each other.
         let [a, b, c, d, e, f, g, h] = areas;
         ((a + e) + (c + g)) + ((b + f) + (d + h))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn cube(edge: impl Fn(usize) -> f32) -> Boxes {
-        let mut b = Boxes::EMPTY;
-        for l in 0..LANES {
-            for axis in 0..3 {
-                (b.rows[axis][l], b.rows[axis + 3][l]) = (0.0, edge(l));
-            }
-        }
-        b
-    }
-
-    #[test]
-    fn areas_are_averaged_by_weight() {
-        let mut weights = [0.0; LANES];
-        (weights[1], weights[3]) = (0.25, 0.75);
-        let b = cube(|l| (l + 1) as f32);
-        // Edges 2 and 4 of at most 8: half areas 3 * 4 / 64 and 3 * 16 / 64.
-        let expected = 0.25 * 12.0 / 64.0 + 0.75 * 48.0 / 64.0;
-        let area = Ruler::new(&b, &weights).half_area(&b);
-        assert!((area - expected).abs() < 1e-5, "{area} {expected}");
     }
 }

@@ -7,10 +7,10 @@ use bvh_build::{
     BinaryTree, Boxes, Builder, Cancel, MAX_DEPTH, MAX_MOMENTS, Moment, Subtree, TemporalBuilder,
     sah_cost,
 };
+use fastrand::Rng;
 use geom::Aabb;
 use proptest::prelude::*;
 
-/// Boxes of one moment.
 struct Frozen<'a>(&'a [Aabb]);
 
 impl Boxes for Frozen<'_> {
@@ -28,45 +28,30 @@ fn moments(all: &[Vec<Aabb>]) -> Vec<Moment<Frozen<'_>>> {
     (all.iter().map(|b| Frozen(b)).zip(weights).map(moment)).collect()
 }
 
-/// A builder of either kind, with memory of its own.
-enum AnyBuilder {
-    OneMoment(Builder),
-    Temporal(TemporalBuilder),
-}
+/// Builds a tree for the first moment, or for all.
+type AnyBuilder = Box<dyn FnMut(&[Vec<Aabb>], &mut BinaryTree)>;
 
-impl AnyBuilder {
-    fn all() -> [Self; 2] {
-        [
-            Self::OneMoment(Builder::new()),
-            Self::Temporal(TemporalBuilder::default()),
-        ]
-    }
-
-    /// The tree for the first moment, or for all.
-    fn build(&mut self, all: &[Vec<Aabb>], tree: &mut BinaryTree) {
-        let cancel = Cancel::new();
-        let built = match self {
-            Self::OneMoment(builder) => builder.build(&all[0][..], &cancel, tree),
-            Self::Temporal(builder) => builder.build(&moments(all), &cancel, tree),
-        };
+/// A builder for one moment and one for several, each with memory of its own.
+fn builders() -> [AnyBuilder; 2] {
+    let (mut one, mut temporal) = (Builder::default(), TemporalBuilder::default());
+    let one: AnyBuilder = Box::new(move |all, tree| {
+        let built = one.build(&all[0][..], &Cancel::new(), tree);
         built.unwrap();
-    }
-
-    /// The moments that a tree is built for.
-    fn moments<'a>(&self, all: &'a [Vec<Aabb>]) -> &'a [Vec<Aabb>] {
-        match self {
-            Self::OneMoment(_) => &all[..1],
-            Self::Temporal(_) => all,
-        }
-    }
+    });
+    let temporal: AnyBuilder = Box::new(move |all, tree| {
+        let built = temporal.build(&moments(all), &Cancel::new(), tree);
+        built.unwrap();
+    });
+    [one, temporal]
 }
 
 /// Builds with each builder and checks what holds for every tree; gives the depths.
 fn check(all: &[Vec<Aabb>]) -> [u32; 2] {
-    AnyBuilder::all().map(|mut builder| {
+    let mut built_for = [&all[..1], all].into_iter();
+    builders().map(|mut build| {
         let mut tree = BinaryTree::default();
-        builder.build(all, &mut tree);
-        let moments = builder.moments(all);
+        build(all, &mut tree);
+        let moments = built_for.next().unwrap();
         let usable = |i: &u32| moments.iter().any(|boxes| is_usable(&boxes[*i as usize]));
         check_holds((0..all[0].len() as u32).filter(usable).collect(), &tree)
     })
@@ -101,7 +86,6 @@ fn check_holds(active: Vec<u32>, tree: &BinaryTree) -> u32 {
     deepest
 }
 
-/// Box of edge `edge` at `at`.
 fn cube(at: [f32; 3], edge: f32) -> Aabb {
     Aabb {
         min: at,
@@ -116,16 +100,9 @@ fn scaled(b: &Aabb, f: impl Fn(f32) -> f32) -> Aabb {
     }
 }
 
-/// Numbers in `0.0..1.0`.
-fn noise(seed: u64) -> impl FnMut() -> f32 {
-    let mut random = fastrand::Rng::with_seed(seed);
-    move || random.f32()
-}
-
 /// One box of a soup, of one of the kinds that trouble builders.
-fn troublesome(kind: u8, scale: f32, next: &mut impl FnMut() -> f32) -> Aabb {
-    let at = [next(), next(), next()];
-    let size = [next(), next(), next()].map(|x| x * 0.01);
+fn troublesome(kind: u8, scale: f32, random: &mut Rng) -> Aabb {
+    let [at, size] = [1.0, 0.01].map(|most| [0; 3].map(|_| random.f32() * most));
     let mut b = Aabb {
         min: at,
         max: std::array::from_fn(|i| at[i] + size[i]),
@@ -136,14 +113,20 @@ fn troublesome(kind: u8, scale: f32, next: &mut impl FnMut() -> f32) -> Aabb {
         2 => b = cube(at.map(|x| 0.7 + x * 1e-4), 1e-5),
         3 => b.max[1] = b.min[1] + 1.0,
         4 => (b.min[2], b.max[2]) = (0.5, 0.5),
-        5 => b = cube([2.0_f32.powf(-40.0 * next()), 0.0, 0.0], 0.0),
+        5 => b = cube([2.0_f32.powf(-40.0 * random.f32()), 0.0, 0.0], 0.0),
         6 => b.min[0] = f32::NAN,
         7 => b.max[1] = f32::INFINITY,
         8 => (b.min[2], b.max[2]) = (b.max[2] + 0.01, b.min[2]),
         9 => b = Aabb::EMPTY,
-        _ => b = cube(at.map(|x| x - 0.5), 0.5 * next()),
+        _ => b = cube(at.map(|x| x - 0.5), 0.5 * random.f32()),
     }
     scaled(&b, |x| x * scale)
+}
+
+/// So many boxes of these kinds, one after the other.
+fn boxes(n: usize, kinds: &[u8], random: &mut Rng) -> Vec<Aabb> {
+    let kinds = kinds.iter().cycle().take(n);
+    kinds.map(|&kind| troublesome(kind, 1.0, random)).collect()
 }
 
 fn soup() -> impl Strategy<Value = Vec<Aabb>> {
@@ -151,8 +134,8 @@ fn soup() -> impl Strategy<Value = Vec<Aabb>> {
     let kinds = prop::collection::vec(0_u8..11, 1..4);
     let size = prop_oneof![0_usize..6, 6_usize..80, 80_usize..600, Just(20_000)];
     (kinds, scale, size, any::<u64>()).prop_map(|(kinds, scale, size, seed)| {
-        let (mut next, mut pick) = (noise(seed), fastrand::Rng::with_seed(!seed));
-        let mut one = |_| troublesome(*pick.choice(&kinds).unwrap(), scale, &mut next);
+        let [mut random, mut pick] = [seed, !seed].map(Rng::with_seed);
+        let mut one = |_| troublesome(*pick.choice(&kinds).unwrap(), scale, &mut random);
         (0..size).map(&mut one).collect()
     })
 }
@@ -177,11 +160,11 @@ proptest! {
 
     #[test]
     fn the_workspace_leaves_no_trace_in_the_tree(first in moving_soup(), second in moving_soup()) {
-        for (mut builder, mut other) in AnyBuilder::all().into_iter().zip(AnyBuilder::all()) {
+        for (mut build, mut other) in builders().into_iter().zip(builders()) {
             let (mut reused, mut fresh) = (BinaryTree::default(), BinaryTree::default());
-            builder.build(&first, &mut reused);
-            builder.build(&second, &mut reused);
-            other.build(&second, &mut fresh);
+            build(&first, &mut reused);
+            build(&second, &mut reused);
+            other(&second, &mut fresh);
             prop_assert_eq!(reused, fresh);
         }
     }
@@ -197,20 +180,20 @@ proptest! {
     #![proptest_config(soups_by_threads())]
 
     #[test]
-    fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(boxes in soup(), seed: u64) {
-        let mut next = noise(seed);
-        let mut large = || -> Vec<_> { (0..70_000).map(|i| troublesome((i % 11) as u8, 1.0, &mut next)).collect() };
+    fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(small in soup(), seed: u64) {
+        let (kinds, mut random) = ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], Rng::with_seed(seed));
+        let large = [(); 3].map(|()| boxes(70_000, &kinds, &mut random));
         let with = |all: &[Vec<Aabb>], threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let built = |mut builder: AnyBuilder| {
+            let built = |mut build: AnyBuilder| {
                 let mut tree = BinaryTree::default();
-                builder.build(all, &mut tree);
+                build(all, &mut tree);
                 let cost = sah_cost(&tree, &all[0][..]).to_bits();
                 (tree, cost)
             };
-            pool.install(|| AnyBuilder::all().map(built))
+            pool.install(|| builders().map(built))
         };
-        for all in [vec![boxes], vec![large(), large(), large()]] {
+        for all in [vec![small], large.to_vec()] {
             let one = with(&all, 1);
             prop_assert!([2, 3].into_iter().all(|threads| with(&all, threads) == one));
         }
@@ -219,10 +202,7 @@ proptest! {
 
 #[test]
 fn a_small_stack_suffices() {
-    let mut next = noise(3);
-    let boxes: Vec<_> = (0..300_000)
-        .map(|_| troublesome(0, 1.0, &mut next))
-        .collect();
+    let boxes = boxes(300_000, &[0], &mut Rng::with_seed(3));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(2)
         .stack_size(256 << 10);
@@ -278,11 +258,8 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
 fn the_scale_of_a_scene_does_not_change_its_tree() {
     // Multiples of 2^-16 within -2..2 keep all their bits at every scale there is.
     let round = |x: f32| ((x - 0.75) * 98_304.0).round() / 65_536.0;
-    let mut next = noise(7);
-    let boxes: Vec<_> = (0..3_000)
-        .map(|i| troublesome([0, 3, 4, 10][i % 4], 1.0, &mut next))
-        .map(|b| scaled(&b, round))
-        .collect();
+    let boxes = boxes(3_000, &[0, 3, 4, 10], &mut Rng::with_seed(7));
+    let boxes: Vec<_> = boxes.iter().map(|b| scaled(b, round)).collect();
     let tree = BinaryTree::over(&boxes[..]);
     for k in [-133, -100, -40, 40, 100, 127] {
         let (a, b) = (2.0_f32.powi(k / 2), 2.0_f32.powi(k - k / 2));

@@ -171,12 +171,10 @@ struct SizedTree<'a> {
     sizes: &'a [u32],
     /// Half areas of inner nodes, if boxes are known.
     areas: Option<&'a [f32]>,
-    /// Which of two children is asked first.
     first: First,
 }
 
 impl SizedTree<'_> {
-    /// Leaves below.
     #[inline]
     fn size(&self, node: NodeRank) -> u32 {
         match node.leaf() {

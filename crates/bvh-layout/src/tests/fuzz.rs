@@ -105,30 +105,32 @@ fn what_is_wrong_is_named() {
     let (levels, words) = (sample.level_count(), sample.words());
     let (bits, last, length) = (8 + levels, levels - 1, words.len());
     let (end, more, ranks, leaf) = (bits + 2, 7 + last, bits + 4, bits + 13);
-    let (past, inner) = (words[end] | 1 << 31, words[more] + 1);
+    let (past, deep, inner) = (words[end] | 1 << 31, words[more], words[more] + 1);
     let (ones, root) = (words[bits].count_ones(), words[bits] | 1);
-    let (rank, twice) = (ones + 1, sample.leaf_triangles()[2]);
-    let (triangles, shorter, at_last) = (sample.triangle_count(), length - 1, 8 + last);
+    let (rank, twice, triangles) = (
+        ones + 1,
+        sample.leaf_triangles()[2],
+        sample.triangle_count(),
+    );
+    let shorter = length - 1;
     let changes = format!(
         "0 | 5 | word 0 is 0x00000005, a record begins with 0x48564241
         1 | 2 | word 1 gives layout version 2, only 1 is known
-        6 | 9 | word 6 is 9, it is reserved and must be 0
+        6 | 9 | words 5 to 7 are [0, 9, 0], they are reserved and must be 0
         2 | 4294967295 | word 2 gives 4294967295 triangles, the limit is 1073741824
         2 | 39 | word 3 gives 40 leaves, the scene has 39 triangles
-        4 | 0 | word 4 gives 0 levels, 40 leaves need 7 to 40
-        4 | 6 | word 4 gives 6 levels, 40 leaves need 7 to 40
-        4 | 41 | word 4 gives 41 levels, 40 leaves need 7 to 40
+        4 | 66 | word 4 gives 66 levels, the limit is 65
         3 | 39 | the record has {length} words, its header asks for {shorter}
-        8 | 2 | level 0 has 2 inner nodes, its 1 nodes allow 1 to 1
-        9 | 0 | level 1 has 0 inner nodes, its 2 nodes allow 1 to 2
-        9 | 3 | level 1 has 3 inner nodes, its 2 nodes allow 1 to 2
-        {at_last} | 1 | level {last} is the last, but has 1 inner nodes
-        {more} | {inner} | the levels have 40 inner nodes, 40 leaves imply 39
-        {bits} | {root} | level 0, nodes 0..1: 1 bits mark leaves, the level table implies 0
-        {end} | {past} | word {end} is {past:#010x}, bits past the last node 78 must be 0
-        {ranks} | {rank} | word {ranks} counts {rank} leaves before node 32, there are {ones}
+        4 | 0 | the record has {length} words, its header asks for {}
+        8 | 2 | level 0 has 2 inner nodes, its bits have 1
+        {more} | {inner} | level {} has {inner} inner nodes, its bits have {deep}
+        {bits} | {root} | level 0 has 1 inner nodes, its bits have 0
+        {end} | {past} | bits past the last node must be 0, they are 0x10000
+        {ranks} | {rank} | {rank} leaves are counted before node 32, there are {ones}
         {leaf} | 500 | leaf 7 names triangle 500, the scene has {triangles}
-        {leaf} | {twice} | leaves 2 and 7 both name triangle {twice}"
+        {leaf} | {twice} | leaf 7 names triangle {twice}, as one before it does",
+        length - levels,
+        last - 1
     );
     for change in changes.lines() {
         let parts: Vec<_> = change.trim().split(" | ").collect();
@@ -140,10 +142,15 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn a_tree_deeper_than_any_may_be_is_refused() {
-    let mut words = record_of(&chain(100)).words().to_vec();
-    assert_eq!(words[4], 65);
-    words[4] += 1;
-    let error = Topology::from_words(words).unwrap_err().to_string();
-    assert_eq!(error, "word 4 gives 66 levels, 100 leaves need 8 to 65");
+fn levels_end_where_nodes_do() {
+    for (levels, bits, says) in [
+        (&[1, 0, 0][..], 6, "level 2 has 0 nodes, 0 are left"),
+        (&[1, 2], 0, "2 levels have 3 nodes, 2 leaves make 3"),
+        (&[], 6, "0 levels have 0 nodes, 2 leaves make 3"),
+    ] {
+        let header = [Topology::MAGIC, 1, 2, 2, levels.len() as u32, 0, 0, 0];
+        let words = [&header, levels, &[bits, 0], &[0, 1]].concat();
+        let error = Topology::from_words(words).unwrap_err();
+        assert_eq!(error.to_string(), says);
+    }
 }

@@ -39,9 +39,8 @@ pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
     }
 }
 
-/// The tree's record.
 pub(crate) fn record(tree: &BinaryTree) -> Topology {
-    Converter::new().convert(tree, scene(tree), Spare::default())
+    Converter::default().convert(tree, scene(tree), Spare::default())
 }
 
 /// A tree that is neither balanced nor too deep.

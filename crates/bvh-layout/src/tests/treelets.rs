@@ -3,114 +3,112 @@
 use super::{chain, random_tree, record, shapes};
 use crate::{Treelet, Treelets};
 use bvh_build::BinaryTree;
-use std::cell::RefCell;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeMap;
 
-/// A reading of treelets that knows the layout's description alone; keeps the triangles of each row of a box, if told to.
-struct Reader<'a>(&'a Treelets, Option<RefCell<HashMap<u32, Vec<u32>>>>);
+/// A reading of treelets that knows the layout's description alone, with what it found below each row of a box.
+struct Reader<'a> {
+    treelets: &'a Treelets,
+    rows: BTreeMap<u32, Found>,
+}
 
-/// The triangles below each row of a box, depth first.
-pub(crate) fn triangles_of_rows(treelets: &Treelets) -> HashMap<u32, Vec<u32>> {
-    let reader = Reader(treelets, Some(RefCell::default()));
-    let (all, _) = reader.tree();
-    let mut rows = reader.1.unwrap().into_inner();
-    rows.insert(0, all.order);
-    rows
+/// What stands below each row of a box.
+pub(crate) fn rows_of(treelets: &Treelets) -> BTreeMap<u32, Found> {
+    let rows = BTreeMap::new();
+    let mut reader = Reader { treelets, rows };
+    for (level, numbers) in treelets.levels.iter().enumerate() {
+        for number in numbers.clone() {
+            let entry = treelets.treelet(number as usize);
+            for root in 0..entry.root_count {
+                let reference = reader.word(entry.roots_at + root);
+                let (found, _) = reader.node((level == 0, entry), reference);
+                reader.keep(entry.root_row + 2 * root, found);
+            }
+        }
+    }
+    let root = (treelets.leaf_count > 0).then_some(0);
+    let others = (4..treelets.rows() as u32).step_by(2);
+    assert!(
+        reader
+            .rows
+            .keys()
+            .copied()
+            .eq(root.into_iter().chain(others))
+    );
+    reader.rows
 }
 
 /// What a node stands for: its triangles, depth first, and the leaves to the left of each of its inner nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Found {
-    order: Vec<u32>,
+pub(crate) struct Found {
+    pub(crate) order: Vec<u32>,
     left_leaves: Vec<u32>,
 }
 
 impl Found {
-    fn over(left: Self, right: Self) -> Self {
-        let mut left_leaves = vec![left.order.len() as u32];
-        left_leaves.extend(left.left_leaves);
-        left_leaves.extend(right.left_leaves);
-        let order = [left.order, right.order].concat();
-        Self { order, left_leaves }
+    fn over(left: &Self, right: &Self) -> Self {
+        let first = [left.order.len() as u32];
+        Self {
+            left_leaves: [&first[..], &left.left_leaves, &right.left_leaves].concat(),
+            order: [&left.order[..], &right.order].concat(),
+        }
     }
 }
 
 impl Reader<'_> {
-    /// Reads the whole tree, each root from its row; also what lies below each.
-    fn tree(&self) -> (Found, HashMap<u32, Found>) {
-        let mut rows = HashMap::<u32, Found>::new();
-        let mut inner_rows = BTreeSet::new();
-        for (number, level) in (0..).zip(&self.0.levels) {
-            for treelet in level.clone() {
-                let entry = self.0.treelet(treelet as usize);
-                let leaf = |i: u32| match number {
-                    0 => self.triangles(entry.first_leaf + i),
-                    _ => rows[&(entry.first_leaf + 2 * i)].clone(),
-                };
-                let found: Vec<Found> = (0..entry.root_count)
-                    .map(|root| self.node(entry, self.word(entry.roots_at + root), &leaf).0)
-                    .collect();
-                for i in 0..entry.inner_count {
-                    assert!(inner_rows.insert(entry.inner_row + 4 * i), "a row twice");
-                }
-                for (root, found) in (0..).zip(found) {
-                    let row = entry.root_row + 2 * root;
-                    assert!(row == 0 || row + 2 <= self.0.rows() as u32);
-                    assert!(rows.insert(row, found).is_none(), "root row {row} twice");
-                }
-            }
-        }
-        let all = (1..=self.0.inner_count).map(|i| 4 * i);
-        assert!(inner_rows.into_iter().eq(all));
-        (rows.get(&0).cloned().unwrap_or_default(), rows)
+    fn keep(&mut self, row: u32, found: Found) {
+        assert!(self.rows.insert(row, found).is_none(), "row {row} twice");
     }
 
-    fn node(&self, entry: Treelet, reference: u32, leaf: &dyn Fn(u32) -> Found) -> (Found, u32) {
+    /// What a node of a treelet stands for, and its height; the flag says whether leaves are triangles.
+    fn node(&mut self, of: (bool, Treelet), reference: u32) -> (Found, u32) {
         assert!(reference < 512);
-        let number = reference & 255;
+        let ((is_lowest, entry), number) = (of, reference & 255);
         if reference & 256 != 0 {
             assert!(number < entry.leaf_count);
-            return (leaf(number), 0);
+            let found = match is_lowest {
+                true => self.triangles(entry.first_leaf + number),
+                false => self.rows[&(entry.first_leaf + 2 * number)].clone(),
+            };
+            return (found, 0);
         }
         assert!(number < entry.inner_count);
-        let words = (0..entry.inner_count).map(|i| self.word(entry.inner_at + i));
-        let word = words.clone().find(|word| word >> 18 & 255 == number);
+        let mut words = (0..entry.inner_count).map(|i| self.word(entry.inner_at + i));
+        assert!(words.clone().is_sorted_by_key(|word| word >> 26));
+        let word = words.find(|word| word >> 18 & 255 == number);
         let word = word.expect("every inner node has a word");
-        assert!(words.is_sorted_by_key(|word| word >> 26));
-        let (left, left_height) = self.node(entry, word & 511, leaf);
-        let (right, right_height) = self.node(entry, word >> 9 & 511, leaf);
+        let (left, left_height) = self.node(of, word & 511);
+        let (right, right_height) = self.node(of, word >> 9 & 511);
         let height = 1 + left_height.max(right_height);
         assert_eq!((word >> 26) + 1, height);
         assert!(height <= entry.height);
-        if let Some(rows) = &self.1 {
-            let row = entry.inner_row + 4 * number;
-            let both = [(row, left.order.clone()), (row + 2, right.order.clone())];
-            rows.borrow_mut().extend(both);
-        }
-        (Found::over(left, right), height)
+        let (row, found) = (entry.inner_row + 4 * number, Found::over(&left, &right));
+        self.keep(row, left);
+        self.keep(row + 2, right);
+        (found, height)
     }
 
     fn triangles(&self, leaf: u32) -> Found {
-        let at = self.0.triangles_at() as u32 + leaf;
-        let word = self.word(at);
+        let at = self.treelets.triangles_at() as u32 + leaf;
         let one = |word| Found {
             order: vec![word],
             ..Found::default()
         };
+        let word = self.word(at);
         match word & Treelets::SHARED {
             0 => one(word),
-            _ => Found::over(one(word & !Treelets::SHARED), one(self.word(at + 1))),
+            _ => Found::over(&one(word & !Treelets::SHARED), &one(self.word(at + 1))),
         }
     }
 
     fn word(&self, at: u32) -> u32 {
-        self.0.words()[at as usize]
+        self.treelets.words()[at as usize]
     }
 }
 
 fn check(tree: &BinaryTree) -> Treelets {
     let treelets = Treelets::of_tree(tree);
-    let (found, rows) = Reader(&treelets, None).tree();
+    let rows = rows_of(&treelets);
+    let found = rows.get(&0).cloned().unwrap_or_default();
     assert_eq!(found.order, tree.order());
     for most in [1, 3, 40, 2_000, u32::MAX] {
         let (first, count) = treelets.few_roots(most);

@@ -86,7 +86,6 @@ impl Cut {
         }
     }
 
-    /// Leaves of a treelet.
     pub(super) fn leaves(&self, treelet: &Range<usize>) -> Range<usize> {
         let (first, last) = (self.roots[treelet.start], self.roots[treelet.end - 1]);
         first.first_leaf as usize..(last.first_leaf + last.leaves) as usize

@@ -81,9 +81,8 @@ fn close_up(
 ) {
     let mut moves = Vec::with_capacity(found.len());
     for (&(count, _), leaves) in found.iter().zip(leaves) {
-        let (from, rest) = room.split_at(leaves);
+        let from = room.split_off(..leaves).expect("a place for each leaf");
         moves.push((take(&mut inner, count as usize), from));
-        room = rest;
     }
     let each = moves.into_par_iter().with_min_len(64);
     each.for_each(|(to, from)| to.copy_from_slice(&from[..to.len()]));
@@ -121,9 +120,8 @@ fn tasks<'a>(
 }
 
 fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
-    let (part, rest) = std::mem::take(from).split_at_mut(count);
-    *from = rest;
-    part
+    let part = from.split_off_mut(..count);
+    part.expect("there is room for all")
 }
 
 /// Inner nodes of a treelet as they are met.
@@ -199,7 +197,6 @@ impl Inner {
 }
 
 impl Treelets {
-    /// Writes the table.
     fn finish(&mut self, cuts: &[Cut], found: &[(u32, u32)], inner_at: usize) {
         let mut next = Treelet {
             inner_at: inner_at as u32,

@@ -2,15 +2,13 @@
 
 mod cut;
 mod fill;
-mod moving;
 mod wide;
 
-use crate::Topology;
+use crate::{Moving, Topology};
 use bvh_build::BinaryTree;
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
 use geom::StaticParts;
-pub use moving::MovingTreelets;
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
 
@@ -63,7 +61,7 @@ pub struct Treelets {
     /// Roots of all treelets.
     pub root_count: u32,
     /// What must be done again when the scene moves; `None` if all of it.
-    pub moving: Option<MovingTreelets>,
+    pub moving: Option<Moving>,
     /// The same tree with 32 children a node, if it has that form.
     pub wide: Option<WideTree>,
 }
@@ -104,18 +102,8 @@ impl WideTree {
 /// Memory that treelets are made in: a word a triangle, and another where they are made wide.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
-    inner: Vec<u32>,
-    places: Vec<AtomicU32>,
-}
-
-#[cfg(test)]
-impl Workspace {
-    /// Writes over all that is in it.
-    pub(crate) fn spoil(&mut self) {
-        self.inner.fill(u32::MAX);
-        let places = self.places.iter_mut();
-        places.for_each(|place| *place.get_mut() = u32::MAX);
-    }
+    pub(crate) inner: Vec<u32>,
+    pub(crate) places: Vec<AtomicU32>,
 }
 
 /// A treelet's entry in the table: twelve words, in this order.
@@ -198,7 +186,7 @@ impl Treelets {
     /// If `parts` are of a scene that has not all the triangles.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        self.moving = MovingTreelets::of(&self, parts);
+        self.moving = Moving::of_treelets(&self, parts);
         let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();
@@ -231,10 +219,7 @@ impl Treelets {
         self.levels.last().map_or(0, |level| level.end as usize)
     }
 
-    /// A treelet's entry.
-    ///
-    /// # Panics
-    /// If there is no such treelet.
+    /// A treelet's entry; it must be there.
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];

@@ -34,7 +34,6 @@ impl Lane {
 }
 
 impl Source<'_> {
-    /// The children of an inner node.
     fn open(&self, node: Subtree) -> [Lane; 2] {
         let place = self.places[node.inner as usize].load(Ordering::Relaxed);
         let row = self.treelets.treelet(place as usize >> 8).inner_row + 4 * (place & 255);
@@ -133,7 +132,7 @@ fn goal(first: u32, count: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::treelets::triangles_of_rows;
+    use crate::tests::treelets::rows_of;
     use crate::tests::{chain, random_tree, shapes};
 
     /// Triangles below a lane that leads somewhere, and the levels from there on.
@@ -162,7 +161,7 @@ mod tests {
             assert!(below(wide, wide.root, &mut found) <= WideTree::MOST_LEVELS);
             found.sort_unstable();
             assert!(found.into_iter().eq(0..treelets.leaf_count));
-            let mut boxes = triangles_of_rows(&treelets);
+            let mut boxes = rows_of(&treelets);
             let (rows, goals) = wide.words.split_at(wide.lanes);
             for (row, &goal) in rows.iter().zip(goals) {
                 let mut found = Vec::new();
@@ -170,7 +169,7 @@ mod tests {
                 found.sort_unstable();
                 let triangles = found.iter().map(|&at| tree.order()[at as usize]);
                 let of_box = boxes.remove(row).expect("a row that is not another lane's");
-                assert!(triangles.eq(of_box), "row {row}");
+                assert!(triangles.eq(of_box.order), "row {row}");
             }
         }
     }

@@ -65,7 +65,7 @@ pub fn record(
         }
     }
     let tree = BinaryTree::new(leaves.to_vec(), left_leaves);
-    Converter::new().convert(&tree, triangles, Spare::default())
+    Converter::default().convert(&tree, triangles, Spare::default())
 }
 
 /// Trees that are not of this scene, each with what is wrong.

@@ -47,7 +47,6 @@ pub(super) fn listed<const N: usize>(
     accessor.map_or(Ok(Vec::new()), |accessor| floats(file, &accessor))
 }
 
-/// Reads a scalar accessor of unsigned integers.
 pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>> {
     expect(file, accessor, Dimensions::Scalar)?;
     match accessor.data_type() {

@@ -71,7 +71,6 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     })
 }
 
-/// Its name, or its index if it has none.
 fn clip_name(clip: &gltf::Animation<'_>) -> String {
     clip.name()
         .map_or_else(|| clip.index().to_string(), str::to_owned)

@@ -18,7 +18,6 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Reads all channels of a clip, if there is one.
     pub(super) fn of(file: &File, clip: Option<&gltf::Animation<'_>>) -> Result<Self> {
         let mut motion = Self::default();
         for channel in clip.into_iter().flat_map(gltf::Animation::channels) {
@@ -27,7 +26,6 @@ impl Motion {
         Ok(motion)
     }
 
-    /// Whether anything moves at a node.
     pub(super) fn moves(&self, node: usize) -> bool {
         let own = self.tracks.range((node, 0)..(node + 1, 0));
         own.count() > 0
@@ -97,7 +95,6 @@ fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
-/// How many morph targets a node's mesh has.
 fn targets(node: &gltf::Node<'_>) -> usize {
     let primitives = node.mesh().into_iter().flat_map(|m| m.primitives());
     let counts = primitives.map(|p| p.morph_targets().count());
@@ -150,7 +147,6 @@ impl Track {
         Ok(())
     }
 
-    /// Values for each time.
     fn each(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,
@@ -206,41 +202,4 @@ fn hermite(t: f64, step: f64) -> [f64; 4] {
         -2.0 * t3 + 3.0 * t2,
         step * (t3 - t2),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DQuat;
-
-    fn track(times: &[f64], values: &[f64], interpolation: Interpolation) -> Track {
-        let turns = values.len() == 8;
-        let track = Track {
-            times: times.to_vec(),
-            values: values.to_vec(),
-            size: if turns { 4 } else { 1 },
-            turns,
-            interpolation,
-        };
-        track.check().unwrap();
-        track
-    }
-
-    #[test]
-    fn ends_hold_and_steps_wait() {
-        let track = |how| track(&[1.0, 2.0, 4.0], &[0.0, 1.0, 3.0], how);
-        let linear = track(Interpolation::Linear);
-        let found = [0.0, 3.0, 4.0, 9.0].map(|time| linear.at(time)[0]);
-        assert_eq!(found, [0.0, 2.0, 3.0, 3.0]);
-        assert_eq!(track(Interpolation::Step).at(3.999), [1.0]);
-    }
-
-    #[test]
-    fn rotations_take_the_shorter_arc() {
-        let quarter = -DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2);
-        let ends = [DQuat::IDENTITY, quarter].map(|q| q.to_array());
-        let half = track(&[0.0, 1.0], ends.as_flattened(), Interpolation::Linear).at(0.5);
-        let expected = DVec3::new(0.5_f64.sqrt(), 0.0, -0.5_f64.sqrt());
-        assert!((unit(&half) * DVec3::X - expected).length() < 1e-12);
-    }
 }

@@ -156,7 +156,6 @@ impl Part {
     }
 }
 
-/// Refuses an accessor that has not one element a vertex.
 fn check_count(file: &File, accessor: usize, found: usize, vertices: usize) -> Result<()> {
     if found == vertices {
         return Ok(());
@@ -214,7 +213,6 @@ struct Skin {
 }
 
 impl Skin {
-    /// Reads the joints of a skin and what each vertex of `primitive` hangs on.
     fn new(
         file: &File,
         skin: &gltf::Skin<'_>,

@@ -100,7 +100,6 @@ impl Rig {
     }
 }
 
-/// Doubles of floats.
 pub(super) fn vector(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }

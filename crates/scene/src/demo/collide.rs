@@ -21,7 +21,6 @@ const SPLINTERS: [Rgb; 2] = [[226, 120, 48], [120, 170, 172]];
 #[derive(Clone, Copy)]
 struct Body {
     side: f64,
-    /// Height of its lobes.
     lobes: f64,
     axis: DVec3,
     spin: f64,

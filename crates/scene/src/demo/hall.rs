@@ -108,7 +108,6 @@ fn niche(x: f64, y: f64) -> f64 {
     sill * inside
 }
 
-/// A beam over one row of columns.
 fn beam(budget: usize, z: f64) -> Part {
     let half = DVec3::new(HALF[0], 0.22, 0.3);
     let middle = DVec3::new(0.0, HEIGHT[0] + half.y, z);

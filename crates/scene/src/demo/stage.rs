@@ -121,7 +121,6 @@ pub(super) fn shade(colour: Rgb, amount: f64) -> Rgb {
     colour.map(|c| libm::round((f64::from(c) * (1.0 + amount)).clamp(0.0, 255.0)) as u8)
 }
 
-/// From `a` at 0 to `b` at 1.
 pub(super) fn blend(a: Rgb, b: Rgb, weight: f64) -> Rgb {
     let w = weight.clamp(0.0, 1.0);
     std::array::from_fn(|i| libm::round(f64::from(a[i]) * (1.0 - w) + f64::from(b[i]) * w) as u8)
@@ -132,7 +131,6 @@ pub(super) fn blend(a: Rgb, b: Rgb, weight: f64) -> Rgb {
 pub(super) struct Trajectory {
     /// Its middle at the start.
     pub(super) start: DVec3,
-    /// Its velocity at the start.
     pub(super) velocity: DVec3,
     /// A unit vector.
     pub(super) axis: DVec3,

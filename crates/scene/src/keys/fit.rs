@@ -45,10 +45,7 @@ pub struct Reducer<'a> {
 }
 
 impl<'a> Reducer<'a> {
-    /// For all key frames of an animation.
-    ///
-    /// # Panics
-    /// If there are none.
+    /// For all key frames of an animation, one at least.
     #[must_use]
     pub fn new(keys: &'a [KeyFrame]) -> Self {
         let (frames, vertices) = (keys.len(), keys[0].len());

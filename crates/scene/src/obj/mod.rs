@@ -1,9 +1,8 @@
 //! Wavefront OBJ: `tobj` reads numbers, fans faces and reads materials.
 //!
-//! `tobj` names no line, counts the vertices of each group anew, takes lines
-//! (`l`) for faces and leaves out what it does not like about some of them;
-//! so [`Statements`] goes through the text first, refuses what is wrong with
-//! the line it is in, and hands on plain vertices and faces only.
+//! `tobj` names no line, counts the vertices of each group anew, takes lines (`l`) for faces and leaves out what it does not
+//! like about some of them. So [`Statements`] goes through the text first, refuses what is wrong with the line it is in, and
+//! hands on plain vertices and faces only.
 
 mod materials;
 
@@ -15,7 +14,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Reads one file.
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
     check_memory(path, &bytes)?;
@@ -58,7 +56,6 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     })
 }
 
-/// What a file says.
 #[derive(Debug, Default)]
 struct Statements {
     /// Vertices and faces alone, faces by absolute position index: text for `tobj`.
@@ -67,11 +64,9 @@ struct Statements {
     topology: Topology,
     /// One for each vertex, if every vertex has one.
     colours: Vec<Rgb>,
-    /// Names of material libraries.
     libraries: Vec<String>,
     /// (First face, name) of each material in use.
     uses: Vec<(usize, String)>,
-    /// Line of each face.
     face_lines: Vec<usize>,
     /// Statements that are skipped: how many there are, and the line of the first.
     skipped: BTreeMap<String, (usize, usize)>,
@@ -83,7 +78,6 @@ struct Statements {
 type Wrong = (usize, String);
 
 impl Statements {
-    /// Goes through the whole text.
     fn scan(bytes: &[u8]) -> Result<Self, Wrong> {
         let mut found = Self {
             open_end: !bytes.ends_with(b"\n") && !bytes.is_empty(),
@@ -205,7 +199,6 @@ impl Statements {
         Ok(())
     }
 
-    /// Remarks about what was left out.
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
         let told = |(word, (count, line)): (&String, &(usize, usize))| {
@@ -272,12 +265,13 @@ fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::refused;
     use std::fs;
 
-    fn parse(text: &str) -> Result<Mesh, String> {
+    fn parse(text: &str) -> Result<Mesh> {
         let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
         fs::write(file.path(), text).unwrap();
-        read(file.path()).map_err(|e| e.to_string())
+        read(file.path())
     }
 
     #[test]
@@ -318,9 +312,7 @@ mod tests {
             ("f 1 2 3\nv 1 2 3 4 5\n", "line 6: a vertex of 5 numbers"),
             ("f 1 2 3\nv 1 2 3 x y z\n", "line 6: \"x\" is not a number"),
         ] {
-            let message = parse(&format!("{head}{text}")).err().unwrap();
-            assert!(message.contains(says), "{text:?}: {message}");
-            assert!(!message.contains('\n'));
+            refused(parse(&format!("{head}{text}")), &[says]);
         }
     }
 

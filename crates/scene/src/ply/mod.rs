@@ -76,7 +76,6 @@ struct File<'a> {
     bytes: &'a [u8],
     /// Where the header ends, and where the vertices do, once they were read.
     ends: [usize; 2],
-    /// Lines read.
     line: usize,
     points: Vec<Point>,
     colours: Vec<Rgb>,
@@ -307,7 +306,6 @@ impl<'a> File<'a> {
     }
 }
 
-/// Bytes of a number.
 fn size(kind: &ScalarType) -> usize {
     match kind {
         ScalarType::Char | ScalarType::UChar => 1,

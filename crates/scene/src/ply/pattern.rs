@@ -41,9 +41,6 @@ impl Pattern {
     }
 
     /// Reads the positions of a file that differs in its vertices alone; nothing of another file.
-    ///
-    /// # Errors
-    /// It cannot be read.
     pub(crate) fn read(&self, path: &Path) -> Result<Option<Vec<Point>>> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let rest = bytes.strip_prefix(&self.head[..]);
@@ -55,9 +52,6 @@ impl Pattern {
     }
 
     /// Reads the positions of a file that [`Self::read`] did once before.
-    ///
-    /// # Errors
-    /// It cannot be read.
     pub(crate) fn read_again(&self, path: &Path) -> Result<Vec<Point>> {
         let read = || -> io::Result<Vec<u8>> {
             let mut file = host::open(path)?;

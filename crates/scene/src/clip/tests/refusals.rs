@@ -15,7 +15,7 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
             allow_outside,
             ..Options::default()
         };
-        open(path.to_str().unwrap(), &options).map_err(|e| e.to_string())
+        open(path.to_str().unwrap(), &options)
     };
     put(&all, "scene/some bytes.bin", &bin.bytes);
     put(&all, "outside.bin", &bin.bytes);
@@ -32,8 +32,7 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
         ("https://example.org/a.bin", "network"),
         ("../outside.bin", "--allow-outside"),
     ] {
-        let message = read(source, false).unwrap_err();
-        assert!(message.contains(says), "{message}");
+        refused(read(source, false), &[says]);
     }
 }
 
@@ -44,10 +43,8 @@ fn refuse(file: &str, bin: &Bin, changes: &str) {
         let [from, to, says] = std::array::from_fn(|_| parts.next().unwrap());
         let broken = file.replacen(from, &to.replace("HUGE", &u64::MAX.to_string()), 1);
         assert_ne!(broken, file, "{from}");
-        let message = read_with(&glb(&broken, &bin.bytes), &Options::default());
-        let message = message.err().unwrap_or_default();
-        let good = message.contains(says) && !message.contains('\n');
-        assert!(good, "{says:?} is not in {message:?}");
+        let opened = read_with(&glb(&broken, &bin.bytes), &Options::default());
+        refused(opened, &[says]);
     }
 }
 
@@ -101,8 +98,7 @@ fn accessors_and_weights_that_do_not_fit_are_refused() {
     let rising = [0.0_f32, 2.0].map(f32::to_le_bytes).concat();
     let at = bytes.windows(8).position(|w| w == rising).unwrap();
     bytes[at..at + 8].copy_from_slice(&falling);
-    let message = read(&bytes).unwrap_err();
-    assert!(message.contains("do not rise"), "{message}");
+    refused(read(&bytes), &["do not rise"]);
 }
 
 #[test]
@@ -112,8 +108,7 @@ fn a_file_shorter_than_it_says_is_refused() {
     let most = "4294967295 bytes are declared";
     for (length, says) in [(5, "within its header"), (u32::MAX, most)] {
         let lies = [&whole[..8], &length.to_le_bytes(), &whole[12..]].concat();
-        let message = read_with(&lies, &Options::default()).unwrap_err();
-        assert!(message.contains(says), "{message}");
+        refused(read_with(&lies, &Options::default()), &[says]);
     }
 }
 
@@ -143,19 +138,16 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
             key_bytes: u64::MAX,
             ..Options::default()
         };
-        read_with(&bytes, &options).err().unwrap_or_default()
+        read_with(&bytes, &options)
     };
     let with = |fps, memory| with_run(fps, memory, [0, 0]);
-    let message = with(1.0, 16 << 30);
-    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free";
-    assert!(message.contains(says), "{message}");
-    let message = with(0.001, 100_000);
+    let says = "65001 key frames of 24975 vertices: 19.5 GB of memory are needed, 17.2 GB are free (limit given)";
+    refused(with(1.0, 16 << 30), &[says]);
     let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
-    assert!(message.contains(says), "{message}");
-    assert_eq!(with(0.001, 60 << 20), "");
+    refused(with(0.001, 100_000), &[says]);
+    assert!(with(0.001, 60 << 20).is_ok());
     // What follows is asked for along with it, though key frames alone would fit.
     let says =
         "24975 vertices, and trees over 8325 triangles: 30.2 GB of memory are needed, 19.6 GB";
-    let message = with_run(1.0, 19_600_000_000, [10 << 30, 345]);
-    assert!(message.contains(says), "{message}");
+    refused(with_run(1.0, 19_600_000_000, [10 << 30, 345]), &[says]);
 }
