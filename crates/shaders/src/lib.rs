@@ -32,7 +32,7 @@ pub use method::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use params::{Counts, Params};
 pub use pictures::{Packets, RasterBackoff};
-pub use shape::{MovingShape, Shape, WideShape, moving_rows};
+pub use shape::{MovingShape, Shape, moving_rows};
 pub use tree_stats::{Extent, Extents, TreeStats};
 pub use view::View;
 

@@ -139,7 +139,7 @@ impl RasterBackoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Shape, WideShape};
+    use crate::Shape;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -153,17 +153,10 @@ mod tests {
 
     /// Made for a picture of that size, over so many triangles and a wide tree of them.
     fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
-        let shape = Shape {
-            wide: WideShape {
-                root: 1,
-                ..WideShape::default()
-            },
-            ..Shape::made_on_device(Layout::Fast, triangles)
-        };
         Params {
             width,
             height,
-            ..Params::of(0, &shape)
+            ..Shape::expected(Layout::Fast, triangles).params
         }
     }
 

@@ -172,7 +172,6 @@ mod tests {
     fn a_tree_is_done_whole_first_and_then_what_moves() {
         let tree = Shape {
             leaf_count: 501,
-            node_count: 1001,
             levels: vec![0..1, 1..3, 3..200, 200..500],
             moving: Some(MovingShape {
                 leaves: 2_000..2_009,
@@ -180,7 +179,7 @@ mod tests {
                 levels: vec![2_009..2_010, 2_010..2_011, 2_011..2_149, 2_149..2_151],
                 degenerate_elsewhere: 3,
             }),
-            ..Shape::default()
+            ..Shape::none(Layout::Bvh2)
         };
         let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
@@ -222,7 +221,6 @@ mod tests {
             ..Method::default()
         };
         let tree = Shape {
-            layout: Layout::Fast,
             leaf_count: 20_000,
             treelets: vec![0..90, 90..93, 93..94],
             moving: Some(MovingShape {
@@ -230,7 +228,7 @@ mod tests {
                 degenerate_elsewhere: 4,
                 ..MovingShape::default()
             }),
-            ..Shape::default()
+            ..Shape::none(Layout::Fast)
         };
         let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(method, params, &tree);
