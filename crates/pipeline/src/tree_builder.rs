@@ -200,15 +200,18 @@ impl TreeBuilder {
             Some(_) => self.degradation.strategy(),
             None => BuildStrategy::Scratch,
         };
-        let blended_at = vertices.pose();
+        let blended_at = match &vertices {
+            Vertices::ReadBack(_) => None,
+            Vertices::KeyFrames(pose) => Some(*pose),
+        };
         let halves = halves.filter(|_| self.degradation.parts);
-        let costs = self.make(moments, (vertices, halves), strategy, cancel)?;
+        let mut costs = self.make(moments, (vertices, halves), strategy, cancel)?;
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
         if let Some(at) = rival_at {
-            let costs = costs.filter(|_| blended_at == rival_at);
             if blended_at != rival_at {
                 fill(&mut self.boxes, &moments.at(at)?);
+                costs = None;
             }
             let costs = costs.unwrap_or_else(|| self.costs());
             self.degradation.note(costs);

@@ -251,7 +251,7 @@ fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let mut course = Course::over(shuffled(), Forms::default());
     let own = course.build(0, None);
     let mut samples = samples(&course.animation, [0.0, 2.0]).unwrap();
-    let mut for_all = |samples: &[Sample]| {
+    let mut for_all = |samples: &[Sample<'_>]| {
         let (a, builder) = (&course.animation, &mut course.builder);
         let built = builder.build_for_all(a, samples, a.pose(0.0), &Cancel::new());
         built.unwrap()

@@ -75,8 +75,8 @@ pub(in crate::driver) struct Log {
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
+#[derive(Default)]
 pub(in crate::driver) struct Fake {
-    device: Device,
     pub(in crate::driver) log: Arc<Mutex<Log>>,
     animation: Option<Arc<Animation>>,
     pose: Option<Pose>,
@@ -98,30 +98,9 @@ pub(in crate::driver) struct Fake {
 
 impl Fake {
     pub(in crate::driver) fn new(polls: Option<u32>) -> Self {
-        let device = Device {
-            backend: "fake",
-            adapter: String::new(),
-            driver: String::new(),
-            kind: DeviceKind::Cpu,
-            threads: 1,
-            arithmetic: Arithmetic::IEEE,
-        };
         Self {
-            device,
-            log: Arc::default(),
-            animation: None,
-            pose: None,
-            generation: Generation(0),
-            fresh: (false, false),
-            ticket: 0,
-            requested: VecDeque::new(),
-            record_request: false,
-            traced: false,
             polls,
-            gate: None,
-            hits: Hits::default(),
-            own_trees: false,
-            prepared: None,
+            ..Self::default()
         }
     }
 
@@ -141,7 +120,15 @@ impl Fake {
 
 impl Backend for Fake {
     fn device(&self) -> &Device {
-        &self.device
+        static DEVICE: Device = Device {
+            backend: "fake",
+            adapter: String::new(),
+            driver: String::new(),
+            kind: DeviceKind::Cpu,
+            threads: 1,
+            arithmetic: Arithmetic::IEEE,
+        };
+        &DEVICE
     }
     fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
         self.animation = Some(animation);
