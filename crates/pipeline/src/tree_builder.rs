@@ -4,7 +4,7 @@ mod degradation;
 pub(crate) mod for_all;
 mod moments;
 
-use crate::builder_thread::Job;
+use crate::builder_thread::{BuildInput, Job};
 use backend::{Backend, Snapshot};
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
@@ -13,8 +13,8 @@ use bvh_layout::{Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
-pub(crate) use moments::{Moments, pose_between};
-use moments::{blend, keep};
+pub(crate) use moments::pose_between;
+use moments::{Moments, blend, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -161,13 +161,7 @@ impl TreeBuilder {
         if job.left_last {
             self.revert();
         }
-        let input = job.input;
-        let moments = Moments {
-            animation,
-            observed: input.observed.map(|seen| self.keep(seen)),
-        };
-        let from = (input.vertices, input.halves);
-        let made = self.rebuild(&moments, from, input.rival_at, cancel)?;
+        let made = self.rebuild(animation, job.input, cancel)?;
         if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
             write(&built.topology);
         }
@@ -188,14 +182,17 @@ impl TreeBuilder {
     /// `halves`, as one: what parts within the time of use is then parted by the tree, too.
     pub(crate) fn rebuild(
         &mut self,
-        moments: &Moments<'_>,
-        (vertices, halves): (Vertices, Option<[Pose; 2]>),
-        rival_at: Option<Pose>,
+        animation: &Animation,
+        input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
-        let begun = Instant::now();
-        let animation = moments.animation;
-        let rival_at = rival_at.filter(|_| self.holds_all_of(animation));
+        let observed = input.observed.map(|seen| self.keep(seen));
+        let moments = &Moments {
+            animation,
+            observed,
+        };
+        let (begun, vertices) = (Instant::now(), input.vertices);
+        let rival_at = input.rival_at.filter(|_| self.holds_all_of(animation));
         let strategy = match rival_at {
             Some(_) => self.degradation.strategy(),
             None => BuildStrategy::Scratch,
@@ -204,7 +201,7 @@ impl TreeBuilder {
             Vertices::ReadBack(_) => None,
             Vertices::KeyFrames(pose) => Some(*pose),
         };
-        let halves = halves.filter(|_| self.degradation.parts);
+        let halves = input.halves.filter(|_| self.degradation.parts);
         let mut costs = self.make(moments, (vertices, halves), strategy, cancel)?;
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);

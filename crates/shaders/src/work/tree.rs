@@ -12,7 +12,6 @@ use std::ops::Range;
 /// says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
-    has_lists: bool,
     has_records: bool,
     has_boxes: bool,
     /// Whether `preprocess` made all boxes in this recording.
@@ -26,14 +25,14 @@ impl Progress {
     /// weighing [`Params::alpha`], and no positions, so that it may run beside `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
-            let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
+            let adopt = (!self.has_records).then(|| treelets::adopt(method, params, tree));
             let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
             let mut work: Vec<_> = adopt.into_iter().chain([work]).collect();
             work[0].alongside = treelets::reads_keys(tree);
             return (work, uncounted);
         }
         let mut work = Vec::with_capacity(3);
-        if !self.has_lists {
+        if !self.has_records {
             // The tree's lists of nodes.
             let nodes = Groups::Linear(params.node_count);
             work.push(Work::new(common("expand"), params, nodes));
@@ -53,7 +52,7 @@ impl Progress {
     /// That work was recorded, over such a tree.
     pub fn preprocessed(&mut self, tree: &Shape) {
         self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree);
-        (self.has_lists, self.has_records) = (true, true);
+        self.has_records = true;
     }
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
