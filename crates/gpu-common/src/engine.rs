@@ -4,11 +4,11 @@ use crate::snapshots::Snapshots;
 use crate::traces::Traces;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
-    Result, Snapshot, Ticket,
+    Arithmetic, BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette,
+    Query, Rays, Result, Snapshot, Ticket,
 };
 use geom::{Animation, Point, Pose};
-use shaders::arithmetic::{self, Findings};
+use shaders::arithmetic;
 use shaders::work::{self, Work};
 use shaders::{BufferName, Params, Traits};
 use std::sync::Arc;
@@ -58,14 +58,14 @@ impl<D: GpuDevice> Engine<D> {
     /// [`backend::BackendError::NoDevice`] if it is wrong.
     pub fn new(mut gpu: D, mut pipelines: Pipelines<D>) -> Result<Self> {
         let mut frames = Frames::new(&gpu)?;
-        let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
+        let (arithmetic, fuses_once) = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let device = Device {
-            arithmetic: found.arithmetic,
+            arithmetic,
             ..gpu.device()
         };
         let (packets, rasterizes) = gpu.forms();
         pipelines.traits = Traits {
-            fuses_once: found.fuses_once,
+            fuses_once,
             packets,
             rasterizes,
         };
@@ -276,7 +276,7 @@ fn test_arithmetic<D: GpuDevice>(
     gpu: &mut D,
     frames: &mut Frames<D>,
     pipelines: &Pipelines<D>,
-) -> Result<Findings> {
+) -> Result<(Arithmetic, bool)> {
     let all = arithmetic::operands();
     let operands = bytemuck::cast_slice(&all);
     let bytes = size_of_val(operands) as u64;
