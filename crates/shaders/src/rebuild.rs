@@ -103,25 +103,20 @@ fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
-    let (mut work, mut own) = (Vec::new(), params);
-    own.first_group = 0;
-    for phase in phases::of(tree.leaf_count) {
-        (own.count, own.first) = (phase.count, phase.first);
-        (own.destination, own.shift) = (phase.destination, phase.shift);
-        (own.goal, own.rounds) = (phase.goal, phase.rounds);
-        let groups = Groups::Linear(phase.tiles() * 256);
-        work.push(Work::new(kernel("cluster", method), own, groups));
-        own.first_group += phase.tiles();
-    }
-    work.push(sum(params, own.first_group, offset_of!(Counts, areas)));
-    work
+    let phases = phases::of(params, tree.leaf_count);
+    let cluster = kernel("cluster", method);
+    let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
+    let groups = phases.iter().map(phases::tiles).sum();
+    let all = phases.iter().map(phase);
+    let areas = sum(params, groups, offset_of!(Counts, areas));
+    all.chain([areas]).collect()
 }
 
 /// Bytes of each buffer that making trees of the scene takes beside those that any tree does.
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
-    let survivors = phases::of(count.max(1) as u32)[0].left();
+    let survivors = phases::left(&phases::of(Params::default(), count.max(1) as u32)[0]);
     let mut all = vec![
         (BufferName::Live, count * 4),
         (BufferName::Keys, count * 8),
