@@ -315,12 +315,11 @@ impl Driver {
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
 fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let policy = match update {
-        _ if !backend.makes_own_trees() => return Ok(()),
-        Update::Rebuild | Update::Refit | Update::DeviceRebuild => return Ok(()),
-        Update::Async(_) => "async",
-        Update::TSah => "t-sah",
-    };
+    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
+    if !takes_trees || !backend.makes_own_trees() {
+        return Ok(());
+    }
+    let policy = update.name();
     Err(BackendError::Unsupported {
         backend: backend.device().backend,
         what: format!(
