@@ -110,7 +110,10 @@ impl Driver {
         if options.update == Update::DeviceRebuild {
             backend.check_rebuild()?;
         }
-        let forms = Forms::wanted_by(backend.as_ref());
+        let forms = Forms {
+            treelets: backend.wants_treelets(),
+            blocks: backend.wants_blocks(),
+        };
         let builder_pool = Arc::new(BuilderPool::new(threads, forms));
         let builder_thread = {
             let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));

@@ -5,7 +5,7 @@ pub(crate) mod for_all;
 mod moments;
 
 use crate::builder_thread::{BuildInput, Job};
-use backend::{Backend, Snapshot};
+use backend::Snapshot;
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
 };
@@ -69,16 +69,6 @@ pub(crate) struct Forms {
     pub(crate) treelets: bool,
     /// [`Topology::blocks`].
     pub(crate) blocks: bool,
-}
-
-impl Forms {
-    /// What `backend` reads by the method loaded.
-    pub(crate) fn wanted_by(backend: &dyn Backend) -> Self {
-        Self {
-            treelets: backend.wants_treelets(),
-            blocks: backend.wants_blocks(),
-        }
-    }
 }
 
 /// Makes trees and records; keeps its memory.
