@@ -53,10 +53,6 @@ impl LatencyPredictor {
         let since = time - self.time;
         self.step = if since.is_nan() { 0.0 } else { since };
         self.time = time;
-        self.watch_pace(now);
-    }
-
-    fn watch_pace(&mut self, now: Instant) {
         let counted = self.frames.saturating_sub(UNSETTLED);
         self.frames = self.frames.saturating_add(1);
         let Some(settled) = self.settled else {

@@ -46,7 +46,16 @@ impl Shape {
         shape.params.leaf_ranks_at = (bits + words) as u32;
         shape.params.leaf_triangles_at = (bits + 2 * words) as u32;
         shape.levels = tree.levels().filter(|inner| !inner.is_empty()).collect();
-        shape.moving = MovingShape::of(tree);
+        shape.moving = tree.moving().map(|moving| {
+            let leaves_at = tree.words().len() as u32;
+            let inner_at = leaves_at + moving.leaves().len() as u32;
+            MovingShape {
+                leaves: leaves_at..inner_at,
+                inner: inner_at..inner_at + moving.inner().len() as u32,
+                levels: behind(inner_at, &moving.levels),
+                degenerate_elsewhere: moving.degenerate_elsewhere,
+            }
+        });
         shape
     }
 
@@ -97,7 +106,11 @@ impl Shape {
         }
         Self {
             treelets: tree.levels.clone(),
-            moving: MovingShape::of_treelets(tree),
+            moving: tree.moving.as_ref().map(|moving| MovingShape {
+                levels: behind(tree.words().len() as u32, &moving.levels),
+                degenerate_elsewhere: moving.degenerate_elsewhere,
+                ..MovingShape::default()
+            }),
             node_rows: tree.rows() as u64,
             root_count: tree.root_count,
             ..shape
@@ -162,29 +175,7 @@ pub struct MovingShape {
     pub degenerate_elsewhere: u32,
 }
 
-impl MovingShape {
-    pub(crate) fn of(tree: &Topology) -> Option<Self> {
-        let moving = tree.moving()?;
-        let leaves_at = tree.words().len() as u32;
-        let inner_at = leaves_at + moving.leaves().len() as u32;
-        Some(Self {
-            leaves: leaves_at..inner_at,
-            inner: inner_at..inner_at + moving.inner().len() as u32,
-            levels: behind(inner_at, &moving.levels),
-            degenerate_elsewhere: moving.degenerate_elsewhere,
-        })
-    }
-
-    pub(crate) fn of_treelets(tree: &Treelets) -> Option<Self> {
-        let moving = tree.moving.as_ref()?;
-        Some(Self {
-            levels: behind(tree.words().len() as u32, &moving.levels),
-            degenerate_elsewhere: moving.degenerate_elsewhere,
-            ..Self::default()
-        })
-    }
-}
-
+/// Lists of levels that begin at a word.
 fn behind(at: u32, levels: &[Range<usize>]) -> Vec<Range<u32>> {
     let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
     levels.iter().map(place).collect()
