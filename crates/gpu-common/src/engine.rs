@@ -128,7 +128,8 @@ impl<D: GpuDevice> Engine<D> {
         self.pose = pose;
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.keys.bring(gpu, &scene.animation, pose)?;
-        let work = [work::interpolate(params, self.scene().vertices())];
+        let (vertices, rows) = (scene.animation.vertex_count(), scene.moving_row_count);
+        let work = [work::interpolate(params, vertices, rows)];
         self.run(Some(Stage::Interpolate), &work, |_| None)
     }
 

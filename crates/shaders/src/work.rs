@@ -53,15 +53,6 @@ pub enum Rays<'a> {
     Camera(&'a Camera),
 }
 
-/// Which positions are interpolated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vertices {
-    /// So many, which are all.
-    All(usize),
-    /// So many rows of four floats, given in the buffer `moving_rows`: see [`crate::moving_rows`].
-    Rows(usize),
-}
-
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
 const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray.
@@ -137,13 +128,11 @@ pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
-/// Key frames to positions, the later weighing [`Params::alpha`].
-pub fn interpolate(mut params: Params, vertices: Vertices) -> Work {
-    let rows;
-    (rows, params.listed) = match vertices {
-        Vertices::All(count) => ((count * 3).div_ceil(4), 0),
-        Vertices::Rows(rows) => (rows, 1),
-    };
+/// Key frames to positions of so many vertices, the later weighing [`Params::alpha`]; or to so many rows of four floats alone,
+/// given in the buffer `moving_rows`: see [`crate::moving_rows`].
+pub fn interpolate(mut params: Params, vertices: usize, moving_rows: Option<usize>) -> Work {
+    params.listed = moving_rows.is_some().into();
+    let rows = moving_rows.unwrap_or((vertices * 3).div_ceil(4));
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
