@@ -14,7 +14,6 @@ mod variants;
 use anyhow::{Context, Result, anyhow, ensure};
 use compose::Sources;
 use naga::back::spv;
-use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
 };
@@ -119,28 +118,17 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
     Ok((module, info))
 }
 
-/// Every option by name: nothing is left to a default that may change.
+/// What naga's defaults would add is left out: they bound loops and clear memory. Accesses they leave unchecked.
 fn options(lang_version: (u8, u8)) -> spv::Options<'static> {
-    let unchecked = BoundsCheckPolicy::Unchecked;
     spv::Options {
         lang_version,
         // Names tell `harden` which functions are loose; it drops them.
         flags: spv::WriterFlags::DEBUG,
-        binding_map: spv::BindingMap::default(),
-        capabilities: None,
-        bounds_check_policies: BoundsCheckPolicies {
-            index: unchecked,
-            buffer: unchecked,
-            image_load: unchecked,
-            binding_array: unchecked,
-        },
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,
         ray_query_initialization_tracking: false,
         trace_ray_argument_validation: false,
         use_storage_input_output_16: false,
-        fake_missing_bindings: true,
-        debug_info: None,
         ..spv::Options::default()
     }
 }

@@ -29,7 +29,7 @@ pub struct Problem {
 /// Mesa too. Opens no device.
 #[must_use]
 pub fn doctor() -> Diagnosis {
-    Facts::gather().diagnose()
+    diagnose(&adapters(), &nodes(), has_nvidia_library())
 }
 
 /// Where libraries of drivers lie.
@@ -48,98 +48,75 @@ const NODES: &str = "/dev/dri";
 /// A name, and whether it is a GPU's.
 type Adapters = Result<Vec<(String, bool)>, String>;
 
-/// What a diagnosis is made of.
-#[derive(Clone, Debug)]
-struct Facts {
-    /// What Vulkan and wgpu list, or why they list nothing.
-    adapters: Adapters,
-    /// Files of GPUs, and whether this process may use them.
-    nodes: Vec<(PathBuf, bool)>,
-    has_nvidia_library: bool,
+/// Files of GPUs, and whether this process may use them.
+fn nodes() -> Vec<(PathBuf, bool)> {
+    let entries = std::fs::read_dir(NODES).into_iter().flatten().flatten();
+    let nodes = entries.map(|entry| entry.path());
+    let nodes = nodes.filter(|path| path.to_string_lossy().contains("render"));
+    let nvidia = Some(PathBuf::from(NVIDIA_NODE)).filter(|node| node.exists());
+    let may_use = |node: &PathBuf| File::options().read(true).write(true).open(node).is_ok();
+    let nodes = nodes
+        .chain(nvidia)
+        .map(|node| (node.clone(), may_use(&node)));
+    nodes.collect()
 }
 
-impl Facts {
-    fn gather() -> Self {
-        let mut nodes: Vec<PathBuf> = std::fs::read_dir(NODES)
-            .into_iter()
-            .flatten()
-            .flatten()
-            .map(|entry| entry.path())
-            .filter(|path| path.to_string_lossy().contains("render"))
-            .collect();
-        nodes.extend(Some(PathBuf::from(NVIDIA_NODE)).filter(|node| node.exists()));
-        let may_use = |node: &PathBuf| File::options().read(true).write(true).open(node).is_ok();
-        let nodes = nodes.into_iter().map(|node| (node.clone(), may_use(&node)));
-        let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
-        let folders = FOLDERS.map(PathBuf::from).into_iter();
-        let folders = folders.chain(std::env::split_paths(&own));
-        let mut files = folders.flat_map(|folder| NVIDIA_LIBRARIES.map(|name| folder.join(name)));
-        Self {
-            adapters: adapters(),
-            nodes: nodes.collect(),
-            has_nvidia_library: files.any(|file| file.exists()),
-        }
-    }
+fn has_nvidia_library() -> bool {
+    let own = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+    let folders = FOLDERS.map(PathBuf::from).into_iter();
+    let folders = folders.chain(std::env::split_paths(&own));
+    let mut files = folders.flat_map(|folder| NVIDIA_LIBRARIES.map(|name| folder.join(name)));
+    files.any(|file| file.exists())
+}
 
-    fn diagnose(&self) -> Diagnosis {
-        let gpus = self.listed(true);
-        let problems = match gpus.is_empty() {
-            true => self.problems(),
-            false => Vec::new(),
-        };
-        Diagnosis { gpus, problems }
-    }
-
-    /// Names of GPUs, or of what is none.
-    fn listed(&self, gpus: bool) -> Vec<String> {
-        let listed = self.adapters.as_deref().unwrap_or_default().iter();
+/// What follows from what Vulkan and wgpu list, or why they list nothing, and from files of drivers.
+fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: bool) -> Diagnosis {
+    let listed = |gpus: bool| -> Vec<String> {
+        let listed = adapters.as_deref().unwrap_or_default().iter();
         let listed = listed.filter(|(_, is_gpu)| *is_gpu == gpus);
         listed.map(|(name, _)| name.clone()).collect()
+    };
+    let (gpus, mut problems) = (listed(true), Vec::new());
+    if !gpus.is_empty() {
+        return Diagnosis { gpus, problems };
     }
-
-    fn problems(&self) -> Vec<Problem> {
-        let mut problems = Vec::new();
-        let mut say = |what: String, mend: &str| {
-            let mend = mend.to_owned();
-            problems.push(Problem { what, mend });
-        };
-        match &self.adapters {
-            Err(why) => say(
-                why.clone(),
-                "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)",
+    let mut say = |what: String, mend: &str| {
+        let mend = mend.to_owned();
+        problems.push(Problem { what, mend });
+    };
+    match adapters {
+        Err(why) => say(
+            why.clone(),
+            "install a Vulkan loader and driver (Debian: libvulkan1 and mesa-vulkan-drivers, or NVIDIA's driver)",
+        ),
+        Ok(_) => say(
+            format!(
+                "no GPU is listed, only drivers on the host's cores: {}",
+                listed(false).join(", ")
             ),
-            Ok(_) => say(
-                format!(
-                    "no GPU is listed, only drivers on the host's cores: {}",
-                    self.listed(false).join(", ")
-                ),
-                "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
-            ),
-        }
-        for (node, _) in self.nodes.iter().filter(|(_, may_use)| !may_use) {
-            say(
-                format!("{} may not be used by this user", node.display()),
-                "join the group that owns it (`ls -l` shows it, mostly `render` or `video`), or pass it to the container with --device",
-            );
-        }
-        let has_nvidia = self
-            .nodes
-            .iter()
-            .any(|(node, _)| node.ends_with("nvidiactl"));
-        if has_nvidia && !self.has_nvidia_library {
-            say(
-                format!("NVIDIA's driver is here without {}", NVIDIA_LIBRARIES[0]),
-                "start the container with NVIDIA_DRIVER_CAPABILITIES=graphics,compute, or install the driver's graphics libraries",
-            );
-        }
-        if self.nodes.is_empty() {
-            say(
-                format!("no GPU is visible: neither {NODES}/renderD* nor {NVIDIA_NODE} exists"),
-                "pass a GPU to the container or virtual machine (docker run --gpus all, or --device /dev/dri)",
-            );
-        }
-        problems
+            "install the GPU's own driver (Debian: mesa-vulkan-drivers, or NVIDIA's driver)",
+        ),
     }
+    for (node, _) in nodes.iter().filter(|(_, may_use)| !may_use) {
+        say(
+            format!("{} may not be used by this user", node.display()),
+            "join the group that owns it (`ls -l` shows it, mostly `render` or `video`), or pass it to the container with --device",
+        );
+    }
+    let has_nvidia = nodes.iter().any(|(node, _)| node.ends_with("nvidiactl"));
+    if has_nvidia && !has_nvidia_library {
+        say(
+            format!("NVIDIA's driver is here without {}", NVIDIA_LIBRARIES[0]),
+            "start the container with NVIDIA_DRIVER_CAPABILITIES=graphics,compute, or install the driver's graphics libraries",
+        );
+    }
+    if nodes.is_empty() {
+        say(
+            format!("no GPU is visible: neither {NODES}/renderD* nor {NVIDIA_NODE} exists"),
+            "pass a GPU to the container or virtual machine (docker run --gpus all, or --device /dev/dri)",
+        );
+    }
+    Diagnosis { gpus, problems }
 }
 
 fn adapters() -> Adapters {
@@ -162,12 +139,9 @@ mod tests {
 
     fn problems(adapters: Adapters, nodes: &[(&str, bool)], has_nvidia_library: bool) -> String {
         let nodes = nodes.iter().map(|(node, may)| (PathBuf::from(node), *may));
-        let facts = Facts {
-            adapters,
-            nodes: nodes.collect(),
-            has_nvidia_library,
-        };
-        let all = facts.diagnose().problems.into_iter();
+        let nodes: Vec<_> = nodes.collect();
+        let found = diagnose(&adapters, &nodes, has_nvidia_library);
+        let all = found.problems.into_iter();
         all.map(|p| p.what + " -> " + &p.mend + "\n").collect()
     }
 

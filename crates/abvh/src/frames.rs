@@ -20,7 +20,6 @@
 //! ```
 
 use crate::loaded::Loaded;
-use crate::pictures::shade;
 use crate::tracer::moment;
 use crate::{Error, Point, Result, Tracer};
 use geom::Camera;
@@ -73,9 +72,8 @@ impl Tracer {
             let mut record = loaded.take((wanted, &mut answers), last)?;
             if let Some(colours) = &colours {
                 let Answers { hits, pixels } = &mut answers;
-                let joined = &loaded.joined;
-                let time = joined.time_of_last(moment(frame.time));
-                shade((&joined.animation, time), colours, shot, (hits, pixels))?;
+                let time = moment(frame.time);
+                (loaded.joined).shade(time, colours, shot, (hits, pixels))?;
             }
             record.frame = frame;
             on_frame(&record, &mut answers)

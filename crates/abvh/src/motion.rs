@@ -149,14 +149,6 @@ impl Joined {
         self.animation.key(last).map_err(Error::of_reading)
     }
 
-    /// Where the last step, which had this time, stands in the animation.
-    pub(crate) fn time_of_last(&self, time: f64) -> f64 {
-        match self.is_live {
-            true => self.animation.end(),
-            false => time,
-        }
-    }
-
     /// Puts meshes that steps move, but for one, where they stand in another scene, which differs by that one.
     pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {

@@ -41,13 +41,9 @@ impl From<OwnDevice> for Device {
 
 impl OwnDevice {
     pub(crate) fn open(&self) -> Result<Box<dyn Backend>> {
-        let Self {
-            device,
-            queue,
-            info,
-        } = self.clone();
-        let opened = from_device(device, queue, info).map_err(Error::of_backend)?;
-        Ok(Box::new(opened))
+        let own = self.clone();
+        let opened = from_device(own.device, own.queue, own.info);
+        Ok(Box::new(opened.map_err(Error::of_backend)?))
     }
 }
 

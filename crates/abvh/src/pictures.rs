@@ -2,8 +2,9 @@
 
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
+use crate::motion::Joined;
 use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
-use geom::{Animation, Camera};
+use geom::Camera;
 use shading::Shot;
 use std::sync::Arc;
 
@@ -44,9 +45,8 @@ impl Step<'_> {
         current.wait(ticket, last)?;
         let hits = current.driver.backend().hits_of(ticket, place);
         let (hits, mut rgba) = (hits.map_err(Error::of_backend)?, Vec::new());
-        let time = current.joined.time_of_last(self.time);
-        let scene = (&*current.joined.animation, time);
-        shade(scene, &colours, shot, (hits, &mut rgba))?;
+        let joined = &current.joined;
+        joined.shade(self.time, &colours, shot, (hits, &mut rgba))?;
         if let Some(answer) = current.results.back_mut() {
             answer.pixels = Some(rgba);
         }
@@ -90,19 +90,26 @@ impl Loaded {
     }
 }
 
-/// Shades what a query found in a scene as it stands at a time.
-pub(crate) fn shade(
-    (animation, time): (&Animation, f64),
-    colours: &[Colour],
-    (camera, light): (&Camera, Point),
-    (hits, rgba): (&backend::Hits, &mut Vec<u8>),
-) -> Result<()> {
-    let shot = Shot {
-        moment: animation.at(time).map_err(Error::of_reading)?,
-        colours,
-        camera,
-        light,
-    };
-    shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
-    Ok(())
+impl Joined {
+    /// Shades what a query of the last step found, which had this time.
+    pub(crate) fn shade(
+        &self,
+        time: f64,
+        colours: &[Colour],
+        (camera, light): (&Camera, Point),
+        (hits, rgba): (&backend::Hits, &mut Vec<u8>),
+    ) -> Result<()> {
+        let time = match self.is_live {
+            true => self.animation.end(),
+            false => time,
+        };
+        let shot = Shot {
+            moment: self.animation.at(time).map_err(Error::of_reading)?,
+            colours,
+            camera,
+            light,
+        };
+        shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
+        Ok(())
+    }
 }

@@ -141,13 +141,10 @@ impl Step<'_> {
 
     fn may_stream(&self, mesh: MeshId) -> Result<usize> {
         let index = self.may_move(mesh)?;
-        match &*self.tracer.current.joined.meshes[index].motion {
-            Motion::Streamed(_) => Ok(index),
-            _ => {
-                let what = "vertices";
-                Err(Error::Motion { mesh, what })
-            }
-        }
+        let motion = &*self.tracer.current.joined.meshes[index].motion;
+        let what = "vertices";
+        let is_streamed = matches!(motion, Motion::Streamed(_));
+        (is_streamed.then_some(index)).ok_or(Error::Motion { mesh, what })
     }
 
     /// Moves a rigid mesh's parts: one matrix each.

@@ -82,12 +82,9 @@ impl Builder {
 
     /// Threads of the host that build trees beside those that trace; see [`Builder::threads`] if nothing is said.
     #[must_use]
-    pub fn builder_threads(self, threads: usize) -> Self {
-        let builder_threads = Some(threads.max(1));
-        Self {
-            builder_threads,
-            ..self
-        }
+    pub fn builder_threads(mut self, threads: usize) -> Self {
+        self.builder_threads = Some(threads.max(1));
+        self
     }
 
     /// The first and the last time of all steps to come, in key frames, as far as that is known: no tree is built for others.

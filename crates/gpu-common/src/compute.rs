@@ -11,7 +11,7 @@ use backend::{
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose};
-use shaders::rebuild::{Plan, instead_of};
+use shaders::rebuild::{self, instead_of};
 use shaders::work::{self, Progress};
 use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
@@ -110,16 +110,19 @@ impl<D: GpuDevice> ComputeBackend<D> {
             tree.make_build(&mut engine.gpu)?;
         }
         tree.grow(&mut engine.gpu, &shape)?;
-        let scene = (animation.scale_exponent(), animation.vertex_count());
+        let params = Params::of(animation.scale_exponent(), &shape);
         let extents = &mut engine.frames.record()?.extents;
-        let plan = Plan::new(self.method, scene, &shape, extents.boxes.is_some());
+        let again = extents.boxes.is_some();
         extents.uncounted = Some(0);
-        extents.refitted(Extent::Whole);
-        engine.run(Some(Stage::Rebuild), &plan.sort, |name| tree.get(name))?;
+        extents.boxes = Some(Extent::Whole);
+        let sort = rebuild::sort(params, animation.vertex_count(), &shape);
+        engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
         // Leaves go to clusters of the tree to be made, not to nodes.
         let clusters = |name| tree.get(instead_of(name, &animation));
-        engine.run(Some(Stage::Preprocess), &[plan.leaves], clusters)?;
-        engine.run(Some(Stage::Rebuild), &plan.cluster, |name| tree.get(name))?;
+        let leaves = work::leaves(self.method, params, &shape);
+        engine.run(Some(Stage::Preprocess), &[leaves], clusters)?;
+        let cluster = rebuild::cluster(self.method, params, &shape, again);
+        engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
         (tree.generation, tree.shape, tree.made_here) = (generation, shape, true);
         Ok(())
     }
@@ -229,7 +232,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (params, shape) = (self.params(), &self.tree().shape);
         let (work, extent) = self.progress.refit(self.method, params, shape);
         self.run(Stage::Refit, &work)?;
-        self.engine.frames.record()?.extents.refitted(extent);
+        let extents = &mut self.engine.frames.record()?.extents;
+        extents.boxes = extents.boxes.max(Some(extent));
         self.progress.refitted();
         self.engine.stale = Stale::Fresh;
         Ok(())

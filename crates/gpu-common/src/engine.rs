@@ -3,11 +3,11 @@
 use crate::snapshots::Snapshots;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette, Query, Rays,
-    Result, Snapshot, Ticket,
+    Arithmetic, BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette,
+    Query, Rays, Result, Snapshot, Ticket,
 };
 use geom::{Animation, Point, Pose};
-use shaders::arithmetic::{self, Findings};
+use shaders::arithmetic;
 use shaders::work::{self, Work};
 use shaders::{BufferName, Kernel, Params, Traits};
 use std::sync::Arc;
@@ -58,14 +58,14 @@ impl<D: GpuDevice> Engine<D> {
     pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu)?;
-        let found = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
+        let (arithmetic, fuses_once) = test_arithmetic(&mut gpu, &mut frames, &pipelines)?;
         let device = Device {
-            arithmetic: found.arithmetic,
+            arithmetic,
             ..gpu.device()
         };
         let (packets, rasterizes) = gpu.forms();
         pipelines.traits = Traits {
-            fuses_once: found.fuses_once,
+            fuses_once,
             packets,
             rasterizes,
         };
@@ -129,7 +129,8 @@ impl<D: GpuDevice> Engine<D> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
         scene.keys.bring(gpu, (&scene.animation, pose), last)?;
-        let work = [work::interpolate(params, self.scene().vertices())];
+        let (vertices, rows) = (scene.animation.vertex_count(), scene.moving_row_count);
+        let work = [work::interpolate(params, vertices, rows)];
         self.run(Some(Stage::Interpolate), &work, |_| None)?;
         self.stale = Stale::Records;
         Ok(())
@@ -280,7 +281,7 @@ fn test_arithmetic<D: GpuDevice>(
     gpu: &mut D,
     frames: &mut Frames<D>,
     pipelines: &Pipelines<D>,
-) -> Result<Findings> {
+) -> Result<(Arithmetic, bool)> {
     let all = arithmetic::operands();
     let operands = bytemuck::cast_slice(&all);
     let bytes = size_of_val(operands) as u64;

@@ -47,7 +47,10 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let leaves = shape.leaf_count as usize;
         let (name, at) = match made_on_device {
             true => (BufferName::Sorted, 0),
-            false => (BufferName::Topology, shape.leaf_triangles_at as usize),
+            false => (
+                BufferName::Topology,
+                shape.params.leaf_triangles_at as usize,
+            ),
         };
         let words: Vec<u32> = self.read_tree(name, at + leaves)?;
         let rows = self.read_tree(BufferName::Nodes, shape.node_rows as usize)?;

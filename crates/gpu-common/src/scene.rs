@@ -5,7 +5,6 @@ use crate::{BufferTable, GpuDevice};
 use backend::{Palette, Result};
 use bytemuck::cast_slice;
 use geom::Animation;
-use shaders::work::Vertices;
 use shaders::{BufferName, RANGE_BYTES};
 use std::sync::Arc;
 
@@ -20,7 +19,7 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// Corners of triangles; rows of positions in which anything moves, where listing them pays; how far the coordinates of a
     /// key frame that arrived reach.
     others: BufferTable<D>,
-    moving_row_count: Option<usize>,
+    pub(crate) moving_row_count: Option<usize>,
     /// Colours and tones; none until pictures are asked for.
     palette: BufferTable<D>,
     /// `k` of `docs/design/hits.md`.
@@ -100,11 +99,5 @@ impl<D: GpuDevice> SceneBuffers<D> {
     /// Bytes of all positions.
     pub(crate) fn position_bytes(&self) -> u64 {
         self.animation.vertex_count() as u64 * 12
-    }
-
-    /// What has to be interpolated.
-    pub(crate) fn vertices(&self) -> Vertices {
-        let all = Vertices::All(self.animation.vertex_count());
-        self.moving_row_count.map_or(all, Vertices::Rows)
     }
 }

@@ -44,10 +44,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             buffers: BufferTable::new(gpu, tree_buffers(method, leaves))?,
             build: None,
             generation: Generation(0),
-            shape: Shape {
-                layout: method.layout,
-                ..Shape::default()
-            },
+            shape: Shape::none(method.layout),
             made_here: false,
         })
     }

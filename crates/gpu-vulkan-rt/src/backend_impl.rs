@@ -5,7 +5,7 @@ use crate::tree::triangles_of;
 use crate::{DriverTreeBackend, check};
 use backend::{
     Backend, BackendError, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect,
-    Intersector, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
+    Intersector, Layout, Method, Palette, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
@@ -180,7 +180,10 @@ fn maker(query: &Query<'_>) -> &'static str {
 impl DriverTreeBackend {
     /// What all kernels and rays share.
     fn params(&self) -> Params {
-        Params::of(self.engine.scene().scale_exponent, &Shape::default())
+        Params::of(
+            self.engine.scene().scale_exponent,
+            &Shape::none(Layout::Bvh2),
+        )
     }
 
     fn triangles(&self) -> u32 {

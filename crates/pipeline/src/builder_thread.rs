@@ -39,47 +39,59 @@ pub(crate) struct Job {
     pub(crate) writer: Option<TreeWriter>,
 }
 
-/// How a job becomes a tree.
-type BuildFunction = dyn FnMut(Job, &Cancel) -> BuildResult<Made> + Send;
-
 /// One builder thread, started with the first job. Dropping it cancels what it is at.
 pub(crate) struct BuilderThread {
-    build: Option<Box<BuildFunction>>,
-    open: Option<Open>,
-    cancel: Arc<Cancel>,
-}
-
-struct Open {
-    jobs: SyncSender<Job>,
+    /// What the thread does, until it is started.
+    work: Option<Box<dyn FnOnce() + Send>>,
+    thread: Option<JoinHandle<()>>,
+    /// `None` once it is dropped.
+    jobs: Option<SyncSender<Job>>,
     trees: Receiver<BuildResult<Made>>,
-    thread: JoinHandle<()>,
+    cancel: Arc<Cancel>,
 }
 
 impl BuilderThread {
     /// A builder that knows its build; no thread yet.
     pub(crate) fn new(
-        build: impl FnMut(Job, &Cancel) -> BuildResult<Made> + Send + 'static,
+        mut build: impl FnMut(Job, &Cancel) -> BuildResult<Made> + Send + 'static,
     ) -> Self {
+        let cancel = Arc::<Cancel>::default();
+        let heard = Arc::clone(&cancel);
+        let (jobs, inbox) = sync_channel(1);
+        let (outbox, trees) = sync_channel(1);
+        let work = move || {
+            while let Ok(job) = inbox.recv() {
+                let built = catch_unwind(AssertUnwindSafe(|| build(job, &heard)));
+                let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
+                if outbox.send(result).is_err() {
+                    return;
+                }
+            }
+        };
         Self {
-            build: Some(Box::new(build)),
-            open: None,
-            cancel: Arc::default(),
+            work: Some(Box::new(work)),
+            thread: None,
+            jobs: Some(jobs),
+            trees,
+            cancel,
         }
     }
 
     /// Whether a thread was ever started.
     #[cfg(test)]
     pub(crate) fn is_open(&self) -> bool {
-        self.open.is_some()
+        self.thread.is_some()
     }
 
     /// Hands a job in, unless the thread cannot be started or is gone. Never waits: the caller keeps to one job at a time.
     pub(crate) fn start(&mut self, job: Job) -> BuildResult<()> {
-        if let Some(build) = self.build.take() {
-            self.open = Some(Open::new(build, Arc::clone(&self.cancel))?);
+        if let Some(work) = self.work.take() {
+            let thread = std::thread::Builder::new().name("abvh-builder".into());
+            let started = thread.spawn(work);
+            self.thread = Some(started.map_err(|e| format!("no builder thread: {e}"))?);
         }
-        let open = self.open.as_ref().ok_or_else(gone)?;
-        match open.jobs.try_send(job) {
+        let jobs = self.jobs.as_ref().ok_or_else(gone)?;
+        match jobs.try_send(job) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(_)) => panic!("one build is in flight at most"),
             Err(TrySendError::Disconnected(_)) => Err(gone()),
@@ -88,49 +100,23 @@ impl BuilderThread {
 
     /// A finished tree, if there is one. Never waits.
     pub(crate) fn try_take(&mut self) -> Option<BuildResult<Made>> {
-        self.open.as_ref()?.trees.try_recv().ok()
+        self.trees.try_recv().ok()
     }
 
     /// Waits for the job that was handed in.
     pub(crate) fn take(&mut self) -> BuildResult<Made> {
-        let made = self.open.as_ref().and_then(|open| open.trees.recv().ok());
-        made.unwrap_or_else(|| Err(gone()))
+        self.trees.recv().unwrap_or_else(|_| Err(gone()))
     }
 }
 
 impl Drop for BuilderThread {
     fn drop(&mut self) {
         self.cancel.cancel();
-        if let Some(open) = self.open.take() {
-            // Without jobs to come it ends. It catches the build's panics; nothing is left to report.
-            drop(open.jobs);
-            let _ = open.thread.join();
+        // Without jobs to come it ends. It catches the build's panics; nothing is left to report.
+        self.jobs = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
         }
-    }
-}
-
-impl Open {
-    fn new(mut build: Box<BuildFunction>, cancel: Arc<Cancel>) -> BuildResult<Self> {
-        let (jobs, inbox) = sync_channel::<Job>(1);
-        let (outbox, trees) = sync_channel(1);
-        let work = move || {
-            while let Ok(job) = inbox.recv() {
-                let built = catch_unwind(AssertUnwindSafe(|| build(job, &cancel)));
-                let result = built.unwrap_or_else(|_| Err("the builder panicked".into()));
-                if outbox.send(result).is_err() {
-                    return;
-                }
-            }
-        };
-        let thread = std::thread::Builder::new()
-            .name("abvh-builder".into())
-            .spawn(work)
-            .map_err(|e| format!("no builder thread: {e}"))?;
-        Ok(Self {
-            jobs,
-            trees,
-            thread,
-        })
     }
 }
 

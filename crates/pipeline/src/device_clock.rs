@@ -25,7 +25,7 @@ pub struct Span {
 /// The part of a submission between its first stage's begin and the last one's end, in milliseconds since `origin` on
 /// the host's clock; one for each of `submissions`, which must be in the order they were handed in. No two overlap.
 pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
-    let bounds: Vec<Bound> = submissions.iter().map(|s| Bound::of(origin, s)).collect();
+    let bounds: Vec<Bounds> = submissions.iter().map(|s| bounds(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];
     find_offsets(&bounds, &mut offsets);
     let mut spans: Vec<Span> = submissions
@@ -53,43 +53,27 @@ pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     spans
 }
 
-/// What one submission says of `host - device`, in milliseconds.
-#[derive(Clone, Copy, Debug)]
-struct Bound {
-    least: f64,
-    most: f64,
-}
+/// The least and the most that `host - device` may be, in milliseconds.
+type Bounds = [f64; 2];
 
-impl Bound {
-    /// Without a begin on the device's clock it says nothing.
-    fn of(origin: Instant, submission: &Submission) -> Self {
-        let Some(begun) = submission.times.begun_ms else {
-            return Self::NONE;
-        };
-        Self {
-            least: host_ms(origin, submission.handed_in) - begun,
-            most: host_ms(origin, submission.seen) - (begun + submission.times.device_ms),
-        }
-    }
+const UNBOUNDED: Bounds = [f64::NEG_INFINITY, f64::INFINITY];
 
-    const NONE: Self = Self {
-        least: f64::NEG_INFINITY,
-        most: f64::INFINITY,
-    };
-
-    fn and(self, other: &Self) -> Self {
-        Self {
-            least: self.least.max(other.least),
-            most: self.most.min(other.most),
-        }
-    }
+/// What one submission says: nothing without a begin on the device's clock.
+fn bounds(origin: Instant, submission: &Submission) -> Bounds {
+    let times = submission.times;
+    times.begun_ms.map_or(UNBOUNDED, |begun| {
+        let least = host_ms(origin, submission.handed_in) - begun;
+        let most = host_ms(origin, submission.seen) - (begun + times.device_ms);
+        [least, most]
+    })
 }
 
 /// One offset for as long a stretch as its bounds allow.
-fn find_offsets(bounds: &[Bound], offsets: &mut [f64]) {
-    let all = bounds.iter().fold(Bound::NONE, Bound::and);
-    if all.least <= all.most || bounds.len() < 2 {
-        let middle = f64::midpoint(all.least, all.most);
+fn find_offsets(bounds: &[Bounds], offsets: &mut [f64]) {
+    let both = |a: Bounds, b: &Bounds| [a[0].max(b[0]), a[1].min(b[1])];
+    let [least, most] = bounds.iter().fold(UNBOUNDED, both);
+    if least <= most || bounds.len() < 2 {
+        let middle = f64::midpoint(least, most);
         offsets.fill(if middle.is_finite() { middle } else { 0.0 });
         return;
     }

@@ -110,7 +110,10 @@ impl Driver {
         if options.update == Update::DeviceRebuild {
             backend.check_rebuild()?;
         }
-        let forms = Forms::wanted_by(backend.as_ref());
+        let forms = Forms {
+            treelets: backend.wants_treelets(),
+            blocks: backend.wants_blocks(),
+        };
         let builder_pool = Arc::new(BuilderPool::new(threads, forms));
         let builder_thread = {
             let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
@@ -315,12 +318,11 @@ impl Driver {
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
 fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let policy = match update {
-        _ if !backend.makes_own_trees() => return Ok(()),
-        Update::Rebuild | Update::Refit | Update::DeviceRebuild => return Ok(()),
-        Update::Async(_) => "async",
-        Update::TSah => "t-sah",
-    };
+    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
+    if !takes_trees || !backend.makes_own_trees() {
+        return Ok(());
+    }
+    let policy = update.name();
     Err(BackendError::Unsupported {
         backend: backend.device().backend,
         what: format!(

@@ -53,10 +53,6 @@ impl LatencyPredictor {
         let since = time - self.time;
         self.step = if since.is_nan() { 0.0 } else { since };
         self.time = time;
-        self.watch_pace(now);
-    }
-
-    fn watch_pace(&mut self, now: Instant) {
         let counted = self.frames.saturating_sub(UNSETTLED);
         self.frames = self.frames.saturating_add(1);
         let Some(settled) = self.settled else {
@@ -110,15 +106,18 @@ impl LatencyPredictor {
     /// The middle of the frames traced with a tree asked for now: the next one
     /// will be asked for when it is swapped in, and take as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
-        let latency = self.expected();
-        self.ahead(latency + (latency - 1.0).max(0.0) / 2.0)
+        self.in_use(0.5)
     }
 
     /// The middles of both halves of that use.
     pub(crate) fn halves_of_use(&self) -> [f64; 2] {
+        [0.25, 0.75].map(|share| self.in_use(share))
+    }
+
+    /// When that share of those frames has passed.
+    fn in_use(&self, share: f64) -> f64 {
         let latency = self.expected();
-        let rest = (latency - 1.0).max(0.0);
-        [0.25, 0.75].map(|share| self.ahead(latency + share * rest))
+        self.ahead(latency + share * (latency - 1.0).max(0.0))
     }
 
     /// The middles of both halves of the time that a first tree is built for, as long as nobody knows how long it will

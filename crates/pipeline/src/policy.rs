@@ -94,61 +94,52 @@ impl RunFacts {
 
     /// Milliseconds of the whole run by each policy that may win.
     fn estimates(&self) -> Vec<(Update, f64)> {
-        let times = self.times();
+        let [build, frame, device_build, beside_builder] = self.times();
         let frames = self.frames as f64;
-        let tracing = frames * times.frame;
+        let tracing = frames * frame;
         let slower = TREE_SHARE * (self.decay.mean - 1.0);
         // Share of the run that passes while a tree is built.
-        let age = (LATER_BUILD * times.build / tracing).min(1.0);
+        let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
         let mut all = vec![
-            (Update::Refit, times.build + tracing * (1.0 + slower)),
+            (Update::Refit, build + tracing * (1.0 + slower)),
             (
                 Update::Async(Pace::Free),
-                times.build + tracing * times.beside_builder * aged,
+                build + tracing * beside_builder * aged,
             ),
-            (Update::TSah, TSAH_BUILDS * times.build + tracing),
+            (Update::TSah, TSAH_BUILDS * build + tracing),
         ];
         match self.rebuild_bytes {
             Some(LARGE_REBUILD_BYTES..) => (),
-            Some(_) => {
-                let each = times.frame + times.device_build;
-                all.push((Update::DeviceRebuild, frames * each));
-            }
-            None => all.push((Update::Rebuild, frames * (times.frame + times.build))),
+            Some(_) => all.push((Update::DeviceRebuild, frames * (frame + device_build))),
+            None => all.push((Update::Rebuild, frames * (frame + build))),
         }
         all
     }
 
-    fn times(&self) -> Times {
+    /// Milliseconds of a build, of a frame and of a tree made on the device; and how many times as long frames take while the
+    /// host builds.
+    fn times(&self) -> [f64; 4] {
         let (triangles, rays) = (self.triangles as f64, self.rays as f64);
         let builders = self.builder_threads.max(1) as f64;
         match self.device {
-            DeviceKind::Gpu => Times {
-                build: triangles * GPU_BUILD / builders,
-                frame: GPU_FRAME + triangles * GPU_TRIANGLE,
-                device_build: GPU_FRAME_BUILD + triangles * GPU_TRIANGLE_BUILD,
-                beside_builder: 1.0,
-            },
+            DeviceKind::Gpu => [
+                triangles * GPU_BUILD / builders,
+                GPU_FRAME + triangles * GPU_TRIANGLE,
+                GPU_FRAME_BUILD + triangles * GPU_TRIANGLE_BUILD,
+                1.0,
+            ],
             DeviceKind::Cpu | DeviceKind::Software => {
                 let threads = self.threads.max(1) as f64;
-                Times {
-                    build: triangles * HOST_BUILD / threads,
-                    frame: (rays * HOST_RAY + triangles * HOST_TRIANGLE) / threads,
-                    device_build: f64::INFINITY,
-                    beside_builder: (threads + builders) / threads,
-                }
+                [
+                    triangles * HOST_BUILD / threads,
+                    (rays * HOST_RAY + triangles * HOST_TRIANGLE) / threads,
+                    f64::INFINITY,
+                    (threads + builders) / threads,
+                ]
             }
         }
     }
-}
-
-/// Milliseconds, and how much slower frames are while the host builds.
-struct Times {
-    build: f64,
-    frame: f64,
-    device_build: f64,
-    beside_builder: f64,
 }
 
 /// Share of a frame that grows with its tree's cost.

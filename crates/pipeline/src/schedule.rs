@@ -110,26 +110,20 @@ impl Schedule {
 
     fn swap_due(&self, frame: u64) -> Option<Swap> {
         let pending = self.pending?;
+        let (is_due, wait) = match self.update {
+            Update::Async(Pace::Lockstep(k)) => {
+                let due = pending.asked_at + u64::from(k);
+                (frame >= due, !pending.finished)
+            }
+            _ => (pending.finished, false),
+        };
         let generation = pending.generation;
-        match self.update {
-            Update::Async(Pace::Lockstep(k)) => (frame >= pending.asked_at + u64::from(k))
-                .then_some(Swap {
-                    generation,
-                    wait: !pending.finished,
-                }),
-            _ => pending.finished.then_some(Swap {
-                generation,
-                wait: false,
-            }),
-        }
+        is_due.then_some(Swap { generation, wait })
     }
 
     fn ask(&mut self, frame: u64) -> Option<Generation> {
-        let nobody = matches!(
-            self.update,
-            Update::Refit | Update::TSah | Update::DeviceRebuild
-        );
-        if self.pending.is_some() || nobody {
+        let is_built = matches!(self.update, Update::Rebuild | Update::Async(_));
+        if self.pending.is_some() || !is_built {
             return None;
         }
         self.newest = Generation(self.newest.0 + 1);

@@ -4,8 +4,8 @@ mod degradation;
 pub(crate) mod for_all;
 mod moments;
 
-use crate::builder_thread::Job;
-use backend::{Backend, Snapshot};
+use crate::builder_thread::{BuildInput, Job};
+use backend::Snapshot;
 use bvh_build::{
     BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
 };
@@ -13,8 +13,8 @@ use bvh_layout::{Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
-pub(crate) use moments::{Moments, pose_between};
-use moments::{blend, keep};
+pub(crate) use moments::pose_between;
+use moments::{Moments, blend, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -69,16 +69,6 @@ pub(crate) struct Forms {
     pub(crate) treelets: bool,
     /// [`Topology::blocks`].
     pub(crate) blocks: bool,
-}
-
-impl Forms {
-    /// What `backend` reads by the method loaded.
-    pub(crate) fn wanted_by(backend: &dyn Backend) -> Self {
-        Self {
-            treelets: backend.wants_treelets(),
-            blocks: backend.wants_blocks(),
-        }
-    }
 }
 
 /// Makes trees and records; keeps its memory.
@@ -161,13 +151,7 @@ impl TreeBuilder {
         if job.left_last {
             self.revert();
         }
-        let input = job.input;
-        let moments = Moments {
-            animation,
-            observed: input.observed.map(|seen| self.keep(seen)),
-        };
-        let from = (input.vertices, input.halves);
-        let made = self.rebuild(&moments, from, input.rival_at, cancel)?;
+        let made = self.rebuild(animation, job.input, cancel)?;
         if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
             write(&built.topology);
         }
@@ -188,27 +172,33 @@ impl TreeBuilder {
     /// `halves`, as one: what parts within the time of use is then parted by the tree, too.
     pub(crate) fn rebuild(
         &mut self,
-        moments: &Moments<'_>,
-        (vertices, halves): (Vertices, Option<[Pose; 2]>),
-        rival_at: Option<Pose>,
+        animation: &Animation,
+        input: BuildInput,
         cancel: &Cancel,
     ) -> Result<Made, BuildError> {
-        let begun = Instant::now();
-        let animation = moments.animation;
-        let rival_at = rival_at.filter(|_| self.holds_all_of(animation));
+        let observed = input.observed.map(|seen| self.keep(seen));
+        let moments = &Moments {
+            animation,
+            observed,
+        };
+        let (begun, vertices) = (Instant::now(), input.vertices);
+        let rival_at = input.rival_at.filter(|_| self.holds_all_of(animation));
         let strategy = match rival_at {
             Some(_) => self.degradation.strategy(),
             None => BuildStrategy::Scratch,
         };
-        let blended_at = vertices.pose();
-        let halves = halves.filter(|_| self.degradation.parts);
-        let costs = self.make(moments, (vertices, halves), strategy, cancel)?;
+        let blended_at = match &vertices {
+            Vertices::ReadBack(_) => None,
+            Vertices::KeyFrames(pose) => Some(*pose),
+        };
+        let halves = input.halves.filter(|_| self.degradation.parts);
+        let mut costs = self.make(moments, (vertices, halves), strategy, cancel)?;
         let built = Instant::now();
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
         if let Some(at) = rival_at {
-            let costs = costs.filter(|_| blended_at == rival_at);
             if blended_at != rival_at {
                 fill(&mut self.boxes, &moments.at(at)?);
+                costs = None;
             }
             let costs = costs.unwrap_or_else(|| self.costs());
             self.degradation.note(costs);

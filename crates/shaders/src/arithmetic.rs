@@ -8,19 +8,10 @@
 use crate::Packets;
 use backend::Arithmetic;
 
-/// How a device computes where it may do as it likes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Findings {
-    /// How it divides, and adds up products.
-    pub arithmetic: Arithmetic,
-    /// Whether a fused product and sum, where a kernel asks for it, is rounded once.
-    pub fuses_once: bool,
-}
-
 /// What decides which form of a kernel a device takes; before its test nobody relies on anything but single operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
-    /// See [`Findings::fuses_once`].
+    /// Whether a fused product and sum, where a kernel asks for it, is rounded once.
     pub fuses_once: bool,
     /// How invocations search together, if they do.
     pub packets: Option<Packets>,
@@ -68,7 +59,8 @@ pub fn operands() -> Vec<[f32; 4]> {
     (0..4096).map(quadruple).collect()
 }
 
-/// Compares what the kernel wrote with what IEEE 754 has, and says how the device computes where it may choose.
+/// Compares what the kernel wrote with what IEEE 754 has. Says how the device computes where it may choose, and
+/// [`Traits::fuses_once`].
 ///
 /// `results` holds a pair for each of `operands`: what must be right, then what the device made of a quotient and
 /// of a sum of products, in the first place how often a loop turned, and last what a fused product and sum takes for
@@ -76,7 +68,10 @@ pub fn operands() -> Vec<[f32; 4]> {
 ///
 /// # Errors
 /// The first operation that is wrong, or that the driver ends long loops early, without a word.
-pub fn verify(operands: &[[f32; 4]], results: &[[[u32; 4]; 2]]) -> Result<Findings, String> {
+pub fn verify(
+    operands: &[[f32; 4]],
+    results: &[[[u32; 4]; 2]],
+) -> Result<(Arithmetic, bool), String> {
     const NAMES: [&str; 4] = [
         "a * b + c * d",
         "(a + b) - a",
@@ -99,10 +94,7 @@ pub fn verify(operands: &[[f32; 4]], results: &[[[u32; 4]; 2]]) -> Result<Findin
         fuses_once &= free[3] == lost_by_rounding(*x).to_bits();
     }
     match results.first().map_or(TURNS, |r| r[1][2]) {
-        TURNS => Ok(Findings {
-            arithmetic: own,
-            fuses_once,
-        }),
+        TURNS => Ok((own, fuses_once)),
         turns => Err(format!(
             "the driver ends loops after {turns} turns; software drivers of Mesa need version 23.1 or newer"
         )),
@@ -141,7 +133,7 @@ mod tests {
     }
 
     /// What is found where word `i` of what must be right, or of what is free, is another.
-    fn with(part: usize, i: usize, f: fn([f32; 4]) -> u32) -> Result<Findings, String> {
+    fn with(part: usize, i: usize, f: fn([f32; 4]) -> u32) -> Result<(Arithmetic, bool), String> {
         let all = operands();
         let mut results = right(&all);
         for (r, x) in results.iter_mut().zip(&all) {
@@ -161,24 +153,24 @@ mod tests {
     #[test]
     fn what_a_device_does_where_it_may_choose_is_known() {
         let free = |i, f| with(1, i, f).unwrap();
-        let divides = free(0, |[a, b, ..]| (a * (1.0 / b)).to_bits()).arithmetic;
+        let (divides, _) = free(0, |[a, b, ..]| (a * (1.0 / b)).to_bits());
         assert!(!divides.rounds_division && !divides.fuses);
-        let fuses = free(1, |[a, b, c, d]| a.mul_add(b, c * d).to_bits()).arithmetic;
+        let (fuses, _) = free(1, |[a, b, c, d]| a.mul_add(b, c * d).to_bits());
         assert!(fuses.rounds_division && fuses.fuses);
-        assert!(free(3, |x| lost_by_rounding(x).to_bits()).fuses_once);
-        assert!(!free(3, |[a, b, ..]| (a * b - a * b).to_bits()).fuses_once);
+        assert!(free(3, |x| lost_by_rounding(x).to_bits()).1);
+        assert!(!free(3, |[a, b, ..]| (a * b - a * b).to_bits()).1);
         let in_fewer_places = |[a, b, ..]: [f32; 4]| {
             let lost = f64::from(a) * f64::from(b) - f64::from(a * b);
             ((lost * (1.0 + 1e-6)) as f32).to_bits()
         };
-        assert!(!free(3, in_fewer_places).fuses_once);
+        assert!(!free(3, in_fewer_places).1);
     }
 
     #[test]
     fn fusing_and_regrouping_would_be_seen() {
         let all = operands();
-        let found = verify(&all, &right(&all)).unwrap();
-        assert_eq!(found.arithmetic, Arithmetic::IEEE);
+        let (found, _) = verify(&all, &right(&all)).unwrap();
+        assert_eq!(found, Arithmetic::IEEE);
         let rounded: fn([f32; 4]) -> u32 = |[a, b, c, d]| {
             let s = a * b - c * d;
             (i32::from(s > 0.0) - i32::from(s < 0.0)) as u32

@@ -32,7 +32,7 @@ pub use method::{RANGE_BYTES, occluded_words, tree_buffers};
 pub(crate) use method::{notes, open_shadows_at, places};
 pub use params::{Counts, Params};
 pub use pictures::{Packets, RasterBackoff};
-pub use shape::{MovingShape, Shape, WideShape, moving_rows};
+pub use shape::{MovingShape, Shape, moving_rows};
 pub use tree_stats::{Extent, Extents, TreeStats};
 pub use view::View;
 
@@ -81,6 +81,7 @@ pub struct Binding {
 backend::named! {
     /// A buffer by its name in the kernels, and what messages call it. The build makes [`Binding`]s of these, so a
     /// kernel can name no other.
+    #[expect(missing_docs, reason = "messages say the others")]
     pub enum BufferName {
         /// [`Params`] of one dispatch.
         Params = "parameters",
@@ -88,15 +89,12 @@ backend::named! {
         Counts = "counts",
         /// What the test of a device's arithmetic computes with: see [`crate::arithmetic`].
         Operands = "operands",
-        /// What that test gives.
         Results = "results",
-        /// The key frame before the moment.
+        /// The key frame before the moment, and the one after it.
         Earlier = "a key frame",
-        /// The key frame after it.
         Later = "a key frame",
         /// How far its coordinates reach, where the host did not look: wgsl/geometry/range.wgsl.
         Range = "a key frame's range",
-        /// Interpolated vertices.
         Positions = "positions",
         /// Rows of positions in which anything moves: see [`crate::moving_rows`].
         MovingRows = "rows that move",
@@ -108,7 +106,6 @@ backend::named! {
         Topology = "the tree's record",
         /// Leaves by their ranks. Empty with layout `fast`, as is the other list.
         LeafNodes = "the list of leaves",
-        /// Inner nodes likewise.
         InnerNodes = "the list of inner nodes",
         /// Three vertices a leaf with layout `fast`, else empty.
         LeafCorners = "the leaves' vertices",
@@ -122,9 +119,7 @@ backend::named! {
         Covers = "what triangles cover of the picture",
         /// Likewise: see [`crate::work::Trace::visibility_bytes`]. It grows with the picture, not with the tree.
         Visibility = "the visibility buffer",
-        /// Rays given one by one.
         Rays = "rays",
-        /// Closest hits.
         Hits = "hits",
         /// Whether rays met anything, or hits lie in shadow.
         Occluded = "shadows",
@@ -144,9 +139,7 @@ backend::named! {
         Keys = "keys to sort by",
         /// The leaves' triangles, likewise.
         Sorted = "sorted triangles",
-        /// How often each value of a digit occurs.
         Digits = "counts of digits",
-        /// Parts of the scene's box.
         Boxes = "the scene's box",
         /// Subtrees that are merged, before a phase and after it.
         Clusters = "clusters",

@@ -59,17 +59,8 @@ impl Params {
         Self {
             fast_layout: u32::from(tree.layout == Layout::Fast),
             scale_exponent,
-            leaf_bits_at: tree.leaf_bits_at,
-            leaf_ranks_at: tree.leaf_ranks_at,
-            leaf_triangles_at: tree.leaf_triangles_at,
-            node_count: tree.node_count,
-            goal: tree.begin.0,
-            count: tree.begin.1,
-            wide_at: tree.wide.at,
-            wide_lanes: tree.wide.lanes,
-            wide_root: tree.wide.root,
             clearance: f32::INFINITY,
-            ..Self::default()
+            ..tree.params
         }
     }
 
@@ -214,9 +205,9 @@ mod tests {
     #[test]
     fn points_are_scaled_and_small_coordinates_are_zero() {
         let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
-        let least = (-64_f32).exp2();
+        let (least, none) = ((-64_f32).exp2(), Shape::none(Layout::Bvh2));
         for k in -126..=126 {
-            let params = Params::of(k, &Shape::default()).lit(point);
+            let params = Params::of(k, &none).lit(point);
             let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());
             let snapped = exact.map(|x| match x.abs() < f64::from(least) {
                 true => 0.0,
@@ -225,7 +216,7 @@ mod tests {
             let found = params.light.map(f32::to_bits);
             assert_eq!(found, snapped.map(f32::to_bits), "{k}");
         }
-        let none = Params::of(3, &Shape::default()).lit([f32::NAN, f32::INFINITY, 0.0]);
-        assert!(none.light[0].is_nan() && none.light[1] == f32::INFINITY);
+        let odd = Params::of(3, &none).lit([f32::NAN, f32::INFINITY, 0.0]);
+        assert!(odd.light[0].is_nan() && odd.light[1] == f32::INFINITY);
     }
 }

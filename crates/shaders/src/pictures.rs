@@ -28,40 +28,25 @@ impl Packets {
         }
     }
 
-    /// The kernel that traces a picture so.
-    pub(crate) fn kernel(self) -> &'static str {
+    /// The kernel that traces a picture so, and pixels of a workgroup's packets, along both axes.
+    pub(crate) fn tracer(self) -> (&'static str, [u32; 2]) {
         match self {
-            Self::BySubgroups => "trace_packets_by_subgroups",
-            Self::ByGroups => "trace_packets",
+            Self::BySubgroups => ("trace_packets_by_subgroups", [16, 8]),
+            Self::ByGroups => ("trace_packets", [8, 4]),
         }
     }
 
     pub(crate) fn of_kernel(entry: &str) -> Option<Self> {
         let all = [Self::BySubgroups, Self::ByGroups];
-        all.into_iter().find(|packets| packets.kernel() == entry)
+        all.into_iter().find(|packets| packets.tracer().0 == entry)
     }
 
-    /// The kernel that tests what tiles of a picture may cover.
-    pub(crate) fn rasterizer(self) -> &'static str {
+    /// The kernel that tests what tiles of a picture may cover, and workgroups of it that share all tiles: 32 a
+    /// multiprocessor of an H200, of which some wait while others compute.
+    pub(crate) fn rasterizers(self) -> (&'static str, u32) {
         match self {
-            Self::BySubgroups => "rasterize_by_subgroups",
-            Self::ByGroups => "rasterize",
-        }
-    }
-
-    /// Workgroups of it that share all tiles: 32 a multiprocessor of an H200, of which some wait while others compute.
-    pub(crate) fn rasterizers(self) -> u32 {
-        match self {
-            Self::BySubgroups => 4224,
-            Self::ByGroups => 64,
-        }
-    }
-
-    /// Pixels of a workgroup's packets, along both axes.
-    pub(crate) fn block(self) -> [u32; 2] {
-        match self {
-            Self::BySubgroups => [16, 8],
-            Self::ByGroups => [8, 4],
+            Self::BySubgroups => ("rasterize_by_subgroups", 4224),
+            Self::ByGroups => ("rasterize", 64),
         }
     }
 }
@@ -139,7 +124,7 @@ impl RasterBackoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Shape, WideShape};
+    use crate::Shape;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -153,17 +138,10 @@ mod tests {
 
     /// Made for a picture of that size, over so many triangles and a wide tree of them.
     fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
-        let shape = Shape {
-            wide: WideShape {
-                root: 1,
-                ..WideShape::default()
-            },
-            ..Shape::made_on_device(Layout::Fast, triangles)
-        };
         Params {
             width,
             height,
-            ..Params::of(0, &shape)
+            ..Shape::expected(Layout::Fast, triangles).params
         }
     }
 

@@ -2,56 +2,21 @@
 //!
 //! Three steps, each a list of dispatches of which no number depends on what the device finds:
 //!
-//! 1. `sort`: the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha: *Fast BVH
+//! 1. [`sort`]: the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha: *Fast BVH
 //!    Construction on GPUs*, 2009), by a stable radix sort of 8 bits a pass;
-//! 2. [`crate::work::leaves`], with leaves in that order: the buffer `sorted` in place of `topology`, the numbers from 0 on in
-//!    place of `leaf_nodes`, and `clusters` in place of `nodes`;
-//! 3. `cluster`: neighbours merge bottom-up into `nodes`, boxes and all.
+//! 2. [`crate::work::leaves`], with leaves in that order and other buffers in place of a tree's: [`instead_of`];
+//! 3. [`cluster`]: neighbours merge bottom-up into `nodes`, boxes and all.
 //!
 //! What comes of it can be traced as it is: neither `expand` nor `refit` is needed. Of layout `fast` only the 64 bytes of
 //! an inner node and the leaves of two are made: leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
 
-use crate::work::{Groups, Work, leaves, sum};
+use crate::work::{Groups, Work, sum};
 use crate::{BufferName, Counts, Params, Shape, common, kernel};
 use backend::Method;
 use geom::Animation;
 use std::mem::offset_of;
-
-/// A tree's making, in three parts that follow one another.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// `sort`.
-    pub sort: Vec<Work>,
-    /// Leaves, with [`instead_of`] in place of a tree's buffers.
-    pub leaves: Work,
-    /// `cluster`.
-    pub cluster: Vec<Work>,
-}
-
-impl Plan {
-    /// Of a tree of this shape over so many vertices, for a scene scaled by `2^-scale_exponent`.
-    /// `again` says that boxes were refitted or made before in the same submission.
-    pub fn new(
-        method: Method,
-        (scale_exponent, vertices): (i32, usize),
-        tree: &Shape,
-        again: bool,
-    ) -> Self {
-        let params = Params::of(scale_exponent, tree);
-        let mut cluster = cluster(method, params, tree);
-        if again {
-            // Takes back what a refit before said of areas that move.
-            cluster.push(sum(params, 0, offset_of!(Counts, moving_areas)));
-        }
-        Self {
-            sort: sort(params, vertices, tree),
-            leaves: leaves(method, params, tree),
-            cluster,
-        }
-    }
-}
 
 /// Entry points of the kernels that nothing else needs.
 pub(crate) const KERNELS: [&str; 6] = [
@@ -72,7 +37,7 @@ const DIGIT_BITS: usize = 8;
 const PARTS: u32 = 128;
 
 /// So many positions to `tree`'s triangles along a curve, in `sorted`.
-fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
+pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {
         return Vec::new();
@@ -98,22 +63,22 @@ fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     work
 }
 
-/// Leaves in `clusters` to `tree`'s nodes, and to its cost.
-fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
-    if tree.leaf_count == 0 {
-        return Vec::new();
+/// Leaves in `clusters` to `tree`'s nodes, and to its cost. `again` says that boxes were refitted or made before in the same
+/// submission.
+pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec<Work> {
+    let mut work = Vec::new();
+    if tree.leaf_count > 0 {
+        let phases = phases::of(params, tree.leaf_count);
+        let cluster = kernel("cluster", method);
+        let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
+        work.extend(phases.iter().map(phase));
+        let groups = phases.iter().map(phases::tiles).sum();
+        work.push(sum(params, groups, offset_of!(Counts, areas)));
     }
-    let (mut work, mut own) = (Vec::new(), params);
-    own.first_group = 0;
-    for phase in phases::of(tree.leaf_count) {
-        (own.count, own.first) = (phase.count, phase.first);
-        (own.destination, own.shift) = (phase.destination, phase.shift);
-        (own.goal, own.rounds) = (phase.goal, phase.rounds);
-        let groups = Groups::Linear(phase.tiles() * 256);
-        work.push(Work::new(kernel("cluster", method), own, groups));
-        own.first_group += phase.tiles();
+    if again {
+        // Takes back what a refit before said of areas that move.
+        work.push(sum(params, 0, offset_of!(Counts, moving_areas)));
     }
-    work.push(sum(params, own.first_group, offset_of!(Counts, areas)));
     work
 }
 
@@ -121,7 +86,7 @@ fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
-    let survivors = phases::of(count.max(1) as u32)[0].left();
+    let survivors = phases::left(&phases::of(Params::default(), count.max(1) as u32)[0]);
     let mut all = vec![
         (BufferName::Live, count * 4),
         (BufferName::Keys, count * 8),
@@ -141,10 +106,11 @@ pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
     let all = 0..animation.triangle_count() as u32;
     let live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
     let numbers = (0..live.len() as u32).collect();
-    match is_all_live(animation) {
-        true => vec![(BufferName::Live, live)],
-        false => vec![(BufferName::Live, live), (BufferName::LeafNumbers, numbers)],
-    }
+    let numbers = Some((BufferName::LeafNumbers, numbers)).filter(|_| !is_all_live(animation));
+    [(BufferName::Live, live)]
+        .into_iter()
+        .chain(numbers)
+        .collect()
 }
 
 /// What stands for a tree's buffer while leaves are made into clusters.
@@ -175,7 +141,7 @@ mod tests {
     #[test]
     fn costs_have_a_slot_for_each_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
-            let work = cluster(Method::default(), Params::default(), &shape(leaves));
+            let work = cluster(Method::default(), Params::default(), &shape(leaves), false);
             let last = work.last().map_or(0, |w| w.params.count);
             assert!(u64::from(last) * 4 <= Shape::cost_bytes(u64::from(leaves)));
         }

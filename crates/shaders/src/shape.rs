@@ -1,26 +1,21 @@
 //! What a host must know of a tree's record to run kernels over it, and of what moves.
 
-use crate::common;
+use crate::{Params, common};
 use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use geom::{Animation, StaticParts};
 use std::ops::Range;
 
 /// A tree's parts and levels.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// How its nodes lie. The record is the [`Topology`]'s words, or the [`Treelets`]' with layout `fast`.
     pub layout: Layout,
-    /// Where the bits that tell leaves begin, in words of the record.
-    pub leaf_bits_at: u32,
-    /// Where the counts of leaves before each word of bits begin.
-    pub leaf_ranks_at: u32,
-    /// Where the leaves' triangles begin.
-    pub leaf_triangles_at: u32,
+    /// What kernels are told of it: where parts of the record begin, in words, and the wide tree, where it has one; in `goal`
+    /// and `count` the boxes that a search by many invocations begins at, the first one's row and how many lie there.
+    pub params: Params,
     /// Leaves.
     pub leaf_count: u32,
-    /// Nodes, leaves included.
-    pub node_count: u32,
     /// Inner nodes of each level that has any, as numbers among the inner nodes, root first.
     pub levels: Vec<Range<u32>>,
     /// What moves, where the tree came with lists of it.
@@ -31,87 +26,48 @@ pub struct Shape {
     pub node_rows: u64,
     /// With layout `fast`: roots of treelets.
     pub root_count: u32,
-    /// Boxes that a search by many invocations begins at: the first one's row, and how many lie there, two rows each.
-    pub begin: (u32, u32),
-    /// The wide tree, where the record has one.
-    pub wide: WideShape,
-}
-
-/// Where a record keeps its [`bvh_layout::WideTree`]; all 0 if it has none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WideShape {
-    /// Its first word.
-    pub at: u32,
-    /// Lanes of all nodes.
-    pub lanes: u32,
-    /// The root's lanes, as the tree names them.
-    pub root: u32,
-}
-
-impl WideShape {
-    fn of(tree: &Treelets) -> Self {
-        let [words, lists, _] = tree.parts();
-        tree.wide.as_ref().map_or_else(Self::default, |wide| Self {
-            at: (words.len() + lists.len()) as u32,
-            lanes: wide.lanes as u32,
-            root: wide.root,
-        })
-    }
 }
 
 /// Boxes that 64 invocations ask at once in less time than they take to go down to them.
 const MANY: u32 = 2048;
 
-/// No leaf; every part begins at word 0, a search at the root.
-impl Default for Shape {
-    fn default() -> Self {
-        Self {
-            layout: Layout::Bvh2,
-            leaf_bits_at: 0,
-            leaf_ranks_at: 0,
-            leaf_triangles_at: 0,
-            leaf_count: 0,
-            node_count: 0,
-            levels: Vec::new(),
-            moving: None,
-            treelets: Vec::new(),
-            node_rows: 0,
-            root_count: 0,
-            begin: (0, 1),
-            wide: WideShape::default(),
-        }
-    }
-}
-
 impl Shape {
+    /// Of no leaf.
+    pub fn none(layout: Layout) -> Self {
+        Self::made_on_device(layout, 0)
+    }
+
     /// Of a record.
     pub fn of(tree: &Topology) -> Self {
         let bits = Topology::HEADER_WORDS + tree.level_count();
         let words = tree.leaf_bits().len();
-        Self {
-            leaf_bits_at: bits as u32,
-            leaf_ranks_at: (bits + words) as u32,
-            leaf_triangles_at: (bits + 2 * words) as u32,
-            leaf_count: tree.leaf_count() as u32,
-            node_count: tree.node_count() as u32,
-            levels: tree.levels().filter(|inner| !inner.is_empty()).collect(),
-            moving: MovingShape::of(tree),
-            node_rows: 2 * tree.node_count() as u64,
-            ..Self::default()
-        }
+        let mut shape = Self::made_on_device(Layout::Bvh2, tree.leaf_count() as u32);
+        shape.params.leaf_bits_at = bits as u32;
+        shape.params.leaf_ranks_at = (bits + words) as u32;
+        shape.params.leaf_triangles_at = (bits + 2 * words) as u32;
+        shape.levels = tree.levels().filter(|inner| !inner.is_empty()).collect();
+        shape.moving = tree.moving().map(|moving| {
+            let at = tree.words().len() as u32;
+            let mut lists = behind(at, &moving.lists);
+            let leaves = lists.remove(0);
+            MovingShape {
+                inner: leaves.end..at + moving.words.len() as u32,
+                leaves,
+                levels: lists,
+                degenerate_elsewhere: moving.degenerate_elsewhere,
+            }
+        });
+        shape
     }
 
     /// About that of a tree of so many leaves that is yet to be built: enough to tell which kernels it will take.
     #[must_use]
     pub fn expected(layout: Layout, leaves: u32) -> Self {
-        let (lanes, root) = match layout {
-            Layout::Fast => (leaves, 1),
-            Layout::Bvh2 => (0, 0),
-        };
-        Self {
-            wide: WideShape { at: 0, lanes, root },
-            ..Self::made_on_device(layout, leaves)
+        let mut shape = Self::made_on_device(layout, leaves);
+        if layout == Layout::Fast {
+            (shape.params.wide_lanes, shape.params.wide_root) = (leaves, 1);
         }
+        shape
     }
 
     /// Of a tree of so many leaves that the device makes: the leaves' triangles
@@ -120,30 +76,45 @@ impl Shape {
         let node_count = (2 * leaves).saturating_sub(1);
         Self {
             layout,
+            params: Params {
+                node_count,
+                // A search begins at the root.
+                count: 1,
+                ..Params::default()
+            },
             leaf_count: leaves,
-            node_count,
+            levels: Vec::new(),
+            moving: None,
+            treelets: Vec::new(),
             node_rows: match layout {
                 Layout::Bvh2 => 2 * u64::from(node_count),
                 Layout::Fast => 4 * u64::from(leaves),
             },
-            ..Self::default()
+            root_count: 0,
         }
     }
 
     /// Of the same tree with layout `fast`.
     pub fn of_treelets(tree: &Treelets) -> Self {
+        let mut shape = Self::made_on_device(Layout::Fast, tree.leaf_count);
+        let params = &mut shape.params;
+        params.leaf_triangles_at = tree.triangles_at() as u32;
+        (params.goal, params.count) = tree.few_roots(MANY);
+        if let Some(wide) = &tree.wide {
+            let [words, lists, _] = tree.parts();
+            params.wide_at = (words.len() + lists.len()) as u32;
+            (params.wide_lanes, params.wide_root) = (wide.lanes as u32, wide.root);
+        }
         Self {
-            layout: Layout::Fast,
-            leaf_triangles_at: tree.triangles_at() as u32,
-            leaf_count: tree.leaf_count,
-            node_count: (2 * tree.leaf_count).saturating_sub(1),
             treelets: tree.levels.clone(),
-            moving: MovingShape::of_treelets(tree),
+            moving: tree.moving.as_ref().map(|moving| MovingShape {
+                levels: behind(tree.words().len() as u32, &moving.lists),
+                degenerate_elsewhere: moving.degenerate_elsewhere,
+                ..MovingShape::default()
+            }),
             node_rows: tree.rows() as u64,
             root_count: tree.root_count,
-            begin: tree.few_roots(MANY),
-            wide: WideShape::of(tree),
-            ..Self::default()
+            ..shape
         }
     }
 
@@ -204,30 +175,7 @@ pub struct MovingShape {
     pub degenerate_elsewhere: u32,
 }
 
-impl MovingShape {
-    pub(crate) fn of(tree: &Topology) -> Option<Self> {
-        let moving = tree.moving()?;
-        let at = tree.words().len() as u32;
-        let mut lists = behind(at, &moving.lists);
-        let leaves = lists.remove(0);
-        Some(Self {
-            inner: leaves.end..at + moving.words.len() as u32,
-            leaves,
-            levels: lists,
-            degenerate_elsewhere: moving.degenerate_elsewhere,
-        })
-    }
-
-    pub(crate) fn of_treelets(tree: &Treelets) -> Option<Self> {
-        let moving = tree.moving.as_ref()?;
-        Some(Self {
-            levels: behind(tree.words().len() as u32, &moving.lists),
-            degenerate_elsewhere: moving.degenerate_elsewhere,
-            ..Self::default()
-        })
-    }
-}
-
+/// Lists that begin at a word.
 fn behind(at: u32, lists: &[Range<usize>]) -> Vec<Range<u32>> {
     let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
     lists.iter().map(place).collect()

@@ -4,12 +4,12 @@ use crate::Counts;
 use backend::{FrameReport, sah_cost};
 
 /// Whose areas a refit added up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Extent {
-    /// All nodes'.
-    Whole,
     /// Those of what moves alone: the others had been added up before.
     Moving,
+    /// All nodes'.
+    Whole,
 }
 
 /// What preprocess and refit of one submission went over; `None` for a stage left out.
@@ -17,17 +17,8 @@ pub enum Extent {
 pub struct Extents {
     /// Triangles of zero area that the last preprocess did not count, as it passed over them.
     pub uncounted: Option<u32>,
-    /// Boxes, by any refit: whole if one of them was.
+    /// Boxes, by any refit: the most that one of them went over.
     pub boxes: Option<Extent>,
-}
-
-impl Extents {
-    /// Another refit was recorded.
-    pub fn refitted(&mut self, extent: Extent) {
-        if self.boxes != Some(Extent::Whole) {
-            self.boxes = Some(extent);
-        }
-    }
 }
 
 /// What holds until a stage runs again.

@@ -206,12 +206,8 @@ mod tests {
     fn read(layout: Layout, names: &[u32], leaves: usize) -> Result<Topology, String> {
         let each = |&name: &u32| [[0, 0, 0, name], [0; 4]];
         let rows: Vec<_> = names.iter().flat_map(each).collect();
-        let shape = Shape {
-            layout,
-            ..Shape::default()
-        };
         let view = View {
-            shape: &shape,
+            shape: &Shape::none(layout),
             made_on_device: true,
             rows: &rows,
             triangles: &[7, 8, 9, 6][..leaves],

@@ -53,15 +53,6 @@ pub enum Rays<'a> {
     Camera(&'a Camera),
 }
 
-/// Which positions are interpolated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vertices {
-    /// So many, which are all.
-    All(usize),
-    /// So many rows of four floats, given in the buffer `moving_rows`: see [`crate::moving_rows`].
-    Rows(usize),
-}
-
 /// Invocations that share the list of rays to settle, 16 a ray: enough to fill any device, though most find nothing to do.
 const SETTLERS: u32 = 1 << 15;
 /// Workgroups that share the list of hits whose shadows are sought, one a ray.
@@ -137,13 +128,11 @@ pub fn arithmetic(operands: usize) -> Work {
     Work::linear(common("arithmetic"), Params::default(), operands as u32)
 }
 
-/// Key frames to positions, the later weighing [`Params::alpha`].
-pub fn interpolate(mut params: Params, vertices: Vertices) -> Work {
-    let rows;
-    (rows, params.listed) = match vertices {
-        Vertices::All(count) => ((count * 3).div_ceil(4), 0),
-        Vertices::Rows(rows) => (rows, 1),
-    };
+/// Key frames to positions of so many vertices, the later weighing [`Params::alpha`]; or to so many rows of four floats alone,
+/// given in the buffer `moving_rows`: see [`crate::moving_rows`].
+pub fn interpolate(mut params: Params, vertices: usize, moving_rows: Option<usize>) -> Work {
+    params.listed = moving_rows.is_some().into();
+    let rows = moving_rows.unwrap_or((vertices * 3).div_ceil(4));
     Work::linear(common("interpolate"), params, rows as u32)
 }
 
@@ -186,14 +175,17 @@ fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits
         ..Trace::default()
     };
     match kind {
-        QueryKind::Any => primary(any(method, params, rays)),
+        QueryKind::Any => {
+            let rays = Rays::Given(rays.count(), false);
+            primary(search(method, params, rays, ["any_rays"; 2], ANY))
+        }
         QueryKind::Closest => primary(closest(method, params, rays)),
         QueryKind::ClosestAndShadow { light } => {
             let params = params.lit(light);
             match rays {
                 Rays::Given(..) => Trace {
                     primary: closest(method, params, rays),
-                    shadow: Some(shadow(method, params, rays)),
+                    shadow: Some(search(method, params, rays, ["shadow_rays"; 2], SHADOWS)),
                     ..Trace::default()
                 },
                 Rays::Camera(camera) => pictures::by_packets(method, params, camera, traits)
@@ -206,22 +198,7 @@ fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits
 
 fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let kernels = ["trace_rays", "trace_camera"];
-    let search = Work::over(method, rays, searching(params, rays), kernels);
-    settled(method, search, rays, HITS)
-}
-
-/// Whether each of some given rays meets anything.
-fn any(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let rays = Rays::Given(rays.count(), false);
-    let search = Work::over(method, rays, searching(params, rays), ["any_rays"; 2]);
-    let stages = ["resolve_exact_any_rays", "fallback_any_rays"];
-    settled(method, search, rays, stages)
-}
-
-/// Closest hits of given rays to whether the way from each to the light is blocked.
-fn shadow(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
-    let search = Work::over(method, rays, searching(params, rays), ["shadow_rays"; 2]);
-    settled(method, search, rays, SHADOWS)
+    search(method, params, rays, kernels, HITS)
 }
 
 /// A camera's closest hits and their shadows by one kernel.
@@ -255,6 +232,7 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
 }
 
 const HITS: [&str; 2] = ["resolve_exact_rays", "fallback_rays"];
+const ANY: [&str; 2] = ["resolve_exact_any_rays", "fallback_any_rays"];
 const SHADOWS: [&str; 2] = ["resolve_exact_shadow_rays", "fallback_shadow_rays"];
 
 /// What a search over all rays is told, and those who settle what it leaves open.
@@ -283,12 +261,19 @@ fn over_open(method: Method, rays: Rays<'_>, kernel: &str, params: Params, group
     }
 }
 
-/// A search and, for `exact`, what settles by notes most of the rays that it left open, and the rest one by one.
-fn settled(method: Method, search: Work, rays: Rays<'_>, stages: [&str; 2]) -> Vec<Work> {
-    let [settle, finish] = stages;
-    let params = search.params;
+/// A search by kernels for given rays or a camera's and, for `exact`, what settles by notes most of the rays that it left
+/// open, and the rest one by one.
+fn search(
+    method: Method,
+    params: Params,
+    rays: Rays<'_>,
+    kernels: [&str; 2],
+    [settle, finish]: [&str; 2],
+) -> Vec<Work> {
+    let over_all = Work::over(method, rays, searching(params, rays), kernels);
+    let params = over_all.params;
     let open = |kernel, groups| over_open(method, rays, kernel, params, groups);
-    let mut all = vec![search];
+    let mut all = vec![over_all];
     if method.intersector == Intersector::Exact {
         let settlers = Groups::Linear(settlers(&params));
         all.extend([open(settle, settlers), open(finish, finishers(&params))]);

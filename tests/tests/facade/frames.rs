@@ -25,14 +25,6 @@ fn sail(height: f32) -> [Point; 3] {
     [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, z]| [x, height, z])
 }
 
-fn all_frames() -> Vec<Frame> {
-    let frame = |(i, &time): (usize, &f64)| Frame {
-        index: 100 - i as u64,
-        time,
-    };
-    TIMES.iter().enumerate().map(frame).collect()
-}
-
 /// Also beside a mesh that steps move, and after a caller gave up in the middle.
 pub(crate) fn as_steps(device: &Device) {
     let demo = demo("demo:twist:2000");
@@ -41,6 +33,12 @@ pub(crate) fn as_steps(device: &Device) {
         hits: true,
         pixels: true,
     };
+    let frames = (0..).zip(TIMES);
+    let all = frames.map(|(i, time)| Frame {
+        index: 100 - i,
+        time,
+    });
+    let all: Vec<Frame> = all.collect();
     for is_alone in [true, false] {
         let (mut scene, _) = scene_of([sequence(&demo)]);
         let moved = Mesh::streamed(&sail(0.0), &[[0, 1, 2]]).unwrap();
@@ -61,7 +59,6 @@ pub(crate) fn as_steps(device: &Device) {
         for most in [3, TIMES.len()] {
             let mut found = Vec::new();
             let given_up = Err(Error::NoDevice("enough".to_owned()));
-            let all = all_frames();
             let ended = tracer.render_frames(&all, (&camera, LAMP), wanted, |record, answers| {
                 assert_eq!(record.frame, all[found.len()]);
                 let hit = answers.hits.closest.iter().map(|hit| hit.triangle);

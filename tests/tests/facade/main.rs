@@ -33,38 +33,20 @@ const LAWS: [(&str, Law); 19] = [
     ("odd_pictures_are_no_panic", pictures::odd),
     ("frames_are_the_pictures_of_steps", frames::as_steps),
     ("key_frames_that_are_read_are_as_those_held", frames::read),
-    (
-        "key_frames_that_cannot_be_read_are_errors",
-        frames::unreadable,
-    ),
+    ("unreadable_key_frames_are_errors", frames::unreadable),
     ("no_policy_changes_a_hit", frames::policies),
     ("misuse_is_an_error", misuse),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
-    (
-        "results_stay_until_the_second_step_after_and_beyond_a_commit",
-        replace::results,
-    ),
-    (
-        "a_replacement_that_is_given_up_changes_nothing",
-        replace::given_up,
-    ),
+    ("results_outlive_a_step_and_a_commit", replace::results),
+    ("replacements_given_up_change_nothing", replace::given_up),
     ("replacements_that_do_not_fit_are_errors", replace::misuse),
 ];
 
 /// Likewise, of a backend or a wgpu device that the program opened.
 const OWN: [(&str, (&str, Law)); 2] = [
-    (
-        "cpu",
-        ("a_backend_of_the_program_traces", frames::on_backend),
-    ),
-    (
-        "wgpu",
-        (
-            "meshes_are_replaced_on_a_device_of_the_program",
-            replace::own,
-        ),
-    ),
+    ("cpu", ("a_programs_backend_traces", frames::on_backend)),
+    ("wgpu", ("a_programs_device_replaces", replace::own)),
 ];
 
 /// Whatever a program holds may go to another thread.

@@ -1,18 +1,16 @@
 //! New topology for a mesh while the scene is traced.
 
 use crate::pool::{self, tracer};
-use crate::{Found, bits, demo, scene_of, still};
+use crate::{Demo, Found, bits, demo, scene_of, still};
 use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
 use abvh::{
     Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
 };
 
-/// Key frames and triangles of the meshes that stay, and of those that come and go.
+/// The meshes that stay, and those that come and go.
 struct Stage {
-    keys: Vec<Vec<Point>>,
-    triangles: Vec<[u32; 3]>,
-    other: (Vec<Vec<Point>>, Vec<[u32; 3]>),
-    rays: Vec<Ray>,
+    staying: Demo,
+    other: Demo,
 }
 
 /// A scene's meshes.
@@ -38,22 +36,15 @@ fn raised(points: &[Point], by: f32) -> Vec<Point> {
 
 impl Stage {
     fn new() -> Self {
-        let (staying, other) = (demo("demo:twist:1000"), demo("demo:twist:300"));
-        let keys = other.keys.iter().map(|key| raised(key, 0.3)).collect();
-        Self {
-            keys: staying.keys,
-            triangles: staying.triangles,
-            other: (keys, other.triangles),
-            rays: staying.rays,
-        }
+        let [staying, mut other] = ["demo:twist:1000", "demo:twist:300"].map(demo);
+        other.keys = other.keys.iter().map(|key| raised(key, 0.3)).collect();
+        Self { staying, other }
     }
 
     /// The mesh before, or the one in its place.
     fn target(&self, is_new: bool, kind: Kind) -> Mesh {
-        let (keys, triangles) = match is_new {
-            true => (&self.other.0, &self.other.1),
-            false => (&self.keys, &self.triangles),
-        };
+        let of = if is_new { &self.other } else { &self.staying };
+        let (keys, triangles) = (&of.keys, &of.triangles);
         let parts = vec![0; keys[0].len()];
         let made = match kind {
             Kind::Fixed => Mesh::fixed(&keys[0], triangles),
@@ -66,11 +57,19 @@ impl Stage {
 
     /// A rigid mesh, the target, a key-framed and a streamed one.
     fn scene(&self, target: Mesh) -> (Scene, Ids) {
-        let (low, high) = (raised(&self.keys[0], -0.5), raised(&self.keys[0], 0.8));
-        let keys = self.keys.iter().map(|key| raised(key, -0.2)).collect();
-        let robot = Mesh::rigid(&low, &self.triangles, &vec![0; low.len()]).unwrap();
-        let keyed = Mesh::keyframes(keys, &self.triangles).unwrap();
-        let cloth = Mesh::streamed(&high, &self.triangles).unwrap();
+        let (low, high) = (
+            raised(&self.staying.keys[0], -0.5),
+            raised(&self.staying.keys[0], 0.8),
+        );
+        let keys = self
+            .staying
+            .keys
+            .iter()
+            .map(|key| raised(key, -0.2))
+            .collect();
+        let robot = Mesh::rigid(&low, &self.staying.triangles, &vec![0; low.len()]).unwrap();
+        let keyed = Mesh::keyframes(keys, &self.staying.triangles).unwrap();
+        let cloth = Mesh::streamed(&high, &self.staying.triangles).unwrap();
         let (scene, [robot, target, _, cloth]) = scene_of([robot, target, keyed, cloth]);
         let ids = Ids {
             robot,
@@ -86,18 +85,21 @@ impl Stage {
         let cloth = self.cloth(i);
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
         step.poses(ids.robot, &[lift(i)]).unwrap();
-        let query = step.trace(&self.rays, Query::Closest).unwrap();
+        let query = step.trace(&self.staying.rays, Query::Closest).unwrap();
         (step.submit().unwrap(), query)
     }
 
     fn cloth(&self, i: usize) -> Vec<Point> {
-        raised(&self.keys[i % self.keys.len()], 0.05 * near(i))
+        raised(
+            &self.staying.keys[i % self.staying.keys.len()],
+            0.05 * near(i),
+        )
     }
 
     /// Moves the target, too.
     fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Found {
         let mut step = tracer.step(time(i));
-        let target = &self.other.0[i % self.other.0.len()];
+        let target = &self.other.keys[i % self.other.keys.len()];
         match kind {
             Kind::Streamed => step.vertices(ids.target, Source::Host(target)).unwrap(),
             Kind::Rigid => step.poses(ids.target, &[lift(i)]).unwrap(),
@@ -169,8 +171,8 @@ pub(crate) fn anew(device: &Device) {
         let mut step = fresh.step(time(i));
         step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
         step.poses(new.robot, &[lift(i - 1)]).unwrap();
-        let expected = still(&mut fresh, time(i), &stage.rays);
-        let all = still(&mut live, time(i), &stage.rays);
+        let expected = still(&mut fresh, time(i), &stage.staying.rays);
+        let all = still(&mut live, time(i), &stage.staying.rays);
         assert!(all == expected, "{after:?} at once");
         assert!(live.statistics().unwrap().generation > trees);
         for mesh in 0..4 {
@@ -188,10 +190,16 @@ pub(crate) fn anew(device: &Device) {
 /// One tracer after another kind of scene: whether anything arrives, and whether anything moves.
 pub(crate) fn motions(device: &Device) {
     let stage = Stage::new();
-    let fixed = |by| Mesh::fixed(&raised(&stage.keys[0], by), &stage.triangles).unwrap();
+    let fixed = |by| {
+        Mesh::fixed(
+            &raised(&stage.staying.keys[0], by),
+            &stage.staying.triangles,
+        )
+        .unwrap()
+    };
     let (scene, [target, _]) = scene_of([stage.target(false, Kind::Fixed), fixed(-0.5)]);
     let mut live = tracer(scene, device);
-    still(&mut live, 0.0, &stage.rays);
+    still(&mut live, 0.0, &stage.staying.rays);
     for (is_new, kind) in [
         (true, Kind::Streamed),
         (false, Kind::Keys),
@@ -215,8 +223,8 @@ pub(crate) fn motions(device: &Device) {
                 };
                 there.unwrap();
             }
-            let expected = still(&mut fresh, at, &stage.rays);
-            let all = still(&mut live, at, &stage.rays);
+            let expected = still(&mut fresh, at, &stage.staying.rays);
+            let all = still(&mut live, at, &stage.staying.rays);
             assert!(all == expected, "{kind:?} at {at}");
         }
     }
@@ -246,7 +254,7 @@ pub(crate) fn results(device: &Device) {
         assert_eq!(none(&mut live, asked), Some(Error::NoResult));
     }
     assert!(found(&mut live, of_old[1]) == expected[1]);
-    assert_eq!(found(&mut live, later).len(), stage.rays.len());
+    assert_eq!(found(&mut live, later).len(), stage.staying.rays.len());
     stage.advance(&mut live, ids, 3);
     assert_eq!(none(&mut live, of_old[1]), Some(Error::NoResult));
 }
@@ -272,7 +280,7 @@ fn open(limits: wgpu::Limits) -> OwnDevice {
 pub(crate) fn own(_: &Device) {
     let stage = Stage::new();
     let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
-    let device = open(required_limits(&scene, stage.rays.len()).unwrap());
+    let device = open(required_limits(&scene, stage.staying.rays.len()).unwrap());
     anew(&Device::from(device.clone()));
     let mut live = tracer(scene, &Device::from(device));
     let before = stage.advance(&mut live, ids, 0);
@@ -283,7 +291,7 @@ pub(crate) fn own(_: &Device) {
     let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query).cloned());
     let [old, new] = buffers.map(Result::unwrap);
     assert!(old != new);
-    let mesh = stage.triangles.len() as u32;
+    let mesh = stage.staying.triangles.len() as u32;
     let firsts = [ids.robot, ids.target, ids.cloth].map(|id| live.first_triangle(id).unwrap());
     assert_eq!(firsts, [0, mesh, mesh + grown + mesh]);
 }

@@ -103,14 +103,10 @@ fn render(
     times: impl Iterator<Item = f64>,
     rest: impl Fn(u64) -> u64,
 ) -> Run {
-    let (log, gate) = (Arc::clone(&fake.log), fake.gate.clone());
+    let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, animation, by).unwrap();
-    let records = play(&mut driver, times, |index| {
-        gate.iter().for_each(|g| g.step(1));
-        rest(index)
-    });
+    let records = play(&mut driver, times, rest);
     let built = driver.builder_thread.is_open();
-    gate.iter().for_each(|g| g.open());
     drop(driver);
     Run {
         records,
@@ -176,14 +172,6 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
     let r = run(1, 5, Update::DeviceRebuild, Some(0));
     assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
     assert!(r.records[0].made && !r.records[1].made);
-}
-
-#[test]
-fn refit_keeps_the_first_tree() {
-    let r = run(9, 8, Update::Refit, Some(0));
-    assert!(!r.built && r.log.adopted == [Generation(1)]);
-    assert_eq!(r.records[7].tree_age_frames, 7);
-    assert_eq!(r.log.refitted, 8);
 }
 
 #[test]
@@ -300,10 +288,15 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
 
 /// Records of frames whose builder gets nowhere until `held` more frames are rendered.
 fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
+    let (said, heard) = std::sync::mpsc::channel();
     let mut fake = Fake::new(Some(1));
-    fake.gate = Some(Arc::new(Gate::new(held)));
+    fake.gate = Some(Arc::new(Gate {
+        frames: held,
+        rendered: Mutex::new(heard),
+    }));
     let (scene, by) = (drifting(200), (Update::Async(Pace::Free), false));
-    render(fake, (&scene, by), evenly(frames, &scene), |_| 1).records
+    let rest = move |_| said.send(()).map(|()| 1).unwrap();
+    render(fake, (&scene, by), evenly(frames, &scene), rest).records
 }
 
 /// If a frame waited for the builder, each would wait for the other, and trees adopted later would be young.
@@ -327,8 +320,13 @@ fn frames_go_on_while_the_builder_waits_for_them() {
 
 #[test]
 fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
-    let refit = run(30, 20, Update::Refit, Some(0)).records;
-    assert!(refit[1..].iter().all(|r| r.build_wait_ms == 0.0));
+    let refit = run(30, 20, Update::Refit, Some(0));
+    assert!(!refit.built && refit.log.adopted == [Generation(1)]);
+    assert_eq!(
+        (refit.records[19].tree_age_frames, refit.log.refitted),
+        (19, 20)
+    );
+    assert!(refit.records[1..].iter().all(|r| r.build_wait_ms == 0.0));
     let rebuild = run(30, 20, Update::Rebuild, Some(0)).records;
     let waits = |r: &FrameRecord| 0.0 < r.build_wait_ms && r.build_wait_ms <= r.wall_ms;
     assert!(rebuild.iter().all(waits), "{rebuild:?}");

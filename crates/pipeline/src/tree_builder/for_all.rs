@@ -7,21 +7,21 @@
 use super::{BuildStrategy, Built, Moments, TreeBuilder, Vertices};
 use crate::motion::distance;
 use bvh_build::{
-    BinaryTree, BuildError, Cancel, MAX_MOMENTS, Moment, TemporalBuilder, order_toward, sah_cost,
+    BinaryTree, BuildError, Cancel, MAX_MOMENTS, TemporalBuilder, order_toward, sah_cost,
     temporal_cost,
 };
-use geom::{Animation, KeyFrameError, Pose};
+use geom::{Animation, KeyFrameError, Moment, Pose};
 use std::time::Instant;
 
 /// How often a warm-up makes the next tree: once to find memory, once more to write to what conversion gives back.
 const ROUNDS: usize = 2;
 
 impl TreeBuilder {
-    /// Builds and converts one tree for all of `samples`, with `first` for its own cost.
+    /// Builds and converts one tree for all of `moments`, with `first` for its own cost.
     pub(crate) fn build_for_all(
         &mut self,
         animation: &Animation,
-        samples: &[Sample],
+        moments: &[Sample<'_>],
         first: Pose,
         cancel: &Cancel,
     ) -> Result<Built, BuildError> {
@@ -29,18 +29,10 @@ impl TreeBuilder {
         let boxes = animation.moment(first)?;
         self.builder.build(&boxes, cancel, &mut self.tree)?;
         let cost = sah_cost(&self.tree, &boxes);
-        let moment = |s: &Sample| {
-            Ok(Moment {
-                boxes: animation.moment(s.pose)?,
-                weight: s.weight,
-            })
-        };
-        let moments = samples.iter().map(moment);
-        let moments = moments.collect::<Result<Vec<_>, BuildError>>()?;
         if moments.len() > 1 {
             let mut for_all = BinaryTree::default();
-            TemporalBuilder::default().build(&moments, cancel, &mut for_all)?;
-            if temporal_cost(&for_all, &moments) < temporal_cost(&self.tree, &moments) {
+            TemporalBuilder::default().build(moments, cancel, &mut for_all)?;
+            if temporal_cost(&for_all, moments) < temporal_cost(&self.tree, moments) {
                 self.tree = for_all;
                 if let Some(point) = self.builder.toward {
                     order_toward(&mut self.tree, &boxes, point);
@@ -74,11 +66,7 @@ impl TreeBuilder {
 }
 
 /// A moment, and the time it stands for in key frames.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sample {
-    pub(crate) pose: Pose,
-    pub(crate) weight: f64,
-}
+pub(crate) type Sample<'a> = bvh_build::Moment<Moment<'a>>;
 
 /// Steps in which the way is measured: two a key frame, within these bounds.
 const STEPS: [usize; 2] = [64, 512];
@@ -89,7 +77,7 @@ const VERTICES: usize = 1024;
 pub(crate) fn samples(
     animation: &Animation,
     range: [f64; 2],
-) -> Result<Vec<Sample>, KeyFrameError> {
+) -> Result<Vec<Sample<'_>>, KeyFrameError> {
     let [first, last] = range.map(|t| t.clamp(0.0, animation.end()));
     let steps = (2.0 * (last - first)) as usize;
     let steps = steps.clamp(STEPS[0], STEPS[1]);
@@ -100,8 +88,8 @@ pub(crate) fn samples(
         .collect::<Result<_, _>>()?;
     let whole: f64 = way.iter().sum();
     if whole <= 0.0 {
-        let pose = animation.pose(first);
-        return Ok(vec![Sample { pose, weight: 1.0 }]);
+        let (boxes, weight) = (animation.at(first)?, 1.0);
+        return Ok(vec![Sample { boxes, weight }]);
     }
     let measure = |i: usize| 0.5 * way[i] / whole + 0.5 / steps as f64;
     let mut times = vec![first];
@@ -118,16 +106,16 @@ pub(crate) fn samples(
         passed += share;
     }
     times.push(last);
-    Ok(weighed(animation, &times))
+    weighed(animation, &times)
 }
 
 /// Each time with half the stretches before and after it.
-fn weighed(animation: &Animation, times: &[f64]) -> Vec<Sample> {
+fn weighed<'a>(animation: &'a Animation, times: &[f64]) -> Result<Vec<Sample<'a>>, KeyFrameError> {
     let last = times.len() - 1;
     let weight = |i: usize| 0.5 * (times[(i + 1).min(last)] - times[i.saturating_sub(1)]);
-    let sample = |(i, &t): (usize, &f64)| Sample {
-        pose: animation.pose(t),
-        weight: weight(i),
+    let sample = |(i, &time): (usize, &f64)| {
+        let (boxes, weight) = (animation.at(time)?, weight(i));
+        Ok(Sample { boxes, weight })
     };
     times.iter().enumerate().map(sample).collect()
 }
@@ -151,21 +139,25 @@ mod tests {
         Animation::new(heights.iter().map(key).collect(), vec![[0, 1, 2]]).unwrap()
     }
 
-    fn times(samples: &[Sample]) -> Vec<f64> {
-        let time = |s: &Sample| f64::from(s.pose.key) + f64::from(s.pose.alpha);
-        samples.iter().map(time).collect()
+    fn times(samples: &[Sample<'_>]) -> Vec<f64> {
+        let poses = samples.iter().map(|s| s.boxes.pose());
+        poses
+            .map(|p| f64::from(p.key) + f64::from(p.alpha))
+            .collect()
     }
 
     #[test]
     fn what_stands_still_needs_one_moment() {
-        let still = samples(&bobbing(&[1.0; 5]), [1.0, 3.0]).unwrap();
+        let at_rest = bobbing(&[1.0; 5]);
+        let still = samples(&at_rest, [1.0, 3.0]).unwrap();
         assert_eq!((still.len(), times(&still)), (1, vec![1.0]));
         assert_eq!(samples(&bobbing(&[1.0, 2.0]), [0.5; 2]).unwrap().len(), 1);
     }
 
     #[test]
     fn steady_motion_is_sampled_evenly_and_the_weights_make_up_the_time() {
-        let s = samples(&bobbing(&[0.0, 1.0, 2.0, 3.0]), [0.5, 2.5]).unwrap();
+        let rising = bobbing(&[0.0, 1.0, 2.0, 3.0]);
+        let s = samples(&rising, [0.5, 2.5]).unwrap();
         let expected = (0..MAX_MOMENTS).map(|i| 0.5 + 2.0 * i as f64 / (MAX_MOMENTS - 1) as f64);
         for (found, expected) in times(&s).iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{s:?}");
@@ -176,7 +168,8 @@ mod tests {
 
     #[test]
     fn more_moments_lie_where_more_moves_and_stand_for_less() {
-        let s = samples(&bobbing(&[0.0, 0.0, 0.0, 0.0, 9.0]), [0.0, 4.0]).unwrap();
+        let leaping = bobbing(&[0.0, 0.0, 0.0, 0.0, 9.0]);
+        let s = samples(&leaping, [0.0, 4.0]).unwrap();
         let late = times(&s).iter().filter(|&&t| t > 3.0).count();
         assert!(late >= MAX_MOMENTS / 2, "{s:?}");
         assert!(s[MAX_MOMENTS - 1].weight < s[1].weight);

@@ -48,16 +48,6 @@ impl<'a> Moments<'a> {
     }
 }
 
-impl Vertices {
-    /// Where they are to be blended.
-    pub(super) fn pose(&self) -> Option<Pose> {
-        match self {
-            Self::ReadBack(_) => None,
-            Self::KeyFrames(pose) => Some(*pose),
-        }
-    }
-}
-
 /// Where a time stands between and beyond those of two frames that were observed.
 pub(crate) fn pose_between([first, second]: [f64; 2], time: f64) -> Pose {
     let alpha = ((time - first) / (second - first)) as f32;

@@ -90,10 +90,14 @@ impl Course {
         halves: Option<[f64; 2]>,
         rival_at: Option<f64>,
     ) -> Option<Built> {
-        let (a, pose) = (&self.animation, |time| self.animation.pose(time));
-        let what = (Vertices::KeyFrames(pose(time)), halves.map(|h| h.map(pose)));
-        let (moments, cancel) = (Moments::of(a), Cancel::new());
-        let made = (self.builder).rebuild(&moments, what, rival_at.map(pose), &cancel);
+        let pose = |time| self.animation.pose(time);
+        let input = BuildInput {
+            vertices: Vertices::KeyFrames(pose(time)),
+            halves: halves.map(|h| h.map(pose)),
+            rival_at: rival_at.map(pose),
+            observed: None,
+        };
+        let made = self.builder.rebuild(&self.animation, input, &Cancel::new());
         match made.unwrap() {
             Made::Tree(built) => Some(built),
             Made::NoBetter => None,
@@ -219,14 +223,15 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
 fn observed(times: [f64; 2], middle: f64) -> Topology {
     let mut course = Course::over(shuffled(), Forms::default());
     let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
-    let moments = Moments {
-        animation: &course.animation,
-        observed: Some(course.builder.keep(seen)),
-    };
     let pose = pose_between(times, middle);
-    let what = (Vertices::KeyFrames(pose), Some([pose; 2]));
-    let builder = &mut course.builder;
-    match builder.rebuild(&moments, what, Some(pose), &Cancel::new()) {
+    let input = BuildInput {
+        vertices: Vertices::KeyFrames(pose),
+        halves: Some([pose; 2]),
+        rival_at: Some(pose),
+        observed: Some(seen),
+    };
+    let Course { builder, animation } = &mut course;
+    match builder.rebuild(animation, input, &Cancel::new()) {
         Ok(Made::Tree(built)) => built.topology,
         other => panic!("{other:?}"),
     }
@@ -251,7 +256,7 @@ fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
     let mut course = Course::over(shuffled(), Forms::default());
     let own = course.build(0, None);
     let mut samples = samples(&course.animation, [0.0, 2.0]).unwrap();
-    let mut for_all = |samples: &[Sample]| {
+    let mut for_all = |samples: &[Sample<'_>]| {
         let (a, builder) = (&course.animation, &mut course.builder);
         let built = builder.build_for_all(a, samples, a.pose(0.0), &Cancel::new());
         built.unwrap()

@@ -1,5 +1,6 @@
 //! How clusters become fewer, phase by phase: see build/cluster.wgsl.
 
+use crate::Params;
 use bvh_build::MAX_DEPTH;
 
 /// Clusters of a tile.
@@ -16,67 +17,47 @@ const LAST_ROUNDS: u32 = 16;
 // Even the short first tile of every other phase leaves its goal.
 const _: () = assert!(TILE / 2 >= GOAL);
 
-/// A phase: one dispatch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Phase {
-    /// Clusters before it.
-    pub(super) count: u32,
-    /// Where they lie.
-    pub(super) first: u32,
-    /// Where those after it go.
-    pub(super) destination: u32,
-    /// By how many clusters all tiles but the first begin early.
-    pub(super) shift: u32,
-    /// Clusters that a tile leaves.
-    pub(super) goal: u32,
-    /// Rounds that seek neighbours.
-    pub(super) rounds: u32,
+/// Tiles of a phase.
+pub(super) fn tiles(phase: &Params) -> u32 {
+    (phase.count + phase.shift).div_ceil(TILE)
 }
 
-impl Phase {
-    pub(super) fn tiles(&self) -> u32 {
-        (self.count + self.shift).div_ceil(TILE)
-    }
-
-    /// Clusters after it.
-    pub(super) fn left(&self) -> u32 {
-        let whole = self.tiles() - 1;
-        let last = self.count - (whole * TILE).saturating_sub(self.shift);
-        whole * self.goal + last.min(self.goal)
-    }
+/// Clusters after a phase.
+pub(super) fn left(phase: &Params) -> u32 {
+    let whole = tiles(phase) - 1;
+    let last = phase.count - (whole * TILE).saturating_sub(phase.shift);
+    whole * phase.goal + last.min(phase.goal)
 }
 
-/// All phases for so many leaves, at least one.
-pub(super) fn of(leaves: u32) -> Vec<Phase> {
+/// All phases for so many leaves, at least one: what each dispatch is told, and what all share.
+pub(super) fn of(shared: Params, leaves: u32) -> Vec<Params> {
     let mut phases = Vec::new();
-    let (mut count, mut first) = (leaves, 0);
-    while count > TILE {
-        let phase = Phase {
-            count,
-            first,
+    let mut next = Params {
+        count: leaves,
+        first: 0,
+        first_group: 0,
+        ..shared
+    };
+    while next.count > TILE {
+        let phase = Params {
             // There and back: the leaves' own room is free after the first phase.
-            destination: if first == 0 { leaves } else { 0 },
+            destination: if next.first == 0 { leaves } else { 0 },
             shift: phases.len() as u32 % 2 * (TILE / 2),
             goal: GOAL,
-            rounds: 0,
+            ..next
         };
         phases.push(phase);
-        (count, first) = (phase.left(), phase.destination);
+        (next.count, next.first) = (left(&phase), phase.destination);
+        next.first_group += tiles(&phase);
     }
-    phases.push(Phase {
-        count,
-        first,
-        destination: 0,
-        shift: 0,
-        goal: 1,
-        rounds: 0,
-    });
+    (next.destination, next.shift, next.goal) = (0, 0, 1);
+    phases.push(next);
     share_rounds(&mut phases);
     phases
 }
 
 /// Shares out the rounds for which the tree has levels, so that it stays within [`MAX_DEPTH`] whatever happens.
-fn share_rounds(phases: &mut [Phase]) {
+fn share_rounds(phases: &mut [Params]) {
     let Some((last, others)) = phases.split_last_mut() else {
         return;
     };
@@ -100,25 +81,25 @@ mod tests {
     #[test]
     fn every_phase_takes_up_what_the_one_before_left_elsewhere_and_one_cluster_remains() {
         for leaves in SMALL.into_iter().chain(LARGE) {
-            let phases = of(leaves);
+            let phases = of(Params::default(), leaves);
             assert_eq!((phases[0].count, phases[0].first), (leaves, 0));
             for pair in phases.windows(2) {
                 let [before, after] = [pair[0], pair[1]];
                 assert!(after.count < before.count, "{leaves}");
-                let there = (before.left(), before.destination);
+                let there = (left(&before), before.destination);
                 assert_eq!((after.count, after.first), there, "{leaves}");
                 let read = before.first..before.first + before.count;
                 let written = after.first..after.first + after.count;
                 assert!(read.end <= written.start || written.end <= read.start);
             }
-            assert_eq!(phases.last().map(Phase::left), Some(1), "{leaves}");
+            assert_eq!(phases.last().map(left), Some(1), "{leaves}");
         }
     }
 
     #[test]
     fn no_tree_is_deeper_than_a_traversal_stack() {
         for leaves in SMALL.into_iter().chain(LARGE) {
-            let phases = of(leaves);
+            let phases = of(Params::default(), leaves);
             let pairing = LAST_PAIRING + PAIRING * (phases.len() as u32 - 1);
             let rounds: u32 = phases.iter().map(|p| p.rounds).sum();
             assert!(rounds + pairing <= MAX_DEPTH, "{leaves}");

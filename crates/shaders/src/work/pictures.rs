@@ -27,7 +27,8 @@ pub(super) fn by_packets(
     }
     let params = projected(seen, camera)?;
     let triangles = params.node_count.div_ceil(2);
-    let trace = over_blocks(how.kernel(), method, params, how.block());
+    let (tracer, block) = how.tracer();
+    let trace = over_blocks(tracer, method, params, block);
     let things = params.wide_lanes + triangles;
     let project = Work::linear(kernel("project", method), params, things);
     Some(Trace {
@@ -59,9 +60,9 @@ pub(super) fn by_rasterization(
     let pairs = pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
-    let rasterize = kernel(how.rasterizer(), method);
-    let rasterizers = tiles.div_ceil(rasterize.workgroup[0]);
-    let rasterizers = rasterizers.min(how.rasterizers());
+    let (rasterize, most) = how.rasterizers();
+    let rasterize = kernel(rasterize, method);
+    let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(most);
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),

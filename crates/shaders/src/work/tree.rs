@@ -12,7 +12,6 @@ use std::ops::Range;
 /// says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
-    has_lists: bool,
     has_records: bool,
     has_boxes: bool,
     /// Whether `preprocess` made all boxes in this recording.
@@ -26,14 +25,14 @@ impl Progress {
     /// weighing [`Params::alpha`], and no positions, so that it may run beside `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         if tree.layout == Layout::Fast {
-            let adopt = (!self.has_lists).then(|| treelets::adopt(method, params, tree));
+            let adopt = (!self.has_records).then(|| treelets::adopt(method, params, tree));
             let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
             let mut work: Vec<_> = adopt.into_iter().chain([work]).collect();
             work[0].alongside = treelets::reads_keys(tree);
             return (work, uncounted);
         }
         let mut work = Vec::with_capacity(3);
-        if !self.has_lists {
+        if !self.has_records {
             // The tree's lists of nodes.
             let nodes = Groups::Linear(params.node_count);
             work.push(Work::new(common("expand"), params, nodes));
@@ -53,7 +52,7 @@ impl Progress {
     /// That work was recorded, over such a tree.
     pub fn preprocessed(&mut self, tree: &Shape) {
         self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree);
-        (self.has_lists, self.has_records) = (true, true);
+        self.has_records = true;
     }
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
@@ -172,7 +171,6 @@ mod tests {
     fn a_tree_is_done_whole_first_and_then_what_moves() {
         let tree = Shape {
             leaf_count: 501,
-            node_count: 1001,
             levels: vec![0..1, 1..3, 3..200, 200..500],
             moving: Some(MovingShape {
                 leaves: 2_000..2_009,
@@ -180,7 +178,7 @@ mod tests {
                 levels: vec![2_009..2_010, 2_010..2_011, 2_011..2_149, 2_149..2_151],
                 degenerate_elsewhere: 3,
             }),
-            ..Shape::default()
+            ..Shape::none(Layout::Bvh2)
         };
         let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
@@ -222,7 +220,6 @@ mod tests {
             ..Method::default()
         };
         let tree = Shape {
-            layout: Layout::Fast,
             leaf_count: 20_000,
             treelets: vec![0..90, 90..93, 93..94],
             moving: Some(MovingShape {
@@ -230,7 +227,7 @@ mod tests {
                 degenerate_elsewhere: 4,
                 ..MovingShape::default()
             }),
-            ..Shape::default()
+            ..Shape::none(Layout::Fast)
         };
         let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(method, params, &tree);

@@ -1,8 +1,8 @@
 //! Trees for what comes: built ahead, built for all times, and left where they are no better.
 
 use super::*;
+use crate::builder_thread::BuildInput;
 use crate::frame::Adopted;
-use crate::tree_builder::Moments;
 
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
@@ -81,14 +81,18 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 fn made_after(left: &FrameRecord) -> Vec<u32> {
     let animation = shuffled(65, 1 << 13);
     let (mut builder, cancel) = (TreeBuilder::default(), Cancel::new());
-    let (pose, moments) = (|time| animation.pose(time), Moments::of(&animation));
+    let pose = |time| animation.pose(time);
     let halves = Some([0.25, 0.75].map(pose));
     let first = builder.build(&animation, (at(&animation, 0.0), halves), &cancel);
     first.unwrap();
     let rebuild = |builder: &mut TreeBuilder, pose, halves| {
-        let from = (Vertices::KeyFrames(pose), halves);
-        let made = builder.rebuild(&moments, from, Some(pose), &cancel);
-        made.unwrap()
+        let input = BuildInput {
+            vertices: Vertices::KeyFrames(pose),
+            halves,
+            rival_at: Some(pose),
+            observed: None,
+        };
+        builder.rebuild(&animation, input, &cancel).unwrap()
     };
     rebuild(&mut builder, pose(30.0), None);
     builder.revert();

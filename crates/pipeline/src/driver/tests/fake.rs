@@ -8,40 +8,25 @@ use bvh_layout::Topology;
 use geom::{Animation, Point, Pose};
 use std::collections::VecDeque;
 use std::ops::Deref;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Holds whoever looks at vertices until so many frames more were rendered.
+/// Holds whoever looks at vertices until so many frames more were rendered, each of which sends a word.
 pub(in crate::driver) struct Gate {
-    frames: u64,
-    rendered: AtomicU64,
+    pub(in crate::driver) frames: u64,
+    pub(in crate::driver) rendered: Mutex<Receiver<()>>,
 }
 
 impl Gate {
-    pub(in crate::driver) fn new(frames: u64) -> Self {
-        let rendered = AtomicU64::new(0);
-        Self { frames, rendered }
-    }
-
-    /// So many frames were rendered.
-    pub(in crate::driver) fn step(&self, frames: u64) {
-        self.rendered.fetch_add(frames, Ordering::SeqCst);
-    }
-
-    /// Nobody renders frames any more: let everybody through.
-    pub(in crate::driver) fn open(&self) {
-        self.step(1 << 60);
-    }
-
-    /// After long enough without frames, what waits fails.
+    /// After long enough without frames, what waits fails. Where nobody is left to render any, everybody is let through.
     fn pass(&self) {
-        let rendered = || self.rendered.load(Ordering::SeqCst);
-        let (until, begun) = (rendered() + self.frames, Instant::now());
-        while rendered() < until {
-            let waits = begun.elapsed() < Duration::from_secs(10);
-            assert!(waits, "nobody renders while the builder waits");
-            std::thread::sleep(Duration::from_micros(100));
+        let rendered = self.rendered.lock().unwrap();
+        rendered.try_iter().for_each(drop);
+        for _ in 0..self.frames {
+            let next = rendered.recv_timeout(Duration::from_secs(10));
+            let waits = next == Err(RecvTimeoutError::Timeout);
+            assert!(!waits, "nobody renders while the builder waits");
         }
     }
 }
@@ -75,8 +60,8 @@ pub(in crate::driver) struct Log {
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
+#[derive(Default)]
 pub(in crate::driver) struct Fake {
-    device: Device,
     pub(in crate::driver) log: Arc<Mutex<Log>>,
     animation: Option<Arc<Animation>>,
     pose: Option<Pose>,
@@ -98,30 +83,9 @@ pub(in crate::driver) struct Fake {
 
 impl Fake {
     pub(in crate::driver) fn new(polls: Option<u32>) -> Self {
-        let device = Device {
-            backend: "fake",
-            adapter: String::new(),
-            driver: String::new(),
-            kind: DeviceKind::Cpu,
-            threads: 1,
-            arithmetic: Arithmetic::IEEE,
-        };
         Self {
-            device,
-            log: Arc::default(),
-            animation: None,
-            pose: None,
-            generation: Generation(0),
-            fresh: (false, false),
-            ticket: 0,
-            requested: VecDeque::new(),
-            record_request: false,
-            traced: false,
             polls,
-            gate: None,
-            hits: Hits::default(),
-            own_trees: false,
-            prepared: None,
+            ..Self::default()
         }
     }
 
@@ -141,7 +105,15 @@ impl Fake {
 
 impl Backend for Fake {
     fn device(&self) -> &Device {
-        &self.device
+        static DEVICE: Device = Device {
+            backend: "fake",
+            adapter: String::new(),
+            driver: String::new(),
+            kind: DeviceKind::Cpu,
+            threads: 1,
+            arithmetic: Arithmetic::IEEE,
+        };
+        &DEVICE
     }
     fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
         self.animation = Some(animation);
