@@ -88,17 +88,12 @@ pub fn sah_cost(nodes: &[Node]) -> f64 {
 mod tests {
     use super::*;
     use crate::{Mesh, Tracer, camera, pool, shadow_rays};
-    use backend::{Intersector, Method, QueryKind};
+    use backend::{Intersector, QueryKind};
 
     #[test]
     fn every_tree_hits_what_ours_hits_but_for_rounding() {
         let mesh = Mesh::open("demo:collide:3000").expect("demos open");
-        let intersector = Intersector::MollerTrumbore;
-        let method = Method {
-            intersector,
-            ..Method::default()
-        };
-        let mut tracer = Tracer::ready(&mesh, method, 1);
+        let mut tracer = Tracer::ready(&mesh, Intersector::MollerTrumbore.into(), 1);
         let primary = camera(&mesh, [512, 320]).rays().collect::<Vec<_>>();
         let shadow = shadow_rays(&mesh, &primary, &mut tracer);
         let closest = tracer.list(&primary, QueryKind::Closest).closest.clone();

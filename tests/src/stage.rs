@@ -17,7 +17,7 @@ impl Stage {
     /// The `cpu` backend with so many threads.
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
-        Self::over(Box::new(backend), animation, method(intersector))
+        Self::over(Box::new(backend), animation, intersector.into())
     }
 
     /// Any backend, by any method.
@@ -54,14 +54,6 @@ impl Stage {
         let backend = self.backend.as_mut();
         let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
         done.expect("every stage runs").0
-    }
-}
-
-/// The intersector on the usual layout.
-pub fn method(intersector: Intersector) -> Method {
-    Method {
-        intersector,
-        ..Method::default()
     }
 }
 

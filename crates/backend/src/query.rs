@@ -136,12 +136,20 @@ pub struct Method {
     pub layout: Layout,
 }
 
+/// On the usual layout.
+impl From<Intersector> for Method {
+    fn from(intersector: Intersector) -> Self {
+        let layout = Layout::Bvh2;
+        Self {
+            intersector,
+            layout,
+        }
+    }
+}
+
 impl Default for Method {
     fn default() -> Self {
-        Self {
-            intersector: Intersector::Watertight,
-            layout: Layout::Bvh2,
-        }
+        Self::from(Intersector::Watertight)
     }
 }
 

@@ -8,7 +8,7 @@ use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
 use crate::table::{counted, grouped, of_rows, table};
 use crate::talk::{self, Progress};
-use backend::{Intersector, Method};
+use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Law, Reference, hold, laws_of};
 use oracle::OracleRow;
@@ -110,10 +110,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         seed: args.seed,
         rays: args.leak_rays,
         offsets: OFFSETS.to_vec(),
-        method: Method {
-            intersector,
-            ..Method::default()
-        },
+        method: intersector.into(),
     };
     let mut progress = Progress::new(STEPS, args.test.quiet);
     let mut told = 0;

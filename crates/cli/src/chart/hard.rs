@@ -27,10 +27,7 @@ pub(super) fn ask(
     tests: &[StressTest],
     rays: usize,
 ) -> Result<(Vec<FamilyCounts>, Vec<Leaks>), Stop> {
-    let method = Method {
-        intersector: choose::intersector(ask.method.intersector).0,
-        ..Method::default()
-    };
+    let method = Method::from(choose::intersector(ask.method.intersector).0);
     let mut backend = open::bare(ask.backend, None, host::cores())?;
     let mut mixed_range = Vec::new();
     for test in tests {

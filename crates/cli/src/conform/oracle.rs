@@ -6,7 +6,7 @@ use crate::open::Subject;
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, of_rows};
 use crate::talk::Progress;
-use backend::{Intersector, Method};
+use backend::Intersector;
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
 use geom::Animation;
 use rayon::prelude::*;
@@ -97,16 +97,12 @@ fn ask(
     report: &mut Report,
 ) -> Result<(), Stop> {
     let intersector = args.intersector.unwrap_or(Intersector::Exact);
-    let method = Method {
-        intersector,
-        ..Method::default()
-    };
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
     let most = usize::from(intersector == Intersector::Exact) * TOLD;
     for subject in subjects {
         let begins = format!("{}: ", subject.name);
         for batch in batches {
-            let tally = batch.ask(subject.backend.as_mut(), method)?;
+            let tally = batch.ask(subject.backend.as_mut(), intersector.into())?;
             let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
             let rays = args.oracle_rays;
             let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");
