@@ -55,7 +55,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     passed("open the device, load the scene");
     let mut wanted = outputs.wanted();
-    wanted.pixels |= video.is_some();
     let shades = tracer.prepare_frames((&camera, view.light), wanted)?;
     if wanted.pixels && !shades {
         wanted = Wanted::HITS;
@@ -67,7 +66,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         output::write_rays(file, camera.pixels(), camera.rays()).inspect_err(tidy)?;
     }
     // A video is made of all frames, also of those whose files are whole.
-    let (old, todo) = match video.is_some() {
+    let (old, todo) = match outputs.video {
         true => (Vec::new(), frames),
         false => earlier.divide(frames, &outputs),
     };

@@ -80,8 +80,9 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
     /// Begins what is wanted; `None` if nothing is. Fails where there is no `ffmpeg`, or a file cannot be made. Neither gets
     /// a byte before the first frame.
     pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
-        let encoded = wanted.encoded.map(Sink::encoded);
-        let y4m = wanted.y4m.map(Sink::raw);
+        let encoded = |path| Sink::open(path, Some(format_of(path)?));
+        let encoded = wanted.encoded.map(encoded);
+        let y4m = wanted.y4m.map(|path| Sink::open(path, None));
         let sinks = encoded.into_iter().chain(y4m);
         let sinks = sinks.collect::<Result<Vec<_>>>()?;
         if sinks.is_empty() {
@@ -156,59 +157,48 @@ fn write<F: AsRef<Planes>>(
 /// Where a video's bytes go. It is dropped before its sink: no encoder writes a file that is gone.
 type Bytes = Box<dyn Write + Send>;
 
-/// A video: full size (4:4:4) in a file of its own, and for the encoder the half of it that it takes (4:2:0).
+/// A video: full size (4:4:4) in a file of its own, and for an encoder the half of it that it takes (4:2:0).
 struct Sink {
-    is_halved: bool,
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
     name: String,
 }
 
 impl Sink {
-    fn raw(path: &Path) -> Result<(Bytes, Self)> {
+    /// Begins a file, which an encoder writes if it has a format; `-` is standard output.
+    fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
         let name = path.display().to_string();
         let cannot = |e| cannot_write(&name, e);
-        let (out, file): (Bytes, _) = if path.as_os_str() == "-" {
-            (Box::new(io::stdout()), None)
-        } else {
-            let file = UnfinishedFile::beside(path).map_err(cannot)?;
-            let out = File::create(file.path()).map_err(cannot)?;
-            (Box::new(out), Some(file))
-        };
+        let beside = || UnfinishedFile::beside(path).map_err(cannot);
+        let file = (path.as_os_str() != "-").then(beside).transpose()?;
+        let (mut encoder, mut out): (_, Bytes) = (None, Box::new(io::stdout()));
+        match (&file, format) {
+            (Some(file), Some(format)) => {
+                let (started, pipe) = Encoder::start(format, file.path())?;
+                (encoder, out) = (Some(started), Box::new(pipe));
+            }
+            (Some(file), None) => out = Box::new(File::create(file.path()).map_err(cannot)?),
+            (None, _) => {}
+        }
         let sink = Self {
-            is_halved: false,
-            encoder: None,
+            encoder,
             file,
             name,
         };
         Ok((out, sink))
     }
 
-    fn encoded(path: &Path) -> Result<(Bytes, Self)> {
-        let format = format_of(path)?;
-        let name = path.display().to_string();
-        let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(&name, e))?;
-        let (encoder, pipe) = Encoder::start(format, file.path())?;
-        let sink = Self {
-            is_halved: true,
-            encoder: Some(encoder),
-            file: Some(file),
-            name,
-        };
-        Ok((Box::new(pipe), sink))
-    }
-
     fn begin(&self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
-        let colours = match self.is_halved {
-            true => Colorspace::C420jpeg,
-            false => Colorspace::C444,
+        let colours = match self.encoder {
+            Some(_) => Colorspace::C420jpeg,
+            None => Colorspace::C444,
         };
         let begun = header.with_colorspace(colours).write_header(out);
         begun.map_err(|e| cannot_write(&self.name, e))
     }
 
     fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
-        let written = out.write_frame(&planes.frame(self.is_halved));
+        let written = out.write_frame(&planes.frame(self.encoder.is_some()));
         written.map_err(|e| match self.encoder.take() {
             Some(encoder) => encoder.failed(&e.to_string()),
             None => cannot_write(&self.name, e),

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// The version of `points.json`.
 pub const SCHEMA: u32 = 1;
 
-/// The whole chart as JSON; it reads back as a [`Chart`].
+/// The whole chart as JSON.
 pub fn json(chart: &Chart) -> Result<String> {
     #[derive(Serialize)]
     struct File<'a> {
