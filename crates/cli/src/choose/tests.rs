@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::open;
+use backend::QueryKind;
 use geom::Hit;
 use scene::Scene;
 
@@ -91,8 +92,7 @@ fn settled(
         ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
     };
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
-    let mut backend = ReusedBackend::new(backend, &scene.animation, &ask);
-    settle(&mut backend, &ask).unwrap()
+    settle(backend, &scene.animation, &ask).unwrap().1
 }
 
 fn demo(name: &str) -> Scene {
