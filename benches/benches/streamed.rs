@@ -99,12 +99,8 @@ impl Kind {
 }
 
 impl Player {
-    fn new(motion: &Motion, device: &Device, kind: Kind) -> Self {
-        Self::within(Scene::new(), motion, device, kind)
-    }
-
-    /// Likewise, in a scene of other meshes.
-    fn within(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
+    /// In a scene that may hold other meshes.
+    fn new(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
         let streamed = if kind != Kind::Keys {
             let times = (0..=STEPS * KEYS).map(|i| i as f64 / STEPS as f64);
@@ -112,11 +108,8 @@ impl Player {
             let mesh = Mesh::streamed(&frames[0], animation.triangles());
             Some((scene.add(mesh.expect("it is a mesh")), frames))
         } else {
-            let keys = animation
-                .all_keys()
-                .expect("a demo has them all")
-                .into_iter();
-            let keys = keys.map(|key| key.to_vec()).collect();
+            let keys = animation.all_keys().expect("a demo has them all");
+            let keys = keys.iter().map(|key| key.to_vec()).collect();
             scene.add(Mesh::keyframes(keys, animation.triangles()).expect("it is a mesh"));
             None
         };
@@ -176,7 +169,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
     let mut group = criterion.benchmark_group(format!("step/{}", motion.label));
     group.throughput(Throughput::Elements(motion.triangle_count() as u64));
     for &kind in Kind::of(device) {
-        let mut player = Player::new(motion, device, kind);
+        let mut player = Player::new(Scene::new(), motion, device, kind);
         let device = player.tracer.device().to_owned();
         group.bench_function(BenchmarkId::new(kind.name(), device), |b| {
             b.iter_custom(|steps| (0..steps).map(|_| player.advance()).sum())
@@ -188,7 +181,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
 /// The times of many steps one by one, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
     let row = |&kind: &Kind| {
-        let mut player = Player::new(motion, device, kind);
+        let mut player = Player::new(Scene::new(), motion, device, kind);
         let mut times = Vec::new();
         for step in 0..100 + setting("ABVH_STEPS", 1000) {
             let took = player.advance();
@@ -226,7 +219,7 @@ fn replacements(device: &Device) -> Vec<Vec<String>> {
     let of_kind = |kind| {
         let mut scene = Scene::new();
         let id = scene.add(mesh.clone());
-        let mut player = Player::within(scene, &motion, device, kind);
+        let mut player = Player::new(scene, &motion, device, kind);
         let ms = |took: Duration| took.as_secs_f64() * 1e3;
         let steps = |player: &mut Player, count| -> Vec<f64> {
             (0..count).map(|_| ms(player.advance())).collect()

@@ -99,10 +99,10 @@ impl<'a> Stage<'a> {
     fn measure(&self, what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>) -> Value {
         let [fast, robust] = &self.scenes;
         let mut contenders = vec![
-            self.singly("Embree 4, single rays", fast, asked),
-            self.singly("Embree 4 robust, single rays", robust, asked),
-            self.together("Embree 4, packets of 16", fast, asked),
-            self.together("Embree 4 robust, packets of 16", robust, asked),
+            self.embree("Embree 4, single rays", (fast, false), asked),
+            self.embree("Embree 4 robust, single rays", (robust, false), asked),
+            self.embree("Embree 4, packets of 16", (fast, true), asked),
+            self.embree("Embree 4 robust, packets of 16", (robust, true), asked),
             self.listed(asked),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
@@ -131,71 +131,37 @@ impl<'a> Stage<'a> {
         })
     }
 
-    fn singly<'b>(
+    /// Embree's, by single rays or by packets: tasks write hits or, where any will do, ones and zeros.
+    fn embree<'b>(
         &'b self,
         name: &str,
-        scene: &'b EmbreeScene,
+        (scene, by_packets): (&'b EmbreeScene, bool),
         asked: &'b [&Asked],
-    ) -> Contender<'b> {
-        let closest = |task: usize, asked: &Asked, out: &mut [Hit]| {
-            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
-                *out = scene.closest(ray);
-            }
-        };
-        let any = |task: usize, asked: &Asked, out: &mut [u8]| {
-            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
-                *out = u8::from(scene.is_occluded(ray));
-            }
-        };
-        self.in_tasks(name, asked, (closest, any))
-    }
-
-    fn together<'b>(
-        &'b self,
-        name: &str,
-        scene: &'b EmbreeScene,
-        asked: &'b [&Asked],
-    ) -> Contender<'b> {
-        let packets = |task: usize, asked: &'b Asked| asked.packets[task * TASK / 16..].iter();
-        let closest = move |task: usize, asked: &'b Asked, out: &mut [Hit]| {
-            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
-                scene.packet_closest(packet, out);
-            }
-        };
-        let any = move |task: usize, asked: &'b Asked, out: &mut [u8]| {
-            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
-                scene.packet_occluded(packet, out);
-            }
-        };
-        self.in_tasks(name, asked, (closest, any))
-    }
-
-    /// Tasks write what they find, those of `closest` hits and those of `any` ones and zeros.
-    fn in_tasks<'b>(
-        &'b self,
-        name: &str,
-        asked: &'b [&'b Asked],
-        (closest, any): (
-            impl Fn(usize, &'b Asked, &mut [Hit]) + Send + Sync + 'b,
-            impl Fn(usize, &'b Asked, &mut [u8]) + Send + Sync + 'b,
-        ),
     ) -> Contender<'b> {
         let most = asked.iter().map(|asked| asked.rays.len()).max();
         let mut hits = vec![Hit::MISS; most.unwrap_or(0)];
         let mut met = vec![0; hits.len()];
-        let mut trace = move |asked: &'b Asked| -> u64 {
+        let mut trace = move |asked: &Asked| -> u64 {
             let count = asked.rays.len();
+            let rays = |task: usize| &asked.rays[task * TASK..];
+            let packets = |task: usize| &asked.packets[task * TASK / 16..];
             if asked.kind == Any {
                 let tasks = met[..count].par_chunks_mut(TASK).enumerate();
                 let task = |(task, out): (usize, &mut [u8])| {
-                    any(task, asked, out);
+                    match by_packets {
+                        true => scene.occluded_packets(packets(task), out),
+                        false => scene.occluded(rays(task), out),
+                    }
                     out.iter().map(|&met| u64::from(met)).sum::<u64>()
                 };
                 return tasks.map(task).sum();
             }
             let tasks = hits[..count].par_chunks_mut(TASK).enumerate();
             let task = |(task, out): (usize, &mut [Hit])| {
-                closest(task, asked, out);
+                match by_packets {
+                    true => scene.closest_packets(packets(task), out),
+                    false => scene.closest(rays(task), out),
+                }
                 out.iter().filter(|hit| hit.is_hit()).count() as u64
             };
             tasks.map(task).sum()
