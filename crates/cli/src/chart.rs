@@ -67,7 +67,8 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
 
 /// Writes the four files, up to the first that cannot be written; links there are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
-    let mut text = of_rows(&plot::rows(chart), 5) + LEGEND;
+    let rows: Vec<_> = chart.points.iter().map(plot::row).collect();
+    let mut text = of_rows(&rows, 5) + LEGEND;
     for (name, content) in [
         ("chart.svg", plot::svg(chart)),
         ("chart.html", plot::html(chart)),

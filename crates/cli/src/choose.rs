@@ -56,17 +56,20 @@ impl Ask<'_> {
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
     pub(crate) fn update(&self) -> Choice<Update> {
         let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
-        let within = "the backend makes its trees itself, within each frame";
-        match (self.update, self.lockstep) {
-            (UpdateName::Auto, _) if has_own_trees(self.backend) => (Update::Rebuild, Some(within)),
-            (UpdateName::Auto, Some(_)) => (at_pace, Some("--lockstep asks for it")),
-            (UpdateName::Auto, None) => (at_pace, Some("it suits most scenes that deform")),
-            (UpdateName::Async, _) => (at_pace, None),
-            (UpdateName::Rebuild, _) => (Update::Rebuild, None),
-            (UpdateName::Refit, _) => (Update::Refit, None),
-            (UpdateName::TSah, _) => (Update::TSah, None),
-            (UpdateName::DeviceRebuild, _) => (Update::DeviceRebuild, None),
-        }
+        let (update, why) = match self.update {
+            UpdateName::Auto if has_own_trees(self.backend) => {
+                let within = "the backend makes its trees itself, within each frame";
+                (Update::Rebuild, within)
+            }
+            UpdateName::Auto if self.is_open() => (at_pace, "it suits most scenes that deform"),
+            UpdateName::Auto => (at_pace, "--lockstep asks for it"),
+            UpdateName::Async => return (at_pace, None),
+            UpdateName::Rebuild => return (Update::Rebuild, None),
+            UpdateName::Refit => return (Update::Refit, None),
+            UpdateName::TSah => return (Update::TSah, None),
+            UpdateName::DeviceRebuild => return (Update::DeviceRebuild, None),
+        };
+        (update, Some(why.to_owned()))
     }
 
     /// Whether the policy is left to `auto`, which knows more once the backend is open.
@@ -103,7 +106,7 @@ pub(crate) struct Run<'a> {
 }
 
 /// Something taken, and why; `None` if it was asked for by name.
-type Choice<T> = (T, Option<&'static str>);
+type Choice<T> = (T, Option<String>);
 
 /// What `auto` took where nothing was asked for by name.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
@@ -126,10 +129,9 @@ pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
 }
 
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    let mut all = Intersector::ALL.into_iter();
-    let why = "it alone is free of wrong answers by definition";
-    let named = all.find(|i| i.name() == word(&name));
-    named.map_or((Intersector::Exact, Some(why)), |named| (named, None))
+    let why = || "it alone is free of wrong answers by definition".to_owned();
+    let named = word(&name).parse();
+    named.map_or_else(|_| (Intersector::Exact, Some(why())), |named| (named, None))
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
@@ -140,11 +142,12 @@ fn layout(name: LayoutName) -> Option<Layout> {
 
 /// The layout asked for, or the one that is traced faster on a device.
 fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
-    match (layout(name), device) {
-        (Some(named), _) => (named, None),
-        (None, DeviceKind::Software) => (Layout::Bvh2, Some("software drivers trace it faster")),
-        (None, _) => (Layout::Fast, Some("it is traced faster")),
-    }
+    let (layout, why) = match (layout(name), device) {
+        (Some(named), _) => return (named, None),
+        (None, DeviceKind::Software) => (Layout::Bvh2, "software drivers trace it faster"),
+        (None, _) => (Layout::Fast, "it is traced faster"),
+    };
+    (layout, Some(why.to_owned()))
 }
 
 /// What is taken, and why this update policy, this intersector, this layout, where it was left open.
@@ -175,12 +178,9 @@ pub(crate) fn settle(
             let (update, why) = facts(device, animation, ask, &run, method)?.choose();
             (update, Some(why))
         }
-        None => {
-            let (update, why) = ask.update();
-            (update, why.map(str::to_owned))
-        }
+        None => ask.update(),
     };
-    let why = [why_update, why_intersector, why_layout.map(str::to_owned)];
+    let why = [why_update, why_intersector, why_layout];
     Ok((backend, (method, update, why)))
 }
 
@@ -221,7 +221,7 @@ fn settle_intersector(
     let (usual, why) = intersector(ask.method.intersector);
     let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
     let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((backend, usual, why.map(str::to_owned)));
+        return Ok((backend, usual, why));
     };
     let Some(rays) = needed(ask.tolerance) else {
         let why = "to show so small a tolerance would take too many rays".to_owned();

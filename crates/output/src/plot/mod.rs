@@ -18,7 +18,7 @@ mod table;
 mod tests;
 
 pub use page::{html, svg};
-pub use table::{SCHEMA, count, csv, csv_table, json, rows};
+pub use table::{SCHEMA, count, csv, csv_table, json, row};
 
 use serde::Serialize;
 use std::collections::BTreeSet;
