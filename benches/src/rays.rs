@@ -9,10 +9,6 @@ use glam::Vec3;
 const SKIP: f32 = 1e-3;
 
 /// A camera of so many pixels that has all of `mesh` at its start in view, from above one corner.
-///
-/// # Panics
-/// If the mesh is a single point.
-#[must_use]
 pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
     let eye = centre + radius * Vec3::new(0.9, 0.8, 1.6);
@@ -21,14 +17,12 @@ pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
 }
 
 /// A ray over `(0, 1)` from nearly each hit of `primary` up to [`light`].
-#[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let light = light(mesh);
     from_hits(primary, tracer, |ray, hit| to_light(ray, hit.t, light))
 }
 
 /// A ray in a random direction from each hit of `primary`, likelier the closer to the normal (Lambert).
-#[must_use]
 pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let (triangles, mut next) = (mesh.triangles(mesh.start()), random_numbers());
     from_hits(primary, tracer, |ray, hit| {
@@ -58,7 +52,6 @@ fn from_hits(
 }
 
 /// A camera's rays in blocks of so many columns and rows of pixels.
-#[must_use]
 pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
     let across = || (0..camera.width).step_by(columns as usize);
     let down = (0..camera.height).step_by(rows as usize);
@@ -84,14 +77,12 @@ pub fn random_numbers() -> impl FnMut() -> f32 {
 }
 
 /// Where a light stands high above the mesh.
-#[must_use]
 pub fn light(mesh: &Mesh) -> Point {
     let (centre, radius) = sphere(mesh);
     (centre + radius * Vec3::new(-1.0, 3.0, 0.7)).into()
 }
 
 /// So many rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
-#[must_use]
 pub fn random_rays(mesh: &Mesh, count: usize) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
     let mut next = random_numbers();

@@ -54,7 +54,6 @@ pub trait Rival: Send + Sync {
 }
 
 /// One of each, with these triangles and no tree yet.
-#[must_use]
 pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
     let mut all: Vec<Box<dyn Rival>> = vec![
         Box::new(Obvhs::<false>::default()),
@@ -77,7 +76,6 @@ pub struct Node {
 
 /// Expected steps of a random ray that meets the root (`nodes[0]`): traversal 1 for
 /// each inner node, intersection 1 for each triangle of a leaf (MacDonald, Booth 1990).
-#[must_use]
 pub fn sah_cost(nodes: &[Node]) -> f64 {
     let cost = |node: &Node| f64::from(node.triangles.max(1)) * node.bounds.half_area();
     let root = nodes.first().map_or(0.0, |root| root.bounds.half_area());

@@ -51,7 +51,6 @@ struct Valid([i32; 16]);
 
 impl Packet16 {
     /// Packs rays, of which there are at most sixteen. Those that are `coherent` lie close together.
-    #[must_use]
     pub fn new(rays: &[Ray], coherent: bool) -> Self {
         let valid = |lane| if lane < rays.len() { -1 } else { 0 };
         Self {
@@ -63,12 +62,7 @@ impl Packet16 {
 }
 
 impl EmbreeScene {
-    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest
-    /// number.
-    ///
-    /// # Panics
-    /// If there is no memory.
-    #[must_use]
+    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest number.
     pub fn new(triangles: &[Triangle], threads: usize, made: Made) -> Self {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
         // SAFETY: the configuration is a string that ends with a zero byte.
