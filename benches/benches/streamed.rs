@@ -7,7 +7,7 @@ use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{
     Mesh as Motion, STEP_SCENES, camera, criterion, device, filled_buffer, own_device, print_table,
-    setting,
+    setting, words,
 };
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
@@ -24,15 +24,10 @@ const SIZE: [u32; 2] = [640, 480];
 
 fn main() {
     let mut criterion = criterion();
-    let asked: Vec<String> = std::env::args()
-        .skip(1)
-        .filter(|a| !a.starts_with('-'))
-        .collect();
-    let devices = match asked.is_empty() {
-        true => vec!["auto".to_owned()],
-        false => asked,
-    };
-    let devices: Vec<Device> = devices.iter().map(|name| device(name)).collect();
+    let mut devices: Vec<Device> = words().map(|name| device(&name)).collect();
+    if devices.is_empty() {
+        devices.push(Device::Auto);
+    }
     let mut worst = Vec::new();
     for scene in STEP_SCENES {
         let motion = Motion::open(scene).expect("demos open");
@@ -41,18 +36,11 @@ fn main() {
             worst.extend(stalls(&motion, device));
         }
     }
-    let header = ["scene", "device", "vertices", "median ms", "99 %", "worst"];
-    print_table("Single steps", &header, worst);
+    let header = "scene|device|vertices|median ms|99 %|worst";
+    print_table("Single steps", header, worst);
     let rows = devices.iter().flat_map(replacements).collect();
-    let header = [
-        "device",
-        "vertices",
-        "a mesh is",
-        "median ms",
-        "99 %",
-        "worst",
-    ];
-    print_table("Steps while a mesh is replaced", &header, rows);
+    let header = "device|vertices|a mesh is|median ms|99 %|worst";
+    print_table("Steps while a mesh is replaced", header, rows);
     criterion.final_summary();
 }
 

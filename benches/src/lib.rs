@@ -101,10 +101,15 @@ pub fn pool(threads: usize) -> ThreadPool {
     pool.expect("the machine can start threads")
 }
 
-/// Prints a titled table on stderr: facts beside the timings.
+/// What was asked for behind `--`, options of the harness left out.
+pub fn words() -> impl Iterator<Item = String> {
+    std::env::args().skip(1).filter(|arg| !arg.starts_with('-'))
+}
+
+/// Prints a titled table on stderr, its heading with bars between columns: facts beside the timings.
 #[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
-pub fn print_table(title: &str, header: &[&str], rows: Vec<Vec<String>>) {
+pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
     let mut table = Table::new();
-    table.set_header(header.to_vec()).add_rows(rows);
+    table.set_header(header.split('|')).add_rows(rows);
     eprintln!("\n{title}\n{table}\n");
 }

@@ -10,12 +10,12 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts};
+use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts, words};
 use serde_json::{Value, json};
 use std::process::Command;
 
 fn main() {
-    let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
+    let mut words = words();
     let file = words.next();
     let (scenes, only): (Vec<String>, Vec<String>) =
         words.partition(|word| word.contains([':', '/']));
@@ -111,10 +111,7 @@ impl Unit {
 
 /// Prints one group and makes JSON of it. All are compared with the first.
 fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
-    let header = "threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
-    let header: Vec<&str> = std::iter::once(unit.name())
-        .chain(header.split('|'))
-        .collect();
+    let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
     for one in samples {
         let [wall, processor] = one.over(&samples[0]);
@@ -132,7 +129,7 @@ fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
             "wall_ms": one.wall, "processor_ms": one.processor, "hits": one.hits,
         }));
     }
-    print_table(title, &header, rows);
+    print_table(title, &(unit.name().to_owned() + header), rows);
     let (unit, baseline) = (unit.name(), &samples[0].name);
     json!({ "title": title, "unit": unit, "baseline": baseline, "contenders": contenders })
 }
