@@ -24,7 +24,7 @@ impl Earlier {
         for folder in outputs.folders() {
             let found = match args.overwrite {
                 true => None,
-                false => Manifest::in_folder(&folder)?,
+                false => Manifest::in_folder(&folder).map_err(Stop::bad)?,
             };
             if let Some(found) = found {
                 if let Some(difference) = found.difference(&manifest(args, found.key_times)?) {
@@ -34,7 +34,7 @@ impl Earlier {
                 earlier = Some(found);
             }
             let finished = match args.resume && earlier.is_some() {
-                true => Finished::in_folder(&folder)?,
+                true => Finished::in_folder(&folder).map_err(Stop::bad)?,
                 false => Finished::default(),
             };
             folders.push((folder, finished));
@@ -106,11 +106,11 @@ impl Earlier {
         let begin = |(folder, _): (PathBuf, Finished)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
             if args.overwrite && found.as_ref() != Some(own) {
-                output::clear_run(&folder)?;
+                output::clear_run(&folder).map_err(Stop::bad)?;
             }
             own.write_to(&folder)?;
             let (list, stats) = (numbers(list), stats.clone());
-            Ok(Journal::begin(&folder, shard, list, stats)?)
+            Journal::begin(&folder, shard, list, stats).map_err(Stop::bad)
         };
         self.folders.into_iter().map(begin).collect()
     }
@@ -162,7 +162,7 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
     // Where a file lies decides nothing, but how inputs are placed does.
     let is_placed = args.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| args.scene.clone());
-    let files = output::digests(&files)?;
+    let files = output::digests(&files).map_err(Stop::bad)?;
     Ok(Manifest {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION").to_owned(),

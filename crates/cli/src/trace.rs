@@ -28,7 +28,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         ..Ask::of(args.device.backend, args.method, update)
     };
     let opening = session::begin(&asked);
-    let rays = output::read_rays(&args.rays)?;
+    let rays = output::read_rays(&args.rays).map_err(Stop::bad)?;
     let scene = scene::open(&args.scene, &args.source.options_of_run(rays.len()))?;
     let (tree_time, time) = moments(args, scene.animation.whole_times())?;
     let query = match args.any_hit {

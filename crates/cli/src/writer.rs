@@ -158,7 +158,7 @@ impl<'a> Writer<'a> {
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
         let video = self.lock().video.take();
-        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
+        video.map_or(Ok(()), Video::finish)?;
         let mut rows = std::mem::take(&mut self.lock().rows);
         rows.sort_by_key(|(place, _)| *place);
         Ok(rows.into_iter().map(|(_, row)| row).collect())
@@ -177,7 +177,7 @@ impl<'a> Writer<'a> {
     fn check(&self) -> Result<(), Stop> {
         let mut done = self.lock();
         let video = done.video.take_if(|video| video.has_failed());
-        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
+        video.map_or(Ok(()), Video::finish)?;
         done.failed.take().map_or(Ok(()), Err)
     }
 
@@ -214,11 +214,10 @@ impl<'a> Writer<'a> {
         let folders = self.outputs.folders();
         let files = |folder| self.outputs.in_folder(index, folder);
         let digests = folders.iter().map(|f| output::digests(&files(f)));
-        let digests: Result<Vec<_>, _> = digests.collect();
-        let digests = digests.map_err(Stop::failed)?;
+        let digests = digests.collect::<Result<Vec<_>, _>>()?;
         let mut done = self.lock();
         for (journal, files) in done.journals.iter_mut().zip(digests) {
-            journal.add(files, &row).map_err(Stop::failed)?;
+            journal.add(files, &row)?;
         }
         if let Some(notes) = &mut done.notes {
             notes.wrote(index, [begun, Instant::now()]);

@@ -14,8 +14,8 @@ mod timeline;
 mod video;
 
 pub use atomic::{
-    OutputError, WriteError, check_dir, check_writable, prepare_dir, remove_link,
-    remove_unfinished, write_whole, write_with,
+    OutputError, check_dir, check_writable, prepare_dir, remove_link, remove_unfinished,
+    write_whole, write_with,
 };
 pub use hits::{write_found, write_hits};
 pub use journal::{Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests};

@@ -2,15 +2,14 @@
 //! a pipe.
 
 use crate::atomic::UnfinishedFile;
-use crate::{OutputError, WriteError, write_with};
+use crate::{OutputError, write_with};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::collections::BTreeMap;
-use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, prelude::*};
 use std::iter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
@@ -35,7 +34,7 @@ pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
 ///
 /// # Panics
 /// If `rgb` does not hold `3 * width * height` bytes.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
     write_with(path, |out| {
         PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
             .write_image(rgb, width, height, ExtendedColorType::Rgb8)
@@ -161,14 +160,13 @@ type Bytes = Box<dyn Write + Send>;
 struct Sink {
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
-    name: String,
+    path: PathBuf,
 }
 
 impl Sink {
     /// Begins a file, which an encoder writes if it has a format; `-` is standard output.
     fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
-        let name = path.display().to_string();
-        let cannot = |e| cannot_write(&name, e);
+        let cannot = |e| OutputError::writing(path, e);
         let beside = || UnfinishedFile::beside(path).map_err(cannot);
         let file = (path.as_os_str() != "-").then(beside).transpose()?;
         let (mut encoder, mut out): (_, Bytes) = (None, Box::new(io::stdout()));
@@ -183,7 +181,7 @@ impl Sink {
         let sink = Self {
             encoder,
             file,
-            name,
+            path: path.to_owned(),
         };
         Ok((out, sink))
     }
@@ -194,14 +192,14 @@ impl Sink {
             None => Colorspace::C444,
         };
         let begun = header.with_colorspace(colours).write_header(out);
-        begun.map_err(|e| cannot_write(&self.name, e))
+        begun.map_err(|e| OutputError::writing(&self.path, e))
     }
 
     fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
         let written = out.write_frame(&planes.frame(self.encoder.is_some()));
         written.map_err(|e| match self.encoder.take() {
             Some(encoder) => encoder.failed(&e.to_string()),
-            None => cannot_write(&self.name, e),
+            None => OutputError::writing(&self.path, e),
         })
     }
 
@@ -212,12 +210,8 @@ impl Sink {
             Some(file) => file.finish(),
             None => io::stdout().flush(),
         };
-        ended.map_err(|e| cannot_write(&self.name, e))
+        ended.map_err(|e| OutputError::writing(&self.path, e))
     }
-}
-
-fn cannot_write(name: impl Display, cause: impl Display) -> OutputError {
-    OutputError(format!("cannot write {name}: {cause}"))
 }
 
 /// Endings of files, and `ffmpeg`'s names for their formats.
