@@ -20,7 +20,9 @@ pub trait Rival: Send + Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a build uses more than one thread.
-    fn builds_in_parallel(&self) -> bool;
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
 
     /// Whether a refit uses more than one thread; `None` if no tree can take new positions and keep its shape.
     fn refits_in_parallel(&self) -> Option<bool>;

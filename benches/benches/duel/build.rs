@@ -12,11 +12,8 @@ const ROUNDS: usize = 15;
 /// Builds on `threads`; beside those ours on one, of which the scaling follows.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let triangles = mesh.triangles(mesh.start());
-    let pools: Vec<_> = thread_counts()
-        .into_iter()
-        .filter(|&n| n <= threads)
-        .map(|n| (n, pool(n)))
-        .collect();
+    let counts = thread_counts().into_iter().filter(|&n| n <= threads);
+    let pools: Vec<_> = counts.map(|n| (n, pool(n))).collect();
     let mut embree = EmbreeScene::new(&triangles, threads, Made::Fast);
     let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
         embree.rebuild();

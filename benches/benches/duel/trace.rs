@@ -73,9 +73,8 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
             groups.push(stage.measure(what, &[asked], camera));
         }
         if is_asked("primary-and-shadow") {
-            let asked = asked
-                .iter()
-                .filter(|(what, _)| ["primary", "shadow"].contains(what));
+            let is_either = |what| ["primary", "shadow"].contains(what);
+            let asked = asked.iter().filter(|(what, _)| is_either(what));
             let asked: Vec<_> = asked.map(|(_, asked)| asked).collect();
             groups.push(stage.measure("primary-and-shadow", &asked, Some((&camera, both))));
         }

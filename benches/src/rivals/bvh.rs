@@ -72,10 +72,6 @@ impl Rival for Bvh {
         "bvh"
     }
 
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
-
     fn refits_in_parallel(&self) -> Option<bool> {
         None
     }

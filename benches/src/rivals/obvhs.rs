@@ -27,10 +27,6 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
         }
     }
 
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
-
     fn refits_in_parallel(&self) -> Option<bool> {
         Some(false)
     }

@@ -145,16 +145,12 @@ pub(crate) fn list(
         return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
-    let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
+    let (count, range) = spread_over(frames, range, keys, is_demo);
     let TimeRange { from, to } = range;
     if from < 0.0 || to > end {
         let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
         return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
     }
-    let count = match frames {
-        Some(Frames::Count(n)) => *n,
-        _ => default_count(range, is_demo),
-    };
     let numbered = (0..).zip(spread(range, count));
     let frames = numbered.map(|(index, time)| Frame { index, time });
     Ok(frames.collect())
@@ -200,13 +196,23 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-pub(crate) fn default_count(range: TimeRange, is_demo: bool) -> usize {
-    match range.to - range.from {
-        0.0 => 1,
+/// How many frames are spread over which stretch, where they are not at key times.
+pub(crate) fn spread_over(
+    frames: Option<&Frames>,
+    range: Option<TimeRange>,
+    keys: usize,
+    is_demo: bool,
+) -> (usize, TimeRange) {
+    let to = (keys - 1) as f64;
+    let range = range.unwrap_or(TimeRange { from: 0.0, to });
+    let count = match (frames, range.to - range.from) {
+        (Some(Frames::Count(n)), _) => *n,
+        (_, 0.0) => 1,
         _ if is_demo => DEMO_FRAMES,
-        // One a key frame where that is few enough; `list` has checked that the range is short.
-        keys => (keys as usize + 1).clamp(2, MOST_FRAMES),
-    }
+        // One a key frame where that is few enough.
+        (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
+    };
+    (count, range)
 }
 
 /// `n` times over the range, both ends included; whole times stay whole where they are hit.

@@ -3,7 +3,7 @@
 use crate::args::{RenderArgs, word};
 use crate::open::has_own_trees;
 use crate::stop::Stop;
-use crate::values::{Frames, TimeRange};
+use crate::values::Frames;
 use crate::writer::Outputs;
 use crate::{frames, info, talk};
 use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId, overview};
@@ -201,12 +201,10 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
 
 /// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
 fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
-    let to = (key_times - 1) as f64;
-    let range = args.time_range.unwrap_or(TimeRange { from: 0.0, to });
-    let count = match &args.frames {
-        Some(Frames::Keys(_)) => return json!("key times"),
-        Some(Frames::Count(n)) => *n,
-        None => frames::default_count(range, frames::is_demo(&args.scene)),
-    };
+    if let Some(Frames::Keys(_)) = args.frames {
+        return json!("key times");
+    }
+    let (frames, is_demo) = (args.frames.as_ref(), frames::is_demo(&args.scene));
+    let (count, range) = frames::spread_over(frames, args.time_range, key_times, is_demo);
     json!({ "count": count, "from": range.from, "to": range.to })
 }
