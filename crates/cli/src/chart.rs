@@ -20,7 +20,7 @@ use crate::talk::Progress;
 use crate::{frames, info, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use plan::{ChartPlan, Way};
+use plan::Way;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
@@ -30,9 +30,10 @@ const LEGEND: &str = "wrong: closest hits of so many that differ from exact arit
 type Measured = (Way, Point);
 
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
-    let plan = ChartPlan::of(args)?;
+    let (ways, skipped) = plan::ways(args)?;
+    let scenes = plan::unique(&args.measure.scenes);
     if !args.measure.quiet {
-        plan.skipped.iter().for_each(|s| talk::say(s));
+        skipped.iter().for_each(|s| talk::say(s));
     }
     let machine = Machine {
         cpu: info::cpu_model(),
@@ -49,11 +50,11 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
         },
     };
     let mut measured = Vec::new();
-    for spec in &plan.scenes {
-        measured.push(work.time_scene(spec, &plan.ways)?);
+    for spec in &scenes {
+        measured.push(work.time_scene(spec, &ways)?);
     }
     work.ask_hard_rays(&mut measured)?;
-    for (spec, points) in plan.scenes.iter().zip(&mut measured) {
+    for (spec, points) in scenes.iter().zip(&mut measured) {
         work.judge_scene(spec, points)?;
     }
     let points = measured.into_iter().flatten().map(|(_, point)| point);
@@ -115,7 +116,7 @@ impl Work<'_> {
         self.progress.lengthen(2 * ways.len() as u64 + 1);
         for &way in ways {
             let of = (spec, &scene);
-            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way.ask);
+            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way);
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
@@ -123,7 +124,7 @@ impl Work<'_> {
                     let command = plan::command(self.args, spec, &row);
                     points.push((way, timed(&name, &row, command)));
                 }
-                Err(stop) if way.named => return Err(stop),
+                Err(stop) if measure.backend.contains(&way.backend) => return Err(stop),
                 Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),
             }
         }
@@ -148,12 +149,12 @@ impl Work<'_> {
         let families = hard::families(self.args.rays);
         let mut known: Vec<(Way, _)> = Vec::new();
         for (way, point) in measured.iter_mut().flatten() {
-            if !known.iter().any(|(of, _)| way.is_like(of)) {
-                known.push((*way, hard::ask(&way.ask, &families, self.args.rays)?));
+            if !known.iter().any(|(of, _)| plan::are_alike(way, of)) {
+                known.push((*way, hard::ask(way, &families, self.args.rays)?));
                 self.progress.lengthen(1);
                 self.progress.step(&format!("hard rays {way}"));
             }
-            let found = known.iter().find(|(of, _)| way.is_like(of));
+            let found = known.iter().find(|(of, _)| plan::are_alike(way, of));
             (point.mixed_range, point.leaks) = found.map(|f| f.1.clone()).unwrap_or_default();
         }
         Ok(())
@@ -168,7 +169,7 @@ impl Work<'_> {
         let truth = accuracy::GroundTruth::of(&animation, self.args)?;
         self.progress.step(&format!("{name} exact answers"));
         for (way, point) in points {
-            truth.judge(&animation, &way.ask, point)?;
+            truth.judge(&animation, way, point)?;
             self.progress.step(&format!("{name} judged {way}"));
         }
         Ok(())

@@ -12,7 +12,7 @@ use crate::{frames, info, inspect, table, talk, values};
 use abvh::Tracer;
 use abvh::frames::{Frame, Wanted};
 use geom::{Camera, Point};
-use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles};
+use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video};
 use scene::Scene;
 use serde_json::{Value, json};
 use shading::View;
@@ -51,7 +51,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         run: Some(run),
         ..asked
     };
-    let video = video(args)?;
+    // Its encoder starts while the device is opened.
+    let videos = [&args.video, &args.y4m].map(Option::as_deref);
+    let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;
     let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     passed("open the device, load the scene");
     let mut wanted = outputs.wanted();
@@ -138,29 +140,15 @@ fn check_files(args: &RenderArgs) -> Result<(), Stop> {
 /// What the run wants of a backend, as long as its frames are not known.
 fn ask(args: &RenderArgs) -> Ask<'_> {
     Ask {
-        backend: args.device.backend,
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
-        method: args.method,
-        update: args.update,
         lockstep: args.lockstep,
         tolerance: args.tolerance.ppm(),
-        run: None,
         rays: values::pixels(args.size),
         predict: args.predict,
+        ..Ask::of(args.device.backend, args.method, args.update)
     }
-}
-
-/// The video that is asked for. Its encoder starts while the device is opened.
-fn video(args: &RenderArgs) -> Result<Option<Video<Lent>>, Stop> {
-    let files = VideoFiles {
-        encoded: args.video.as_deref(),
-        y4m: args.y4m.as_deref(),
-        size: args.size,
-        fps: args.source.fps,
-    };
-    Video::begin(&files).map_err(Stop::bad)
 }
 
 /// Results go to standard output, unless statistics or a video go there.

@@ -45,19 +45,6 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(
     })
 }
 
-/// What a video is to be.
-#[derive(Clone, Copy, Debug)]
-pub struct VideoFiles<'a> {
-    /// A file that `ffmpeg` encodes, its format told by its ending.
-    pub encoded: Option<&'a Path>,
-    /// A YUV4MPEG2 file; `-` is standard output.
-    pub y4m: Option<&'a Path>,
-    /// Width and height in pixels.
-    pub size: [u32; 2],
-    /// Frames a second.
-    pub fps: f64,
-}
-
 /// Writes videos on a thread of its own, of frames `F` that hold [`Planes`].
 ///
 /// Dropped before its end, it leaves no file: whoever drops it waits for that.
@@ -76,21 +63,25 @@ impl<F> Drop for Video<F> {
 }
 
 impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins what is wanted; `None` if nothing is. Fails where there is no `ffmpeg`, or a file cannot be made. Neither gets
-    /// a byte before the first frame.
-    pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
-        let encoded = |path| Sink::open(path, Some(format_of(path)?));
-        let encoded = wanted.encoded.map(encoded);
-        let y4m = wanted.y4m.map(|path| Sink::open(path, None));
+    /// Begins what is wanted; `None` if nothing is: a file that `ffmpeg` encodes, its format told by its ending, and a
+    /// YUV4MPEG2 file, `-` for standard output. Of so many pixels (width, height) and frames a second. Fails where there is
+    /// no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
+    pub fn begin(
+        [encoded, y4m]: [Option<&Path>; 2],
+        size: [u32; 2],
+        fps: f64,
+    ) -> Result<Option<Self>> {
+        let encoded = encoded.map(|path| Sink::open(path, Some(format_of(path)?)));
+        let y4m = y4m.map(|path| Sink::open(path, None));
         let sinks = encoded.into_iter().chain(y4m);
         let sinks = sinks.collect::<Result<Vec<_>>>()?;
         if sinks.is_empty() {
             return Ok(None);
         }
         let (frames, receiver) = channel();
-        let [width, height] = wanted.size.map(|n| n as usize);
+        let [width, height] = size.map(|n| n as usize);
         // Frames a second to a thousandth.
-        let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
+        let rate = y4m::Ratio::new((fps * 1000.0).round() as usize, 1000);
         let header = move || y4m::encode(width, height, rate);
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
         let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
