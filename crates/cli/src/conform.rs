@@ -49,7 +49,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
 /// Every law on every subject, against the host on one thread.
 fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
-    let laws = |s: &Subject| laws_of(s.backend.as_ref()).iter().filter(named);
+    let laws = |s: &Subject| laws_of(s.as_ref()).iter().filter(named);
     let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
     let cases = match (args.case, args.cases) {
         (Some(case), _) => case..=case,
@@ -60,19 +60,20 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
+        let name = subject.device().backend;
         for law in laws(subject) {
             let begun = Instant::now();
-            let backend = subject.backend.as_mut();
+            let backend = subject.as_mut();
             let held = hold(law, backend, &mut reference, args.seed, cases.clone());
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
-                backend: subject.name,
+                backend: name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
                 reproduce: held.as_ref().err().map(|e| {
                     let rest = format!("--law {} --case {}", e.law, e.case);
-                    command(args, "", subject.name, &rest)
+                    command(args, "", name, &rest)
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
@@ -81,7 +82,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 Some(_) => "failed after",
             };
             let cases = counted(row.held as usize, ["case", "cases"]);
-            let line = format!("{} {}: {so} {cases}", subject.name, law.name);
+            let line = format!("{name} {}: {so} {cases}", law.name);
             progress.step(&format!("{line}, {seconds:.1} s"));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
@@ -114,14 +115,14 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     };
     let mut progress = Progress::new(STEPS, args.test.quiet);
     let mut told = 0;
-    let line = format!("{} rays at closed bodies", subject.name);
-    let found = leaks::run(subject.backend.as_mut(), &plan, &mut |done| {
+    let (name, rays) = (subject.device().backend, args.leak_rays);
+    let line = format!("{name} rays at closed bodies");
+    let found = leaks::run(subject.as_mut(), &plan, &mut |done| {
         let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
         (told..steps).for_each(|_| progress.step(&line));
         told = steps;
     })?;
     drop(progress);
-    let (name, rays) = (subject.name, args.leak_rays);
     let rows = found.rows.iter().map(|row| leak_row(name, row));
     report.leaks.extend(rows);
     let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");

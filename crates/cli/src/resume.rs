@@ -205,6 +205,6 @@ fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
         return json!("key times");
     }
     let (frames, is_demo) = (args.frames.as_ref(), frames::is_demo(&args.scene));
-    let (count, range) = frames::spread_over(frames, args.time_range, key_times, is_demo);
-    json!({ "count": count, "from": range.from, "to": range.to })
+    let (count, [from, to]) = frames::spread_over(frames, args.time_range, key_times, is_demo);
+    json!({ "count": count, "from": from, "to": to })
 }

@@ -47,16 +47,16 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
 /// Measures what is to be expected of the one backend.
 fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
     let [subject] = subjects else {
-        let names: Vec<_> = subjects.iter().map(|s| s.name).collect();
+        let names: Vec<_> = subjects.iter().map(|s| s.device().backend).collect();
         let there = format!("there are {}; name one with --backend", names.join(", "));
         return Err(Stop::bad(format!(
             "--record measures one backend, but {there}"
         )));
     };
     let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
-    let extent = (args.seeds, args.rays);
-    let found = baseline::record(subject.backend.as_mut(), extent, &mut |family| {
-        progress.step(&format!("{} {family}", subject.name));
+    let (name, extent) = (subject.device().backend, (args.seeds, args.rays));
+    let found = baseline::record(subject.as_mut(), extent, &mut |family| {
+        progress.step(&format!("{name} {family}"));
     })?;
     output::write_json(file, &found)?;
     let rates = found.entries.len();
@@ -76,16 +76,17 @@ fn ask(
     for family in Family::ALL {
         let test = StressTest::new(family, &plan);
         for subject in &mut *subjects {
+            let backend = subject.device().backend;
             for &by in asked {
                 let begun = Instant::now();
-                let cell = test.ask(subject.backend.as_mut(), by)?;
+                let cell = test.ask(subject.as_mut(), by)?;
                 report.rows.extend(cell.map(|cell| Row {
-                    backend: subject.name,
+                    backend,
                     cell,
                     seconds: begun.elapsed().as_secs_f64(),
                 }));
             }
-            progress.step(&format!("{} {family}", subject.name));
+            progress.step(&format!("{backend} {family}"));
         }
     }
     Ok(())

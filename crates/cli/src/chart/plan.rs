@@ -7,6 +7,7 @@ use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
 use backend::{AdapterInfo, DeviceKind};
+use clap::ValueEnum;
 use std::fmt;
 
 /// A way of tracing, as its name says it.
@@ -38,7 +39,9 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
     let mut all: Vec<_> = named.into_iter().map(|name| (name, None)).collect();
     if !auto.is_empty() {
-        all.extend(open::presences().rev().map(|p| (p.name, why_not(p))));
+        let name = |p: &Presence| BackendName::from_str(p.backend, true).ok();
+        let known = open::presences().rev();
+        all.extend(known.filter_map(|p| Some((name(&p)?, why_not(p)))));
     }
     let mut found = Vec::new();
     for (name, why_not) in all {
