@@ -47,8 +47,7 @@ fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
         "--size 64x48 --layout bvh2 --update async",
         "--size 640x480 --layout fast --update rebuild",
     ] {
-        sandbox.does(&format!("{words} {how} --no-images --stats s.json"));
-        let stats = sandbox.json("s.json");
+        let (_, stats) = sandbox.tells(&format!("{words} {how} --no-images"), "--stats");
         let expected = stats["expected_memory"][of].as_u64().unwrap();
         let taken = stats["summary"][of]["worst"].as_f64().unwrap() as u64;
         let foreseen = (taken..=taken * 3 / 2).contains(&expected);

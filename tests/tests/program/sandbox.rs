@@ -82,6 +82,12 @@ impl Sandbox {
         self.run(words).succeeds()
     }
 
+    /// Likewise, and reads the JSON that an option asks for.
+    pub(crate) fn tells(&self, words: &str, option: &str) -> (Run, Value) {
+        let run = self.does(&format!("{words} {option} told.json"));
+        (run, self.json("told.json"))
+    }
+
     /// Runs the program, which must refuse in one line that says all of `says`.
     pub(crate) fn refuses(&self, words: &str, says: &[&str]) {
         self.run(words).fails(2, says);
