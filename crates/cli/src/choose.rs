@@ -35,7 +35,7 @@ pub(crate) struct Ask<'a> {
     pub(crate) predict: bool,
 }
 
-impl Ask<'_> {
+impl<'a> Ask<'a> {
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
@@ -51,6 +51,12 @@ impl Ask<'_> {
             rays: 0,
             predict: true,
         }
+    }
+
+    /// Likewise, for a run that is known.
+    pub(crate) fn over(self, frames: &'a [Frame], query: Query<'a>) -> Self {
+        let run = Some(Run { frames, query });
+        Self { run, ..self }
     }
 
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
@@ -101,8 +107,8 @@ impl Ask<'_> {
 /// The run that something is chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
-    pub(crate) frames: &'a [Frame],
-    pub(crate) query: Query<'a>,
+    frames: &'a [Frame],
+    query: Query<'a>,
 }
 
 /// Something taken, and why; `None` if it was asked for by name.

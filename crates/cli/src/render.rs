@@ -1,7 +1,6 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
-use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::resume::{self, Earlier, manifest};
 use crate::session::{self, Ask, Setup};
@@ -43,14 +42,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
     let query = shading::query((&camera, view.light));
-    let run = Run {
-        frames: &frames,
-        query,
-    };
-    let ask = Ask {
-        run: Some(run),
-        ..asked
-    };
+    let ask = asked.over(&frames, query);
     // Its encoder starts while the device is opened.
     let videos = [&args.video, &args.y4m].map(Option::as_deref);
     let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;

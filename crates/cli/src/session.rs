@@ -6,7 +6,7 @@ pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
@@ -234,19 +234,14 @@ pub(crate) fn take(
     ask: &Ask<'_>,
     (method, update): (Method, Update),
 ) -> Result<Taking, Stop> {
-    let Device {
-        kind,
-        backend: name,
-        threads: own,
-        ..
-    } = *backend.device();
-    let threads = ask.share(kind, update);
+    let device = backend.device().clone();
+    let threads = ask.share(device.kind, update);
     // Those whose device computes have none.
-    let backend = if [0, threads.render].contains(&own) {
+    let backend = if [0, threads.render].contains(&device.threads) {
         backend
     } else {
         drop(backend);
-        let named = BackendName::from_str(name, true).unwrap_or(ask.backend);
+        let named = BackendName::from_str(device.backend, true).unwrap_or(ask.backend);
         open::bare(named, ask.adapter, threads.render)?
     };
     check_device(&*backend, animation, (method, update), ask.rays())?;

@@ -60,9 +60,8 @@ fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
         let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
-        let run = Some(Run { frames, query });
         let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
-        Ask { run, ..usual }.time_range()
+        usual.over(frames, query).time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
     assert_eq!(range(&frames), [1.5, 3.0]);
@@ -85,12 +84,9 @@ fn settled(
     let ask = Ask {
         threads: Some(2),
         tolerance,
-        run: Some(Run {
-            frames: &frames,
-            query,
-        }),
         ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
     };
+    let ask = ask.over(&frames, query);
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
     settle(backend, &scene.animation, &ask).unwrap().1
 }
