@@ -173,7 +173,7 @@ pub(crate) fn settle(
     ask: &Ask<'_>,
 ) -> Result<(Box<dyn Backend>, Settled), Stop> {
     let device = backend.device().kind;
-    let (backend, intersector, why_intersector) = settle_intersector(backend, animation, ask)?;
+    let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
     let (layout, why_layout) = layout_on(device, ask.method.layout);
     let method = Method {
         intersector,
@@ -223,15 +223,15 @@ fn settle_intersector(
     backend: Box<dyn Backend>,
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
-) -> Result<(Box<dyn Backend>, Intersector, Option<String>), Stop> {
-    let (usual, why) = intersector(ask.method.intersector);
+) -> Result<(Box<dyn Backend>, Choice<Intersector>), Stop> {
+    let usual = intersector(ask.method.intersector);
     let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
     let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((backend, usual, why));
+        return Ok((backend, usual));
     };
     let Some(rays) = needed(ask.tolerance) else {
         let why = "to show so small a tolerance would take too many rays".to_owned();
-        return Ok((backend, Intersector::Exact, Some(why)));
+        return Ok((backend, (Intersector::Exact, Some(why))));
     };
     let sample = sample(&run, rays);
     let rays = sample.iter().map(|(_, rays)| rays.len() as u64).sum();
@@ -257,11 +257,11 @@ fn settle_intersector(
         ));
         if most <= ask.tolerance {
             let why = format!("the fastest within the tolerance ({})", found.join(", "));
-            return Ok((backend, intersector, Some(why)));
+            return Ok((backend, (intersector, Some(why))));
         }
     }
     let why = format!("no other is within the tolerance ({})", found.join(", "));
-    Ok((backend, Intersector::Exact, Some(why)))
+    Ok((backend, (Intersector::Exact, Some(why))))
 }
 
 /// Frames of the run whose rays are asked.
