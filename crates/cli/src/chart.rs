@@ -15,7 +15,7 @@ mod plan;
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
 use crate::stop::Stop;
-use crate::table::of_rows;
+use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
@@ -68,8 +68,7 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
 
 /// Writes the four files, up to the first that cannot be written; links there are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
-    let rows: Vec<_> = chart.points.iter().map(plot::row).collect();
-    let mut text = of_rows(&rows, 5) + LEGEND;
+    let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
     for (name, content) in [
         ("chart.svg", plot::svg(chart)),
         ("chart.html", plot::html(chart)),

@@ -6,7 +6,7 @@ use crate::args::{BackendName, ConformArgs};
 use crate::conflicts::Files;
 use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
-use crate::table::{counted, grouped, of_rows, table};
+use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
 use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
@@ -14,6 +14,7 @@ use conformance::{Law, Reference, hold, laws_of};
 use oracle::OracleRow;
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -220,27 +221,27 @@ impl Report {
 
     /// Laws down, backends across.
     fn law_table(&self) -> String {
-        let mut head = vec!["law"];
-        head.extend(&self.tested.names);
-        let mut rows: Vec<Vec<String>> = Vec::new();
-        let mut laws = Vec::new();
-        for PropertyRow { law, .. } in &self.rows {
-            if laws.contains(law) {
-                continue;
+        let held = |law: &str, backend: &str| {
+            let this = |r: &&PropertyRow| (r.law, r.backend) == (law, backend);
+            match self.rows.iter().find(this) {
+                None => "-".to_owned(),
+                Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
+                Some(r) => format!("held {}", r.held),
             }
-            laws.push(law);
-            let cell = |backend: &&str| {
-                let this = |r: &&PropertyRow| (&r.law, &r.backend) == (law, backend);
-                match self.rows.iter().find(this) {
-                    None => "-".to_owned(),
-                    Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
-                    Some(r) => format!("held {}", r.held),
-                }
-            };
-            let cells = self.tested.names.iter().map(cell).collect();
-            rows.push([vec![law.replace('_', " ")], cells].concat());
-        }
-        table(&head, &rows, 1)
+        };
+        let row = |law: &str| -> Cells<'_> {
+            let held = self.tested.names.iter().map(|&on| (on, held(law, on)));
+            let law = ("law", law.replace('_', " "));
+            [law].into_iter().chain(held).collect()
+        };
+        // In the order in which they are tried.
+        let mut seen = BTreeSet::new();
+        let laws = self
+            .rows
+            .iter()
+            .map(|r| r.law)
+            .filter(|&law| seen.insert(law));
+        table(laws.map(row), 1)
     }
 
     fn leak_table(&self) -> String {
@@ -251,7 +252,7 @@ impl Report {
         };
         let cell = |row: &Value, name| (name, text(&row[name]));
         let cells = |row| LEAKS.split(' ').map(|name| cell(row, name)).collect();
-        of_rows(&self.leaks.iter().map(cells).collect::<Vec<_>>(), 4)
+        table(self.leaks.iter().map(cells), 4)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::args::{
 use crate::bench::FOV;
 use crate::choose::Ask;
 use crate::stop::Stop;
-use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
+use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::{frames, session, talk};
 use geom::{Animation, Point};
 use output::Taken;
@@ -119,7 +119,7 @@ fn decay_table(decay: &[Decay]) -> String {
             ("SAH ratio", ratio),
         ]
     };
-    of_rows(&decay.iter().map(row).collect::<Vec<_>>(), 0)
+    table(decay.iter().map(row), 0)
 }
 
 /// What was rendered, and what else its source told. `live` triangles are active in some key frame. Those that never move

@@ -155,12 +155,9 @@ impl Report {
 
     /// Families down, intersectors across: first what is wrong, then what leaks and what is hit twice.
     fn tables(&self, backend: &str, asked: &[Intersector]) -> String {
-        let mut head = vec!["wrong"];
-        head.extend(asked.iter().map(|i| i.name()));
         let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
-        text += &self.table(backend, &head, asked, &|r| share(r.cell.wrong()));
-        head[0] = "leaks, double hits";
-        text + &self.table(backend, &head, asked, &|r| {
+        text += &self.table(backend, "wrong", asked, &|r| share(r.cell.wrong()));
+        text + &self.table(backend, "leaks, double hits", asked, &|r| {
             let all = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m).map(share));
             all.into_iter().flatten().collect::<Vec<_>>().join(", ")
         })
@@ -170,7 +167,7 @@ impl Report {
     fn table(
         &self,
         backend: &str,
-        head: &[&str],
+        what: &str,
         asked: &[Intersector],
         cell: &dyn Fn(&Row) -> String,
     ) -> String {
@@ -178,15 +175,18 @@ impl Report {
             let of = |by: &Intersector| {
                 let this = (backend, family, *by);
                 let is_this = |r: &&Row| (r.backend, r.cell.family, r.cell.intersector) == this;
-                self.rows.iter().find(is_this).map_or("-".to_owned(), cell)
+                let found = self.rows.iter().find(is_this);
+                (by.name(), found.map_or("-".to_owned(), cell))
             };
-            let cells: Vec<String> = asked.iter().map(of).collect();
-            let says = cells.iter().any(|c| !c.is_empty() && c != "-");
-            says.then(|| [vec![family.name().to_owned()], cells].concat())
+            let cells: Vec<_> = asked.iter().map(of).collect();
+            let says = cells.iter().any(|(_, c)| !c.is_empty() && c != "-");
+            says.then(|| [vec![(what, family.name().to_owned())], cells].concat())
         };
         let rows: Vec<_> = Family::ALL.into_iter().filter_map(row).collect();
-        let table = (!rows.is_empty()).then(|| table(head, &rows, 1));
-        table.unwrap_or_default()
+        match rows.is_empty() {
+            true => String::new(),
+            false => table(rows, 1),
+        }
     }
 
     /// What is out of its bound, and the command that shows it again.

@@ -2,7 +2,7 @@
 
 use crate::args::BenchArgs;
 use crate::stop::Stop;
-use crate::table::{ms, of_rows};
+use crate::table::{ms, table};
 use crate::talk;
 use output::Summary;
 use serde_json::Value;
@@ -179,8 +179,8 @@ fn text([old, new]: &[String; 2], (changes, only_in): &Comparison) -> String {
             ("", mark.to_owned()),
         ]
     };
-    let rows: Vec<_> = changes.iter().map(row).collect();
-    let mut text = format!("medians of {old} and {new}\n{}", of_rows(&rows, 2));
+    let changes = table(changes.iter().map(row), 2);
+    let mut text = format!("medians of {old} and {new}\n{changes}");
     for (file, runs) in [old, new].into_iter().zip(only_in) {
         for run in runs {
             text += &format!("only in {file}: {run}\n");

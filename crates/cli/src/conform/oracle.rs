@@ -4,7 +4,7 @@ use super::{Report, command};
 use crate::args::ConformArgs;
 use crate::open::Subject;
 use crate::stop::Stop;
-use crate::table::{Cells, grouped, of_rows};
+use crate::table::{Cells, grouped, table};
 use crate::talk::Progress;
 use backend::Intersector;
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
@@ -204,7 +204,7 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
         }
         all.extend(of_backend.iter().chain([&sum]).map(|row| row.cells(&wrong)));
     }
-    of_rows(&all, 2)
+    table(all, 2)
 }
 
 #[cfg(test)]
