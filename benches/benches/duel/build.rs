@@ -1,13 +1,9 @@
 //! Triangles to trees.
 
-use crate::{METHOD, Unit, report};
-use benches::{
-    Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts,
-};
+use crate::{METHOD, Unit, group};
+use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
-
-const ROUNDS: usize = 15;
 
 /// Builds on `threads`; beside those ours on one, of which the scaling follows.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
@@ -23,9 +19,8 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
         contenders.push(record(mesh, *threads, pool));
         contenders.push(traceable(mesh, *threads, pool));
     }
-    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: build, {threads} threads", mesh.label);
-    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
+    group(&title, Unit::NsEach(mesh.triangle_count()), contenders)
 }
 
 /// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
@@ -41,9 +36,9 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
         tracer.refit();
         0
     });
-    let samples = in_turn(vec![theirs, ours], setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: refit, {threads} threads", mesh.label);
-    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
+    let unit = Unit::NsEach(mesh.triangle_count());
+    group(&title, unit, vec![theirs, ours])
 }
 
 /// Build and conversion: what the pipeline's builder thread hands over.

@@ -10,7 +10,9 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts, words};
+use benches::{
+    Contender, Mesh, in_turn, least, median, meshes, print_table, setting, thread_counts, words,
+};
 use serde_json::{Value, json};
 use std::process::Command;
 
@@ -79,6 +81,9 @@ const METHOD: Method = Method {
     layout: Layout::Fast,
 };
 
+/// Rounds of each group.
+const ROUNDS: usize = 15;
+
 /// Whether a group is among those named, or none is.
 fn is_asked(only: &[String], what: &str) -> bool {
     only.is_empty() || only.iter().any(|word| word == what)
@@ -109,11 +114,12 @@ impl Unit {
     }
 }
 
-/// Prints one group and makes JSON of it. All are compared with the first.
-fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
+/// Measures one group, prints it and makes JSON of it. All are compared with the first.
+fn group(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
+    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
-    for one in samples {
+    for one in &samples {
         let [wall, processor] = one.over(&samples[0]);
         let best = unit.of(least(&one.wall));
         let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));

@@ -1,18 +1,17 @@
 //! Rays to hits, written where the caller wants them.
 
-use crate::{METHOD, Unit, report};
+use crate::{METHOD, Unit, group};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, in_turn,
-    light, pool, random_rays, setting, shadow_rays, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, light,
+    pool, random_rays, setting, shadow_rays, thread_counts,
 };
 use geom::{Camera, Hit, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::Value;
 
-const ROUNDS: usize = 15;
 /// Rays in no order.
 const RANDOM: usize = 1 << 17;
 /// Rays that one task of Embree's traces, a multiple of a packet's.
@@ -105,10 +104,9 @@ impl<'a> Stage<'a> {
             self.listed(asked),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
-        let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
         let title = format!("{}: {what} rays, {} threads", self.mesh.label, self.threads);
-        report(&title, Unit::MillionsOf(rays), &samples)
+        group(&title, Unit::MillionsOf(rays), contenders)
     }
 
     fn listed<'b>(&self, asked: &'b [&Asked]) -> Contender<'b> {
