@@ -73,8 +73,7 @@ struct Done<'a> {
     journals: &'a mut [Journal],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
-    /// Each with its place in the run.
-    rows: Vec<(usize, FrameStats)>,
+    rows: Vec<FrameStats>,
     video: Option<Video<Lent>>,
     failed: Option<Stop>,
 }
@@ -128,17 +127,14 @@ impl<'a> Writer<'a> {
         stop::check_signals()?;
         self.check()?;
         let waits = Instant::now();
-        let mut lent = Lent {
-            buffers: self.lend()?,
-            spare: self.spare.clone(),
-        };
+        let mut lent = self.lend()?;
         std::mem::swap(answers, &mut lent.buffers.answers);
         if let Some(notes) = &mut self.lock().notes {
             notes.add(frame, [waits, Instant::now()]);
         }
         let frame = frame.clone();
         let write = move || {
-            if let Err(stop) = self.write(place, &frame, &mut lent.buffers) {
+            if let Err(stop) = self.write(&frame, &mut lent.buffers) {
                 self.lock().failed.get_or_insert(stop);
             } else if let Some(video) = &self.lock().video {
                 video.take(place, lent);
@@ -154,20 +150,20 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The rows of all frames, in order; fails if files of one could not be written.
+    /// The rows of all frames, in any order; fails if files of one could not be written.
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
         let video = self.lock().video.take();
         video.map_or(Ok(()), Video::finish)?;
-        let mut rows = std::mem::take(&mut self.lock().rows);
-        rows.sort_by_key(|(place, _)| *place);
-        Ok(rows.into_iter().map(|(_, row)| row).collect())
+        Ok(std::mem::take(&mut self.lock().rows))
     }
 
     /// Buffers for one more frame; waits until there are some.
-    fn lend(&self) -> Result<FrameBuffers, Stop> {
+    fn lend(&self) -> Result<Lent, Stop> {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        free.recv().map_err(Stop::failed)
+        let buffers = free.recv().map_err(Stop::failed)?;
+        let spare = self.spare.clone();
+        Ok(Lent { buffers, spare })
     }
 
     fn lock(&self) -> MutexGuard<'_, Done<'a>> {
@@ -181,12 +177,7 @@ impl<'a> Writer<'a> {
         done.failed.take().map_or(Ok(()), Err)
     }
 
-    fn write(
-        &self,
-        place: usize,
-        frame: &FrameRecord,
-        buffers: &mut FrameBuffers,
-    ) -> Result<(), Stop> {
+    fn write(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), Stop> {
         let begun = Instant::now();
         let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let shot = Shot {
@@ -224,7 +215,7 @@ impl<'a> Writer<'a> {
         }
         let ms = frame.wall_ms;
         done.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
-        done.rows.push((place, row));
+        done.rows.push(row);
         Ok(())
     }
 }
