@@ -10,6 +10,7 @@ use serde_json::json;
 use std::ffi::OsStr;
 use std::io::Cursor;
 use std::path::PathBuf;
+use std::process::Stdio;
 use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -70,7 +71,7 @@ fn help(sandbox: &Sandbox) {
 /// The pipe's reading end is closed before the program writes.
 fn broken_pipe(sandbox: &Sandbox) {
     for words in ["info", "--help", "inspect demo:twist:200"] {
-        let mut child = sandbox.piped(words);
+        let mut child = sandbox.spawn(words, Stdio::piped);
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);

@@ -61,17 +61,8 @@ impl Sandbox {
         Run::of(&command.output().unwrap(), words)
     }
 
-    /// Starts the program and does not wait; nobody hears what it says.
-    pub(crate) fn start(&self, words: &str) -> Child {
-        self.spawn(words, Stdio::null)
-    }
-
-    /// Likewise, and what it says can be read.
-    pub(crate) fn piped(&self, words: &str) -> Child {
-        self.spawn(words, Stdio::piped)
-    }
-
-    fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
+    /// Starts the program and does not wait; what it says goes where that leads.
+    pub(crate) fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
         let mut command = Command::new(program::abvh());
         let command = command.args(words.split(' ')).current_dir(self.path());
         command.stdout(to()).stderr(to()).spawn().unwrap()
