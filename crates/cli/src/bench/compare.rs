@@ -122,9 +122,6 @@ fn change(old: &ComparedRun, new: &ComparedRun, quantity: &'static str) -> Optio
     let values = |s: &[(f64, f64)]| s.iter().map(|p| p.1).collect::<Vec<_>>();
     let (old_values, new_values) = (values(&a), values(&b));
     let [old_ms, new_ms] = [median(&old_values)?, median(&new_values)?];
-    if old_ms <= 0.0 || new_ms <= 0.0 {
-        return None;
-    }
     let paired = a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a.0 == b.0);
     let (log, error) = if paired {
         let logs: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (b.1 / a.1).ln()).collect();
