@@ -146,14 +146,15 @@ impl Work<'_> {
     /// Closed bodies and scenes of mixed range, once by each backend and method.
     fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) -> Result<(), Stop> {
         let families = hard::families(self.args.rays);
-        let mut known: Vec<(Way, _)> = Vec::new();
+        let mut known = Vec::new();
         for (way, point) in measured.iter_mut().flatten() {
-            if !known.iter().any(|(of, _)| plan::are_alike(way, of)) {
-                known.push((*way, hard::ask(way, &families, self.args.rays)?));
+            let kind = (way.backend, way.method);
+            if !known.iter().any(|(of, _)| *of == kind) {
+                known.push((kind, hard::ask(way, &families, self.args.rays)?));
                 self.progress.lengthen(1);
                 self.progress.step(&format!("hard rays {way}"));
             }
-            let found = known.iter().find(|(of, _)| plan::are_alike(way, of));
+            let found = known.iter().find(|(of, _)| *of == kind);
             (point.mixed_range, point.leaks) = found.map(|f| f.1.clone()).unwrap_or_default();
         }
         Ok(())

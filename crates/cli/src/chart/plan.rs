@@ -77,11 +77,6 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
-/// Whether two ways trace alike, whatever the update.
-pub(super) fn are_alike(a: &Way, b: &Way) -> bool {
-    (a.backend, a.method) == (b.backend, b.method)
-}
-
 /// What is settled without a run.
 impl fmt::Display for Ask<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
