@@ -9,7 +9,7 @@ use abvh::own_device::{RayBuffers, wgpu};
 use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
 use benches::{
     Mesh as Motion, STEP_SCENES, camera, device, filled_buffer, median, own_device, print_table,
-    setting,
+    setting, words,
 };
 use std::time::Instant;
 
@@ -21,31 +21,15 @@ const LISTED: [u32; 2] = [1920, 1200];
 const ROUNDS: usize = 5;
 
 fn main() {
-    let named = std::env::args().skip(1).find(|a| !a.starts_with('-'));
-    let device = device(&named.unwrap_or_default());
+    let device = device(&words().next().unwrap_or_default());
     let motions = STEP_SCENES.map(|scene| Motion::open(scene).expect("demos open"));
     let rows = motions.iter().map(|motion| many(motion, &device)).collect();
-    let header = [
-        "scene",
-        "device",
-        "one query ms",
-        "its 16 tiles",
-        "times",
-        "16 of its view",
-        "times",
-    ];
-    print_table("Rays of sixteen cameras of 640x480", &header, rows);
+    let header = "scene|device|one query ms|its 16 tiles|times|16 of its view|times";
+    print_table("Rays of sixteen cameras of 640x480", header, rows);
     let rows = motions.iter().map(listed).collect();
-    let header = [
-        "scene",
-        "camera ms",
-        "in blocks",
-        "times",
-        "camera's, shuffled",
-        "any direction, of the host",
-        "of a buffer",
-    ];
-    print_table("Closest hits of 2.3 million rays, wgpu", &header, rows);
+    let header =
+        "scene|camera ms|in blocks|times|camera's, shuffled|any direction, of the host|of a buffer";
+    print_table("Closest hits of 2.3 million rays, wgpu", header, rows);
 }
 
 fn standing(motion: &Motion) -> Scene {
@@ -85,8 +69,7 @@ fn many(motion: &Motion, device: &Device) -> Vec<String> {
         .build(standing(motion));
     let mut tracer = tracer.expect("the device is there");
     let [small, large] = [SMALL, LARGE].map(|size| camera(motion, size));
-    let tiles = (0..16).map(|i| tile(&large, [i % 4, i / 4]));
-    let tiles: Vec<_> = tiles.collect();
+    let tiles: Vec<_> = (0..16).map(|i| tile(&large, [i % 4, i / 4])).collect();
     let one = time(&mut tracer, &mut |step| trace(step, &large));
     let [of_tiles, of_views] = [&tiles[..], &[small; 16]].map(|cameras| {
         time(&mut tracer, &mut |step| {
@@ -94,12 +77,10 @@ fn many(motion: &Motion, device: &Device) -> Vec<String> {
         })
     });
     let device = tracer.device().to_owned();
+    let mut row = vec![motion.label.clone(), device];
     let numbers = [one, of_tiles, of_tiles / one, of_views, of_views / one];
-    let numbers = numbers.map(|x| format!("{x:.3}"));
-    [motion.label.clone(), device]
-        .into_iter()
-        .chain(numbers)
-        .collect()
+    row.extend(numbers.map(|x| format!("{x:.3}")));
+    row
 }
 
 /// A part of a picture, in columns and rows of tiles.

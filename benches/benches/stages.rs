@@ -5,7 +5,7 @@
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
     Mesh, Ours, Rival, Tracer, built, camera, criterion, meshes, pool, print_table, rivals,
-    sah_cost, shadow_rays, thread_counts,
+    sah_cost, shadow_rays, thread_counts, words,
 };
 use bvh_layout::Topology;
 use criterion::measurement::WallTime;
@@ -18,7 +18,7 @@ type Stage = fn(&mut Criterion, &Mesh);
 
 fn main() {
     let mut criterion = criterion();
-    let asked = std::env::args().skip(1).find(|arg| !arg.starts_with('-'));
+    let asked = words().next();
     let stages: [(&str, Stage); 4] = [
         ("build", build),
         ("convert", convert),
@@ -63,7 +63,7 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     }));
     let label = &mesh.label;
     let title = format!("{label}: surface area cost (traversal 1, intersection 1)");
-    print_table(&title, &["tree", "cost", "to abvh's", "nodes"], rows);
+    print_table(&title, "tree|cost|to abvh's|nodes", rows);
 }
 
 /// `abvh` is build and convert, off the frame's path; `abvh and refit` adds what the
@@ -113,8 +113,8 @@ fn convert(criterion: &mut Criterion, mesh: &Mesh) {
         format!("{:.1} %", record / 0.64),
         format!("{treelets:.3}"),
     ];
-    let header = ["mesh", "bytes a triangle", "of 64", "as treelets"];
-    print_table("records", &header, vec![row]);
+    let header = "mesh|bytes a triangle|of 64|as treelets";
+    print_table("records", header, vec![row]);
 }
 
 fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
@@ -204,7 +204,7 @@ fn trace(criterion: &mut Criterion, mesh: &Mesh) {
         group.throughput(Throughput::Elements(rays.len() as u64));
         let hits = trace_all(&mut group, &work, Rays::Camera(&camera));
         group.finish();
-        print_table(&name, &["tree", "rays", "hits"], hits);
+        print_table(&name, "tree|rays|hits", hits);
     }
 }
 

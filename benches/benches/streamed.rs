@@ -7,7 +7,7 @@ use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
 use benches::{
     Mesh as Motion, STEP_SCENES, camera, criterion, device, filled_buffer, own_device, print_table,
-    setting,
+    setting, words,
 };
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
@@ -24,15 +24,10 @@ const SIZE: [u32; 2] = [640, 480];
 
 fn main() {
     let mut criterion = criterion();
-    let asked: Vec<String> = std::env::args()
-        .skip(1)
-        .filter(|a| !a.starts_with('-'))
-        .collect();
-    let devices = match asked.is_empty() {
-        true => vec!["auto".to_owned()],
-        false => asked,
-    };
-    let devices: Vec<Device> = devices.iter().map(|name| device(name)).collect();
+    let mut devices: Vec<Device> = words().map(|name| device(&name)).collect();
+    if devices.is_empty() {
+        devices.push(Device::Auto);
+    }
     let mut worst = Vec::new();
     for scene in STEP_SCENES {
         let motion = Motion::open(scene).expect("demos open");
@@ -41,18 +36,11 @@ fn main() {
             worst.extend(stalls(&motion, device));
         }
     }
-    let header = ["scene", "device", "vertices", "median ms", "99 %", "worst"];
-    print_table("Single steps", &header, worst);
+    let header = "scene|device|vertices|median ms|99 %|worst";
+    print_table("Single steps", header, worst);
     let rows = devices.iter().flat_map(replacements).collect();
-    let header = [
-        "device",
-        "vertices",
-        "a mesh is",
-        "median ms",
-        "99 %",
-        "worst",
-    ];
-    print_table("Steps while a mesh is replaced", &header, rows);
+    let header = "device|vertices|a mesh is|median ms|99 %|worst";
+    print_table("Steps while a mesh is replaced", header, rows);
     criterion.final_summary();
 }
 
@@ -99,12 +87,8 @@ impl Kind {
 }
 
 impl Player {
-    fn new(motion: &Motion, device: &Device, kind: Kind) -> Self {
-        Self::within(Scene::new(), motion, device, kind)
-    }
-
-    /// Likewise, in a scene of other meshes.
-    fn within(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
+    /// In a scene that may hold other meshes.
+    fn new(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
         let streamed = if kind != Kind::Keys {
             let times = (0..=STEPS * KEYS).map(|i| i as f64 / STEPS as f64);
@@ -112,11 +96,8 @@ impl Player {
             let mesh = Mesh::streamed(&frames[0], animation.triangles());
             Some((scene.add(mesh.expect("it is a mesh")), frames))
         } else {
-            let keys = animation
-                .all_keys()
-                .expect("a demo has them all")
-                .into_iter();
-            let keys = keys.map(|key| key.to_vec()).collect();
+            let keys = animation.all_keys().expect("a demo has them all");
+            let keys = keys.iter().map(|key| key.to_vec()).collect();
             scene.add(Mesh::keyframes(keys, animation.triangles()).expect("it is a mesh"));
             None
         };
@@ -176,7 +157,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
     let mut group = criterion.benchmark_group(format!("step/{}", motion.label));
     group.throughput(Throughput::Elements(motion.triangle_count() as u64));
     for &kind in Kind::of(device) {
-        let mut player = Player::new(motion, device, kind);
+        let mut player = Player::new(Scene::new(), motion, device, kind);
         let device = player.tracer.device().to_owned();
         group.bench_function(BenchmarkId::new(kind.name(), device), |b| {
             b.iter_custom(|steps| (0..steps).map(|_| player.advance()).sum())
@@ -188,7 +169,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
 /// The times of many steps one by one, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
     let row = |&kind: &Kind| {
-        let mut player = Player::new(motion, device, kind);
+        let mut player = Player::new(Scene::new(), motion, device, kind);
         let mut times = Vec::new();
         for step in 0..100 + setting("ABVH_STEPS", 1000) {
             let took = player.advance();
@@ -226,7 +207,7 @@ fn replacements(device: &Device) -> Vec<Vec<String>> {
     let of_kind = |kind| {
         let mut scene = Scene::new();
         let id = scene.add(mesh.clone());
-        let mut player = Player::within(scene, &motion, device, kind);
+        let mut player = Player::new(scene, &motion, device, kind);
         let ms = |took: Duration| took.as_secs_f64() * 1e3;
         let steps = |player: &mut Player, count| -> Vec<f64> {
             (0..count).map(|_| ms(player.advance())).collect()

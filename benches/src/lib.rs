@@ -1,11 +1,7 @@
 //! What the benchmarks share: meshes, rays, and other crates behind one trait.
 //!
-//! `cargo bench -p benches --bench stages [-- STAGE]`.
-//! Every group names a mesh and its triangles; every function in it does the
-//! same work on the same triangles or rays, so times compare within a group.
-//! `--features embree` (see `EmbreeScene`) adds the bench `duel`, which sets this program against Embree 4
-//! sample by sample.
-//! Real meshes join in when `ABVH_MESHES` names a folder of them (see [`meshes`]).
+//! Every group names a mesh and its triangles. Every function in it does the same work on the same triangles or rays, so
+//! times compare within a group. `--features embree` (see `EmbreeScene`) adds the bench `duel`.
 
 mod mesh;
 mod ours;
@@ -30,7 +26,6 @@ use std::time::Duration;
 use wgpu::util::DeviceExt;
 
 /// Few samples and short: medians of one run are compared with one another, not with other days.
-#[must_use]
 pub fn criterion() -> Criterion {
     Criterion::default()
         .sample_size(10)
@@ -40,7 +35,6 @@ pub fn criterion() -> Criterion {
 }
 
 /// Those that `ABVH_THREADS` names (`1,2,16`); or one thread, and one a core where there are more.
-#[must_use]
 pub fn thread_counts() -> Vec<usize> {
     if let Ok(named) = std::env::var("ABVH_THREADS") {
         return named.split(',').filter_map(|n| n.parse().ok()).collect();
@@ -50,7 +44,6 @@ pub fn thread_counts() -> Vec<usize> {
 }
 
 /// What the variable `name` says, or else `usual`.
-#[must_use]
 pub fn setting(name: &str, usual: usize) -> usize {
     let named = std::env::var(name).ok();
     named.and_then(|n| n.parse().ok()).unwrap_or(usual)
@@ -60,7 +53,6 @@ pub fn setting(name: &str, usual: usize) -> usize {
 pub const STEP_SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 
 /// A device of the library by its name; any but three are `auto`.
-#[must_use]
 pub fn device(name: &str) -> Device {
     match name {
         "cpu" => Device::Cpu,
@@ -70,11 +62,7 @@ pub fn device(name: &str) -> Device {
     }
 }
 
-/// A wgpu device of the program's own, for a scene that so many rays are traced through.
-///
-/// # Panics
-/// If there is none.
-#[must_use]
+/// A wgpu device of the program's own, for a scene that so many rays are traced through. Panics if there is none.
 pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
     let desc = wgpu::InstanceDescriptor::new_without_display_handle();
     let instance = wgpu::Instance::new(desc);
@@ -98,7 +86,6 @@ pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
 }
 
 /// A buffer on it.
-#[must_use]
 pub fn filled_buffer(own: &OwnDevice, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     own.device
         .create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -108,20 +95,21 @@ pub fn filled_buffer(own: &OwnDevice, contents: &[u8], usage: wgpu::BufferUsages
         })
 }
 
-/// A pool to install round a measured closure.
-///
-/// # Panics
-/// If the machine cannot start the threads.
-#[must_use]
+/// A pool to install round a measured closure. Panics if the machine cannot start the threads.
 pub fn pool(threads: usize) -> ThreadPool {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     pool.expect("the machine can start threads")
 }
 
-/// Prints a titled table on stderr: facts beside the timings.
+/// What was asked for behind `--`, options of the harness left out.
+pub fn words() -> impl Iterator<Item = String> {
+    std::env::args().skip(1).filter(|arg| !arg.starts_with('-'))
+}
+
+/// Prints a titled table on stderr, its heading with bars between columns: facts beside the timings.
 #[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
-pub fn print_table(title: &str, header: &[&str], rows: Vec<Vec<String>>) {
+pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
     let mut table = Table::new();
-    table.set_header(header.to_vec()).add_rows(rows);
+    table.set_header(header.split('|')).add_rows(rows);
     eprintln!("\n{title}\n{table}\n");
 }

@@ -20,9 +20,6 @@ pub struct Mesh {
 
 impl Mesh {
     /// Opens a scene by its name, as `abvh` does.
-    ///
-    /// # Errors
-    /// There is none.
     pub fn open(spec: &str) -> Result<Self, scene::SceneError> {
         let scene = scene::open(spec, &scene::Options::default())?;
         let triangles = scene.animation.triangle_count();
@@ -33,15 +30,11 @@ impl Mesh {
     }
 
     /// The same triangles with corners of their own, scaled to a diagonal of 100.
-    ///
-    /// # Panics
-    /// If there are too many.
-    #[must_use]
     pub fn soup(&self) -> Self {
         let keys = [self.start(), self.middle()].map(|pose| self.triangles(pose));
         let points = keys[0].as_flattened().iter();
         let bounds = points.fold(geom::Aabb::EMPTY, |b, &p| b.with_point(p));
-        let size = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
+        let size = bounds.diagonal() as f32;
         let scaled = |p: &Point| p.map(|x| x * (100.0 / size));
         let keys = keys.map(|key| key.as_flattened().iter().map(scaled).collect());
         let corners = (0..self.triangle_count() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
@@ -53,25 +46,21 @@ impl Mesh {
     }
 
     /// Triangles of the mesh.
-    #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.animation.triangle_count()
     }
 
     /// Where trees are built.
-    #[must_use]
     pub fn start(&self) -> Pose {
         self.animation.pose(0.0)
     }
 
     /// Where trees are refitted.
-    #[must_use]
     pub fn middle(&self) -> Pose {
         self.animation.pose(self.animation.end() / 2.0)
     }
 
     /// Every vertex at `pose`.
-    #[must_use]
     pub fn positions(&self, pose: Pose) -> Vec<Point> {
         let vertices = 0..self.animation.vertex_count() as u32;
         let moment = self.animation.moment(pose).unwrap();
@@ -79,7 +68,6 @@ impl Mesh {
     }
 
     /// Every triangle at `pose`.
-    #[must_use]
     pub fn triangles(&self, pose: Pose) -> Vec<Triangle> {
         let triangles = 0..self.triangle_count() as u32;
         let moment = self.animation.moment(pose).unwrap();
@@ -89,21 +77,17 @@ impl Mesh {
 
 /// Each entry of the folder in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames. Without
 /// any, two demos of some 200,000 triangles and one of 1.6 million.
-#[must_use]
 pub fn meshes() -> Vec<Mesh> {
     let files = entries().into_iter().map(|path| path.display().to_string());
     let meshes: Vec<Mesh> = files.filter_map(opened).collect();
     if meshes.is_empty() {
-        return DEMOS
-            .iter()
-            .filter_map(|&demo| opened(demo.to_owned()))
-            .collect();
+        return DEMOS.into_iter().filter_map(opened).collect();
     }
     meshes
 }
 
-fn opened(spec: String) -> Option<Mesh> {
-    let mesh = Mesh::open(&spec);
+fn opened(spec: impl AsRef<str>) -> Option<Mesh> {
+    let mesh = Mesh::open(spec.as_ref());
     mesh.inspect_err(|error| say(&format!("left out: {error}")))
         .ok()
 }
@@ -121,10 +105,7 @@ fn entries() -> Vec<PathBuf> {
     entries
 }
 
-#[expect(
-    clippy::print_stderr,
-    reason = "a remark to whoever runs the benchmark"
-)]
+#[expect(clippy::print_stderr, reason = "a remark to whoever measures")]
 fn say(remark: &str) {
     eprintln!("{remark}");
 }

@@ -20,9 +20,6 @@ pub struct Ours {
 
 impl Ours {
     /// Builds a tree and converts it, in the caller's pool.
-    ///
-    /// # Panics
-    /// Never: nobody cancels.
     pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
         let boxes = (&*mesh.animation, positions);
         let built = self.builder.build(&boxes, &Cancel::new(), &mut self.tree);
@@ -39,19 +36,16 @@ impl Ours {
     }
 
     /// The tree last built, as treelets, in the caller's pool.
-    #[must_use]
     pub fn treelets(&self) -> Treelets {
         Treelets::of_tree(&self.tree)
     }
 
     /// The record last made.
-    #[must_use]
     pub fn record(&self) -> &Topology {
         &self.record
     }
 
     /// The record with its eight-wide form, as a builder hands it to layout `fast`, in the caller's pool. Leaves no record behind.
-    #[must_use]
     pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         let boxes = (&*mesh.animation, positions);
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
@@ -61,7 +55,6 @@ impl Ours {
     }
 
     /// Cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
-    #[must_use]
     pub fn sah_cost(&self, mesh: &Mesh, positions: &[Point]) -> f64 {
         bvh_build::sah_cost(&self.tree, &(&*mesh.animation, positions))
     }
@@ -75,7 +68,6 @@ pub struct Tracer {
 
 impl Tracer {
     /// Loads `mesh` and takes its vertices at its start.
-    #[must_use]
     pub fn new(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let mut backend = done(cpu_simd::open(Some(threads)));
         done(backend.load(mesh.animation.clone(), method));
@@ -88,7 +80,6 @@ impl Tracer {
     }
 
     /// Likewise, with a fresh tree.
-    #[must_use]
     pub fn ready(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let pool = pool(threads);
         let mut ours = built(mesh, &pool);
@@ -125,7 +116,6 @@ impl Tracer {
     }
 
     /// Traces a list of rays: what they hit.
-    #[must_use]
     pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> &Hits {
         let rays = Rays::List(rays);
         done(self.backend.trace(Query { rays, kind }));
@@ -145,7 +135,6 @@ fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
 }
 
 /// A tree of the mesh at its start, built and converted in `pool`.
-#[must_use]
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());

@@ -9,26 +9,20 @@ use glam::Vec3;
 const SKIP: f32 = 1e-3;
 
 /// A camera of so many pixels that has all of `mesh` at its start in view, from above one corner.
-///
-/// # Panics
-/// If the mesh is a single point.
-#[must_use]
 pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
-    let eye = offset(centre, radius, [0.9, 0.8, 1.6]);
-    let camera = Camera::look_at(eye, centre, [0.0, 1.0, 0.0], 40.0, size);
+    let eye = centre + radius * Vec3::new(0.9, 0.8, 1.6);
+    let camera = Camera::look_at(eye.into(), centre.into(), [0.0, 1.0, 0.0], 40.0, size);
     camera.expect("a mesh has some extent")
 }
 
 /// A ray over `(0, 1)` from nearly each hit of `primary` up to [`light`].
-#[must_use]
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let light = light(mesh);
     from_hits(primary, tracer, |ray, hit| to_light(ray, hit.t, light))
 }
 
 /// A ray in a random direction from each hit of `primary`, likelier the closer to the normal (Lambert).
-#[must_use]
 pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let (triangles, mut next) = (mesh.triangles(mesh.start()), random_numbers());
     from_hits(primary, tracer, |ray, hit| {
@@ -41,10 +35,7 @@ pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ra
             normal
         };
         let start = from + (hit.t * (1.0 - SKIP)) * along;
-        let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
-        let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
-        let direction = up * 1.000_1 + Vec3::new(across * x, across * y, z);
-        Ray::new(start.into(), direction.into())
+        Ray::new(start.into(), (up * 1.000_1 + on_sphere(&mut next)).into())
     })
 }
 
@@ -61,7 +52,6 @@ fn from_hits(
 }
 
 /// A camera's rays in blocks of so many columns and rows of pixels.
-#[must_use]
 pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
     let across = || (0..camera.width).step_by(columns as usize);
     let down = (0..camera.height).step_by(rows as usize);
@@ -87,49 +77,44 @@ pub fn random_numbers() -> impl FnMut() -> f32 {
 }
 
 /// Where a light stands high above the mesh.
-#[must_use]
 pub fn light(mesh: &Mesh) -> Point {
     let (centre, radius) = sphere(mesh);
-    offset(centre, radius, [-1.0, 3.0, 0.7])
+    (centre + radius * Vec3::new(-1.0, 3.0, 0.7)).into()
 }
 
 /// So many rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
-#[must_use]
 pub fn random_rays(mesh: &Mesh, count: usize) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
     let mut next = random_numbers();
-    let mut point = || {
-        let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
-        let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
-        offset(centre, radius, [across * x, across * y, z])
+    let mut ray = |_| {
+        let [from, to] = [(); 2].map(|()| centre + radius * on_sphere(&mut next));
+        Ray::new(from.into(), (to - from).into())
     };
-    let mut ray = || {
-        let (from, to) = (point(), point());
-        Ray::new(from, std::array::from_fn(|i| to[i] - from[i]))
-    };
-    (0..count).map(|_| ray()).collect()
+    (0..count).map(&mut ray).collect()
+}
+
+/// Anywhere on the unit sphere.
+fn on_sphere(next: &mut impl FnMut() -> f32) -> Vec3 {
+    let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
+    let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
+    Vec3::new(across * x, across * y, z)
 }
 
 fn to_light(ray: &Ray, t: f32, light: Point) -> Ray {
-    let point: Point = std::array::from_fn(|i| ray.origin[i] + t * ray.direction[i]);
-    let origin: Point = std::array::from_fn(|i| point[i] + SKIP * (light[i] - point[i]));
-    let direction = std::array::from_fn(|i| light[i] - origin[i]);
+    let [from, along, light] = [ray.origin, ray.direction, light].map(Vec3::from);
+    let point = from + t * along;
+    let origin = point + SKIP * (light - point);
     Ray {
         t_max: 1.0,
-        ..Ray::new(origin, direction)
+        ..Ray::new(origin.into(), (light - origin).into())
     }
 }
 
 /// The middle of the mesh's box at its start, and half its diagonal.
-fn sphere(mesh: &Mesh) -> (Point, f32) {
+fn sphere(mesh: &Mesh) -> (Vec3, f32) {
     let positions = mesh.positions(mesh.start());
     let empty = geom::Aabb::EMPTY;
     let bounds = positions.iter().fold(empty, |b, &p| b.with_point(p));
-    let centre = std::array::from_fn(|i| 0.5 * (bounds.min[i] + bounds.max[i]));
-    let diagonal = bounds.extent().iter().map(|x| x * x).sum::<f32>().sqrt();
-    (centre, 0.5 * diagonal)
-}
-
-fn offset(centre: Point, radius: f32, by: Point) -> Point {
-    std::array::from_fn(|i| centre[i] + radius * by[i])
+    let [min, max] = [bounds.min, bounds.max].map(Vec3::from);
+    (0.5 * (min + max), 0.5 * (max - min).length())
 }

@@ -20,7 +20,9 @@ pub trait Rival: Send + Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a build uses more than one thread.
-    fn builds_in_parallel(&self) -> bool;
+    fn builds_in_parallel(&self) -> bool {
+        true
+    }
 
     /// Whether a refit uses more than one thread; `None` if no tree can take new positions and keep its shape.
     fn refits_in_parallel(&self) -> Option<bool>;
@@ -54,7 +56,6 @@ pub trait Rival: Send + Sync {
 }
 
 /// One of each, with these triangles and no tree yet.
-#[must_use]
 pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
     let mut all: Vec<Box<dyn Rival>> = vec![
         Box::new(Obvhs::<false>::default()),
@@ -66,21 +67,14 @@ pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
     all
 }
 
-/// A node as the cost sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct Node {
-    /// Its box.
-    pub bounds: Aabb,
-    /// Triangles tested there; 0 for an inner node.
-    pub triangles: u32,
-}
+/// A node as the cost sees it: its box, and the triangles tested there; 0 for an inner node.
+pub type Node = (Aabb, u32);
 
 /// Expected steps of a random ray that meets the root (`nodes[0]`): traversal 1 for
 /// each inner node, intersection 1 for each triangle of a leaf (MacDonald, Booth 1990).
-#[must_use]
 pub fn sah_cost(nodes: &[Node]) -> f64 {
-    let cost = |node: &Node| f64::from(node.triangles.max(1)) * node.bounds.half_area();
-    let root = nodes.first().map_or(0.0, |root| root.bounds.half_area());
+    let cost = |(bounds, triangles): &Node| f64::from(*triangles.max(&1)) * bounds.half_area();
+    let root = nodes.first().map_or(0.0, |root| root.0.half_area());
     nodes.iter().map(cost).sum::<f64>() / root
 }
 

@@ -36,7 +36,6 @@ pub struct Samples {
 }
 
 /// Runs all contenders once, and then `rounds` times one after the other while measuring.
-#[must_use]
 pub fn in_turn(mut contenders: Vec<Contender<'_>>, rounds: usize) -> Vec<Samples> {
     let blank = |contender: &Contender<'_>| Samples {
         name: contender.name.clone(),
@@ -73,33 +72,25 @@ fn processor_ms() -> f64 {
 impl Samples {
     /// Median over all rounds of a time over another contender's in the same round, by time passed and by
     /// processor time; below 1 is faster.
-    #[must_use]
     pub fn over(&self, other: &Self) -> [f64; 2] {
-        let ratios = |a: &[f64], b: &[f64]| {
-            let each: Vec<f64> = a.iter().zip(b).map(|(a, b)| a / b).collect();
-            median(&each)
-        };
-        [
-            ratios(&self.wall, &other.wall),
-            ratios(&self.processor, &other.processor),
-        ]
+        let [wall, processor] = [&self.wall, &self.processor];
+        [(wall, &other.wall), (processor, &other.processor)].map(|(ours, theirs)| {
+            let each = ours.iter().zip(theirs).map(|(a, b)| a / b);
+            median(&each.collect::<Vec<f64>>())
+        })
     }
 }
 
 /// The middle one; not a number if there is none.
-#[must_use]
 pub fn median(of: &[f64]) -> f64 {
     let mut sorted = of.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let middle = |at: usize| sorted.get(at).copied().unwrap_or(f64::NAN);
-    f64::midpoint(
-        middle(sorted.len() / 2),
-        middle(sorted.len().saturating_sub(1) / 2),
-    )
+    let at = |place: usize| sorted.get(place).copied().unwrap_or(f64::NAN);
+    let n = sorted.len();
+    f64::midpoint(at(n / 2), at(n.saturating_sub(1) / 2))
 }
 
 /// The least one; not a number if there is none.
-#[must_use]
 pub fn least(of: &[f64]) -> f64 {
     of.iter().copied().fold(f64::NAN, f64::min)
 }

@@ -4,6 +4,8 @@
 //! A case that fails stays in the target directory; its path is told.
 
 use cap::Cap;
+#[cfg(target_os = "linux")]
+use integration::fuzz::is_refusal;
 use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
 use std::alloc::System;
 use std::panic;
@@ -138,12 +140,7 @@ fn fault(folder: &Path, output: &Output) -> Option<&'static str> {
     match output.status.code() {
         Some(0) => None,
         Some(2) if made != [false; 2] => Some("output is left"),
-        Some(2) => {
-            let line = output.stderr.strip_suffix(b"\n").unwrap_or_default();
-            let text = std::str::from_utf8(line).unwrap_or_default();
-            let is_line = text.starts_with("abvh: ") && !text.contains(char::is_control);
-            (!is_line).then_some("not one line of plain text")
-        }
+        Some(2) => (!is_refusal(output)).then_some("not one line of plain text"),
         _ => Some("neither done nor refused"),
     }
 }

@@ -1,22 +1,15 @@
 //! Triangles to trees.
 
-use crate::{METHOD, Unit, report};
-use benches::{
-    Contender, EmbreeScene, Made, Mesh, Ours, Tracer, in_turn, pool, setting, thread_counts,
-};
+use crate::{METHOD, Unit, group};
+use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
-
-const ROUNDS: usize = 15;
 
 /// Builds on `threads`; beside those ours on one, of which the scaling follows.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let triangles = mesh.triangles(mesh.start());
-    let pools: Vec<_> = thread_counts()
-        .into_iter()
-        .filter(|&n| n <= threads)
-        .map(|n| (n, pool(n)))
-        .collect();
+    let counts = thread_counts().into_iter().filter(|&n| n <= threads);
+    let pools: Vec<_> = counts.map(|n| (n, pool(n))).collect();
     let mut embree = EmbreeScene::new(&triangles, threads, Made::Fast);
     let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
         embree.rebuild();
@@ -26,9 +19,8 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
         contenders.push(record(mesh, *threads, pool));
         contenders.push(traceable(mesh, *threads, pool));
     }
-    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: build, {threads} threads", mesh.label);
-    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
+    group(&title, Unit::NsEach(mesh.triangle_count()), contenders)
 }
 
 /// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
@@ -44,9 +36,9 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
         tracer.refit();
         0
     });
-    let samples = in_turn(vec![theirs, ours], setting("ABVH_ROUNDS", ROUNDS));
     let title = format!("{}: refit, {threads} threads", mesh.label);
-    report(&title, Unit::NsEach(mesh.triangle_count()), &samples)
+    let unit = Unit::NsEach(mesh.triangle_count());
+    group(&title, unit, vec![theirs, ours])
 }
 
 /// Build and conversion: what the pipeline's builder thread hands over.

@@ -10,12 +10,14 @@ mod build;
 mod trace;
 
 use backend::{Intersector, Layout, Method};
-use benches::{Mesh, Samples, least, median, meshes, print_table, thread_counts};
+use benches::{
+    Contender, Mesh, in_turn, least, median, meshes, print_table, setting, thread_counts, words,
+};
 use serde_json::{Value, json};
 use std::process::Command;
 
 fn main() {
-    let mut words = std::env::args().skip(1).filter(|arg| !arg.starts_with('-'));
+    let mut words = words();
     let file = words.next();
     let (scenes, only): (Vec<String>, Vec<String>) =
         words.partition(|word| word.contains([':', '/']));
@@ -79,6 +81,9 @@ const METHOD: Method = Method {
     layout: Layout::Fast,
 };
 
+/// Rounds of each group.
+const ROUNDS: usize = 15;
+
 /// Whether a group is among those named, or none is.
 fn is_asked(only: &[String], what: &str) -> bool {
     only.is_empty() || only.iter().any(|word| word == what)
@@ -109,14 +114,12 @@ impl Unit {
     }
 }
 
-/// Prints one group and makes JSON of it. All are compared with the first.
-fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
-    let header = "threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
-    let header: Vec<&str> = std::iter::once(unit.name())
-        .chain(header.split('|'))
-        .collect();
+/// Measures one group, prints it and makes JSON of it. All are compared with the first.
+fn group(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
+    let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
+    let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";
     let (mut rows, mut contenders) = (Vec::new(), Vec::new());
-    for one in samples {
+    for one in &samples {
         let [wall, processor] = one.over(&samples[0]);
         let best = unit.of(least(&one.wall));
         let [middle, by_processor] = [&one.wall, &one.processor].map(|t| unit.of(median(t)));
@@ -132,7 +135,7 @@ fn report(title: &str, unit: Unit, samples: &[Samples]) -> Value {
             "wall_ms": one.wall, "processor_ms": one.processor, "hits": one.hits,
         }));
     }
-    print_table(title, &header, rows);
+    print_table(title, &(unit.name().to_owned() + header), rows);
     let (unit, baseline) = (unit.name(), &samples[0].name);
     json!({ "title": title, "unit": unit, "baseline": baseline, "contenders": contenders })
 }

@@ -1,18 +1,17 @@
 //! Rays to hits, written where the caller wants them.
 
-use crate::{METHOD, Unit, report};
+use crate::{METHOD, Unit, group};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
-    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, in_turn,
-    light, pool, random_rays, setting, shadow_rays, thread_counts,
+    Contender, EmbreeScene, Made, Mesh, Packet16, Tracer, blocks, camera, diffuse_rays, light,
+    pool, random_rays, setting, shadow_rays, thread_counts,
 };
 use geom::{Camera, Hit, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::Value;
 
-const ROUNDS: usize = 15;
 /// Rays in no order.
 const RANDOM: usize = 1 << 17;
 /// Rays that one task of Embree's traces, a multiple of a packet's.
@@ -73,9 +72,8 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
             groups.push(stage.measure(what, &[asked], camera));
         }
         if is_asked("primary-and-shadow") {
-            let asked = asked
-                .iter()
-                .filter(|(what, _)| ["primary", "shadow"].contains(what));
+            let is_either = |what| ["primary", "shadow"].contains(what);
+            let asked = asked.iter().filter(|(what, _)| is_either(what));
             let asked: Vec<_> = asked.map(|(_, asked)| asked).collect();
             groups.push(stage.measure("primary-and-shadow", &asked, Some((&camera, both))));
         }
@@ -99,17 +97,16 @@ impl<'a> Stage<'a> {
     fn measure(&self, what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>) -> Value {
         let [fast, robust] = &self.scenes;
         let mut contenders = vec![
-            self.singly("Embree 4, single rays", fast, asked),
-            self.singly("Embree 4 robust, single rays", robust, asked),
-            self.together("Embree 4, packets of 16", fast, asked),
-            self.together("Embree 4 robust, packets of 16", robust, asked),
+            self.embree("Embree 4, single rays", (fast, false), asked),
+            self.embree("Embree 4 robust, single rays", (robust, false), asked),
+            self.embree("Embree 4, packets of 16", (fast, true), asked),
+            self.embree("Embree 4 robust, packets of 16", (robust, true), asked),
             self.listed(asked),
         ];
         contenders.extend(camera.map(|(camera, kind)| self.seen(camera, kind)));
-        let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
         let rays = asked.iter().map(|asked| asked.rays.len()).sum();
         let title = format!("{}: {what} rays, {} threads", self.mesh.label, self.threads);
-        report(&title, Unit::MillionsOf(rays), &samples)
+        group(&title, Unit::MillionsOf(rays), contenders)
     }
 
     fn listed<'b>(&self, asked: &'b [&Asked]) -> Contender<'b> {
@@ -131,71 +128,37 @@ impl<'a> Stage<'a> {
         })
     }
 
-    fn singly<'b>(
+    /// Embree's, by single rays or by packets: tasks write hits or, where any will do, ones and zeros.
+    fn embree<'b>(
         &'b self,
         name: &str,
-        scene: &'b EmbreeScene,
+        (scene, by_packets): (&'b EmbreeScene, bool),
         asked: &'b [&Asked],
-    ) -> Contender<'b> {
-        let closest = |task: usize, asked: &Asked, out: &mut [Hit]| {
-            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
-                *out = scene.closest(ray);
-            }
-        };
-        let any = |task: usize, asked: &Asked, out: &mut [u8]| {
-            for (ray, out) in asked.rays[task * TASK..].iter().zip(out) {
-                *out = u8::from(scene.is_occluded(ray));
-            }
-        };
-        self.in_tasks(name, asked, (closest, any))
-    }
-
-    fn together<'b>(
-        &'b self,
-        name: &str,
-        scene: &'b EmbreeScene,
-        asked: &'b [&Asked],
-    ) -> Contender<'b> {
-        let packets = |task: usize, asked: &'b Asked| asked.packets[task * TASK / 16..].iter();
-        let closest = move |task: usize, asked: &'b Asked, out: &mut [Hit]| {
-            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
-                scene.packet_closest(packet, out);
-            }
-        };
-        let any = move |task: usize, asked: &'b Asked, out: &mut [u8]| {
-            for (packet, out) in packets(task, asked).zip(out.chunks_mut(16)) {
-                scene.packet_occluded(packet, out);
-            }
-        };
-        self.in_tasks(name, asked, (closest, any))
-    }
-
-    /// Tasks write what they find, those of `closest` hits and those of `any` ones and zeros.
-    fn in_tasks<'b>(
-        &'b self,
-        name: &str,
-        asked: &'b [&'b Asked],
-        (closest, any): (
-            impl Fn(usize, &'b Asked, &mut [Hit]) + Send + Sync + 'b,
-            impl Fn(usize, &'b Asked, &mut [u8]) + Send + Sync + 'b,
-        ),
     ) -> Contender<'b> {
         let most = asked.iter().map(|asked| asked.rays.len()).max();
         let mut hits = vec![Hit::MISS; most.unwrap_or(0)];
         let mut met = vec![0; hits.len()];
-        let mut trace = move |asked: &'b Asked| -> u64 {
+        let mut trace = move |asked: &Asked| -> u64 {
             let count = asked.rays.len();
+            let rays = |task: usize| &asked.rays[task * TASK..];
+            let packets = |task: usize| &asked.packets[task * TASK / 16..];
             if asked.kind == Any {
                 let tasks = met[..count].par_chunks_mut(TASK).enumerate();
                 let task = |(task, out): (usize, &mut [u8])| {
-                    any(task, asked, out);
+                    match by_packets {
+                        true => scene.occluded_packets(packets(task), out),
+                        false => scene.occluded(rays(task), out),
+                    }
                     out.iter().map(|&met| u64::from(met)).sum::<u64>()
                 };
                 return tasks.map(task).sum();
             }
             let tasks = hits[..count].par_chunks_mut(TASK).enumerate();
             let task = |(task, out): (usize, &mut [Hit])| {
-                closest(task, asked, out);
+                match by_packets {
+                    true => scene.closest_packets(packets(task), out),
+                    false => scene.closest(rays(task), out),
+                }
                 out.iter().filter(|hit| hit.is_hit()).count() as u64
             };
             tasks.map(task).sum()

@@ -72,10 +72,6 @@ impl Rival for Bvh {
         "bvh"
     }
 
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
-
     fn refits_in_parallel(&self) -> Option<bool> {
         None
     }
@@ -104,13 +100,8 @@ impl Rival for Bvh {
     fn nodes(&self) -> Vec<Node> {
         let node = |node: &BvhNode<f32, 3>| {
             let bounds = node.get_node_aabb(&self.soup);
-            Node {
-                bounds: geom::Aabb {
-                    min: bounds.min.into(),
-                    max: bounds.max.into(),
-                },
-                triangles: u32::from(node.is_leaf()),
-            }
+            let [min, max] = [bounds.min, bounds.max].map(Into::into);
+            (geom::Aabb { min, max }, u32::from(node.is_leaf()))
         };
         self.tree().nodes.iter().map(node).collect()
     }

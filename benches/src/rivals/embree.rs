@@ -51,7 +51,6 @@ struct Valid([i32; 16]);
 
 impl Packet16 {
     /// Packs rays, of which there are at most sixteen. Those that are `coherent` lie close together.
-    #[must_use]
     pub fn new(rays: &[Ray], coherent: bool) -> Self {
         let valid = |lane| if lane < rays.len() { -1 } else { 0 };
         Self {
@@ -63,12 +62,7 @@ impl Packet16 {
 }
 
 impl EmbreeScene {
-    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest
-    /// number.
-    ///
-    /// # Panics
-    /// If there is no memory.
-    #[must_use]
+    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest number.
     pub fn new(triangles: &[Triangle], threads: usize, made: Made) -> Self {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
         // SAFETY: the configuration is a string that ends with a zero byte.
@@ -116,32 +110,38 @@ impl EmbreeScene {
         }
     }
 
-    /// A ray's closest hit.
-    #[must_use]
-    pub fn closest(&self, ray: &Ray) -> Hit {
-        self.ask(ray, rtcIntersect1).hit(0)
+    /// The closest hits of rays, for as many as there is room for; likewise below.
+    pub fn closest(&self, rays: &[Ray], out: &mut [Hit]) {
+        for (ray, out) in rays.iter().zip(out) {
+            *out = self.ask(ray, rtcIntersect1).hit(0);
+        }
     }
 
-    /// Whether a ray hits anything.
-    #[must_use]
-    pub fn is_occluded(&self, ray: &Ray) -> bool {
-        // Embree's sign for a ray that met something.
-        self.ask(ray, rtcOccluded1).t_max < [0.0]
+    /// 1 for a ray that hits anything.
+    pub fn occluded(&self, rays: &[Ray], out: &mut [u8]) {
+        for (ray, out) in rays.iter().zip(out) {
+            // Embree's sign for a ray that met something.
+            *out = u8::from(self.ask(ray, rtcOccluded1).t_max < [0.0]);
+        }
     }
 
-    /// The closest hits of a packet's rays, for as many as there is room for.
-    pub fn packet_closest(&self, packet: &Packet16, out: &mut [Hit]) {
-        let found = self.ask_packet(packet, rtcIntersect16);
-        for (lane, out) in out.iter_mut().enumerate() {
-            *out = found.hit(lane);
+    /// The closest hits of the rays of packets.
+    pub fn closest_packets(&self, packets: &[Packet16], out: &mut [Hit]) {
+        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
+            let found = self.ask_packet(packet, rtcIntersect16);
+            for (lane, out) in out.iter_mut().enumerate() {
+                *out = found.hit(lane);
+            }
         }
     }
 
     /// Likewise, 1 for a ray that hits anything.
-    pub fn packet_occluded(&self, packet: &Packet16, out: &mut [u8]) {
-        let found = self.ask_packet(packet, rtcOccluded16);
-        for (out, t) in out.iter_mut().zip(&found.t_max) {
-            *out = u8::from(*t < 0.0);
+    pub fn occluded_packets(&self, packets: &[Packet16], out: &mut [u8]) {
+        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
+            let found = self.ask_packet(packet, rtcOccluded16);
+            for (out, t) in out.iter_mut().zip(&found.t_max) {
+                *out = u8::from(*t < 0.0);
+            }
         }
     }
 

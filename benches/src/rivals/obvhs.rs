@@ -27,10 +27,6 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
         }
     }
 
-    fn builds_in_parallel(&self) -> bool {
-        true
-    }
-
     fn refits_in_parallel(&self) -> Option<bool> {
         Some(false)
     }
@@ -97,12 +93,9 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
     }
 
     fn nodes(&self) -> Vec<Node> {
-        let node = |node: &obvhs::bvh2::node::Bvh2Node| Node {
-            bounds: Aabb {
-                min: node.aabb().min.to_array(),
-                max: node.aabb().max.to_array(),
-            },
-            triangles: node.prim_count,
+        let node = |node: &obvhs::bvh2::node::Bvh2Node| {
+            let [min, max] = [node.aabb().min, node.aabb().max].map(|p| p.to_array());
+            (Aabb { min, max }, node.prim_count)
         };
         self.tree.nodes.iter().map(node).collect()
     }

@@ -107,15 +107,10 @@ impl Rival for Parry {
             let [min, max]: [Point; 2] = [min.into(), max.into()];
             Aabb { min, max }
         };
-        let mut nodes = vec![Node {
-            bounds: bounds(root.mins, root.maxs),
-            triangles: 0,
-        }];
+        let mut nodes = vec![(bounds(root.mins, root.maxs), 0)];
         self.tree.traverse(|node: &BvhNode| {
-            nodes.push(Node {
-                bounds: bounds(node.mins(), node.maxs()),
-                triangles: u32::from(node.is_leaf()),
-            });
+            let bounds = bounds(node.mins(), node.maxs());
+            nodes.push((bounds, u32::from(node.is_leaf())));
             TraversalAction::Continue
         });
         nodes

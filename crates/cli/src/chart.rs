@@ -15,12 +15,12 @@ mod plan;
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
 use crate::stop::Stop;
-use crate::table::of_rows;
+use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use plan::{ChartPlan, Way};
+use plan::Way;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
@@ -30,9 +30,10 @@ const LEGEND: &str = "wrong: closest hits of so many that differ from exact arit
 type Measured = (Way, Point);
 
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
-    let plan = ChartPlan::of(args)?;
+    let (ways, skipped) = plan::ways(args)?;
+    let scenes = plan::unique(&args.measure.scenes);
     if !args.measure.quiet {
-        plan.skipped.iter().for_each(|s| talk::say(s));
+        skipped.iter().for_each(|s| talk::say(s));
     }
     let machine = Machine {
         cpu: info::cpu_model(),
@@ -49,11 +50,11 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
         },
     };
     let mut measured = Vec::new();
-    for spec in &plan.scenes {
-        measured.push(work.time_scene(spec, &plan.ways)?);
+    for spec in &scenes {
+        measured.push(work.time_scene(spec, &ways)?);
     }
     work.ask_hard_rays(&mut measured)?;
-    for (spec, points) in plan.scenes.iter().zip(&mut measured) {
+    for (spec, points) in scenes.iter().zip(&mut measured) {
         work.judge_scene(spec, points)?;
     }
     let points = measured.into_iter().flatten().map(|(_, point)| point);
@@ -67,7 +68,7 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
 
 /// Writes the four files, up to the first that cannot be written; links there are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
-    let mut text = of_rows(&plot::rows(chart), 5) + LEGEND;
+    let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
     for (name, content) in [
         ("chart.svg", plot::svg(chart)),
         ("chart.html", plot::html(chart)),
@@ -114,7 +115,7 @@ impl Work<'_> {
         self.progress.lengthen(2 * ways.len() as u64 + 1);
         for &way in ways {
             let of = (spec, &scene);
-            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way.ask);
+            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way);
             self.progress.step(&format!("{name} timed {way}"));
             match row {
                 Ok(row) => {
@@ -122,7 +123,7 @@ impl Work<'_> {
                     let command = plan::command(self.args, spec, &row);
                     points.push((way, timed(&name, &row, command)));
                 }
-                Err(stop) if way.named => return Err(stop),
+                Err(stop) if measure.backend.contains(&way.backend) => return Err(stop),
                 Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),
             }
         }
@@ -145,14 +146,15 @@ impl Work<'_> {
     /// Closed bodies and scenes of mixed range, once by each backend and method.
     fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) -> Result<(), Stop> {
         let families = hard::families(self.args.rays);
-        let mut known: Vec<(Way, _)> = Vec::new();
+        let mut known = Vec::new();
         for (way, point) in measured.iter_mut().flatten() {
-            if !known.iter().any(|(of, _)| way.is_like(of)) {
-                known.push((*way, hard::ask(&way.ask, &families, self.args.rays)?));
+            let kind = (way.backend, way.method);
+            if !known.iter().any(|(of, _)| *of == kind) {
+                known.push((kind, hard::ask(way, &families, self.args.rays)?));
                 self.progress.lengthen(1);
                 self.progress.step(&format!("hard rays {way}"));
             }
-            let found = known.iter().find(|(of, _)| way.is_like(of));
+            let found = known.iter().find(|(of, _)| *of == kind);
             (point.mixed_range, point.leaks) = found.map(|f| f.1.clone()).unwrap_or_default();
         }
         Ok(())
@@ -167,7 +169,7 @@ impl Work<'_> {
         let truth = accuracy::GroundTruth::of(&animation, self.args)?;
         self.progress.step(&format!("{name} exact answers"));
         for (way, point) in points {
-            truth.judge(&animation, &way.ask, point)?;
+            truth.judge(&animation, way, point)?;
             self.progress.step(&format!("{name} judged {way}"));
         }
         Ok(())

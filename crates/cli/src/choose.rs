@@ -6,14 +6,15 @@
 
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
 use crate::open::has_own_trees;
-use crate::session::{ReusedBackend, trace_lists};
+use crate::session::{self, trace_lists};
 use crate::stop::Stop;
-use backend::{DeviceKind, Hits, Intersector, Layout, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Intersector, Layout, Method, Query, Rays};
 use fastrand::Rng;
-use geom::Ray;
+use geom::{Animation, Ray};
 use output::Taken;
 use output::plot::Rate;
 use pipeline::{ExpectedMemory, Frame, Pace, RefitDecay, RunFacts, Threads, Update};
+use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -34,7 +35,7 @@ pub(crate) struct Ask<'a> {
     pub(crate) predict: bool,
 }
 
-impl Ask<'_> {
+impl<'a> Ask<'a> {
     /// Leaves all else as it usually is.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
@@ -52,20 +53,29 @@ impl Ask<'_> {
         }
     }
 
+    /// Likewise, for a run that is known.
+    pub(crate) fn over(self, frames: &'a [Frame], query: Query<'a>) -> Self {
+        let run = Some(Run { frames, query });
+        Self { run, ..self }
+    }
+
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
     pub(crate) fn update(&self) -> Choice<Update> {
         let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
-        let within = "the backend makes its trees itself, within each frame";
-        match (self.update, self.lockstep) {
-            (UpdateName::Auto, _) if has_own_trees(self.backend) => (Update::Rebuild, Some(within)),
-            (UpdateName::Auto, Some(_)) => (at_pace, Some("--lockstep asks for it")),
-            (UpdateName::Auto, None) => (at_pace, Some("it suits most scenes that deform")),
-            (UpdateName::Async, _) => (at_pace, None),
-            (UpdateName::Rebuild, _) => (Update::Rebuild, None),
-            (UpdateName::Refit, _) => (Update::Refit, None),
-            (UpdateName::TSah, _) => (Update::TSah, None),
-            (UpdateName::DeviceRebuild, _) => (Update::DeviceRebuild, None),
-        }
+        let (update, why) = match self.update {
+            UpdateName::Auto if has_own_trees(self.backend) => {
+                let within = "the backend makes its trees itself, within each frame";
+                (Update::Rebuild, within)
+            }
+            UpdateName::Auto if self.is_open() => (at_pace, "it suits most scenes that deform"),
+            UpdateName::Auto => (at_pace, "--lockstep asks for it"),
+            UpdateName::Async => return (at_pace, None),
+            UpdateName::Rebuild => return (Update::Rebuild, None),
+            UpdateName::Refit => return (Update::Refit, None),
+            UpdateName::TSah => return (Update::TSah, None),
+            UpdateName::DeviceRebuild => return (Update::DeviceRebuild, None),
+        };
+        (update, Some(why.to_owned()))
     }
 
     /// Whether the policy is left to `auto`, which knows more once the backend is open.
@@ -97,12 +107,12 @@ impl Ask<'_> {
 /// The run that something is chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
-    pub(crate) frames: &'a [Frame],
-    pub(crate) query: Query<'a>,
+    frames: &'a [Frame],
+    query: Query<'a>,
 }
 
 /// Something taken, and why; `None` if it was asked for by name.
-type Choice<T> = (T, Option<&'static str>);
+type Choice<T> = (T, Option<String>);
 
 /// What `auto` took where nothing was asked for by name.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
@@ -125,10 +135,9 @@ pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
 }
 
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    let mut all = Intersector::ALL.into_iter();
-    let why = "it alone is free of wrong answers by definition";
-    let named = all.find(|i| i.name() == word(&name));
-    named.map_or((Intersector::Exact, Some(why)), |named| (named, None))
+    let why = || "it alone is free of wrong answers by definition".to_owned();
+    let named = word(&name).parse();
+    named.map_or_else(|_| (Intersector::Exact, Some(why())), |named| (named, None))
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
@@ -139,11 +148,12 @@ fn layout(name: LayoutName) -> Option<Layout> {
 
 /// The layout asked for, or the one that is traced faster on a device.
 fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
-    match (layout(name), device) {
-        (Some(named), _) => (named, None),
-        (None, DeviceKind::Software) => (Layout::Bvh2, Some("software drivers trace it faster")),
-        (None, _) => (Layout::Fast, Some("it is traced faster")),
-    }
+    let (layout, why) = match (layout(name), device) {
+        (Some(named), _) => return (named, None),
+        (None, DeviceKind::Software) => (Layout::Bvh2, "software drivers trace it faster"),
+        (None, _) => (Layout::Fast, "it is traced faster"),
+    };
+    (layout, Some(why.to_owned()))
 }
 
 /// What is taken, and why this update policy, this intersector, this layout, where it was left open.
@@ -156,33 +166,40 @@ const FASTEST_FIRST: [Intersector; 3] = [
     Intersector::Woop,
 ];
 
-/// Settles what `ask` leaves open.
-pub(crate) fn settle(backend: &mut ReusedBackend<'_>, ask: &Ask<'_>) -> Result<Settled, Stop> {
-    let (intersector, why_intersector) = settle_intersector(backend, ask)?;
-    let (layout, why_layout) = layout_on(backend.device.kind, ask.method.layout);
+/// Settles what `ask` leaves open, on a backend of such devices, which comes back.
+pub(crate) fn settle(
+    backend: Box<dyn Backend>,
+    animation: &Arc<Animation>,
+    ask: &Ask<'_>,
+) -> Result<(Box<dyn Backend>, Settled), Stop> {
+    let device = backend.device().kind;
+    let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
+    let (layout, why_layout) = layout_on(device, ask.method.layout);
     let method = Method {
         intersector,
         layout,
     };
     let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
         Some(run) => {
-            let (update, why) = facts(backend, &run, method)?.choose();
+            let (update, why) = facts(device, animation, ask, &run, method)?.choose();
             (update, Some(why))
         }
-        None => {
-            let (update, why) = ask.update();
-            (update, why.map(str::to_owned))
-        }
+        None => ask.update(),
     };
-    let why = [why_update, why_intersector, why_layout.map(str::to_owned)];
-    Ok((method, update, why))
+    let why = [why_update, why_intersector, why_layout];
+    Ok((backend, (method, update, why)))
 }
 
-fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>, method: Method) -> Result<RunFacts, Stop> {
-    let animation = backend.animation;
+fn facts(
+    device: DeviceKind,
+    animation: &Animation,
+    ask: &Ask<'_>,
+    run: &Run<'_>,
+    method: Method,
+) -> Result<RunFacts, Stop> {
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
-    let (device, rays) = (backend.device.kind, run.query.rays.count());
-    let threads = backend.ask.share(device, Update::Async(Pace::Free));
+    let rays = run.query.rays.count();
+    let threads = ask.share(device, Update::Async(Pace::Free));
     let memory = ExpectedMemory::of(animation, device, (method, Update::DeviceRebuild), rays);
     Ok(RunFacts {
         frames: times.len(),
@@ -201,27 +218,37 @@ fn facts(backend: &ReusedBackend<'_>, run: &Run<'_>, method: Method) -> Result<R
     })
 }
 
-/// The intersector asked for, or the fastest that meets the tolerance.
+/// The intersector asked for, or the fastest that meets the tolerance; and why.
 fn settle_intersector(
-    backend: &mut ReusedBackend<'_>,
+    backend: Box<dyn Backend>,
+    animation: &Arc<Animation>,
     ask: &Ask<'_>,
-) -> Result<(Intersector, Option<String>), Stop> {
-    let (usual, why) = intersector(ask.method.intersector);
+) -> Result<(Box<dyn Backend>, Choice<Intersector>), Stop> {
+    let usual = intersector(ask.method.intersector);
     let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
     let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((usual, why.map(str::to_owned)));
+        return Ok((backend, usual));
     };
     let Some(rays) = needed(ask.tolerance) else {
         let why = "to show so small a tolerance would take too many rays".to_owned();
-        return Ok((Intersector::Exact, Some(why)));
+        return Ok((backend, (Intersector::Exact, Some(why))));
     };
     let sample = sample(&run, rays);
     let rays = sample.iter().map(|(_, rays)| rays.len() as u64).sum();
-    let exact = answers(backend, (&sample, run.query.kind), Intersector::Exact)?;
+    let answers = |backend, intersector: Intersector| -> Result<_, Stop> {
+        let how = (Method::from(intersector), Update::Refit);
+        let taking = session::take(backend, animation, ask, how)?;
+        let mut driver = session::driver(animation, taking)?;
+        let lists = sample.iter().map(|(time, rays)| (*time, &rays[..]));
+        let answers = trace_lists(&mut driver, run.query.kind, lists)?;
+        Ok((driver.into_backend(), answers))
+    };
+    let (mut backend, exact) = answers(backend, Intersector::Exact)?;
     let mut found = Vec::new();
     for intersector in FASTEST_FIRST {
-        let answers = answers(backend, (&sample, run.query.kind), intersector)?;
-        let pairs = exact.iter().zip(&answers);
+        let hits;
+        (backend, hits) = answers(backend, intersector)?;
+        let pairs = exact.iter().zip(&hits);
         let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
         // With 95 % confidence.
         let most = Rate::of(wrong, rays).map_or(1e6, |rate| rate.high);
@@ -230,11 +257,11 @@ fn settle_intersector(
         ));
         if most <= ask.tolerance {
             let why = format!("the fastest within the tolerance ({})", found.join(", "));
-            return Ok((intersector, Some(why)));
+            return Ok((backend, (intersector, Some(why))));
         }
     }
     let why = format!("no other is within the tolerance ({})", found.join(", "));
-    Ok((Intersector::Exact, Some(why)))
+    Ok((backend, (Intersector::Exact, Some(why))))
 }
 
 /// Frames of the run whose rays are asked.
@@ -259,22 +286,6 @@ fn sample(run: &Run<'_>, count: usize) -> Vec<(f64, Vec<Ray>)> {
         (time, rays.collect())
     };
     (0..MOMENTS).map(at).collect()
-}
-
-fn answers(
-    backend: &mut ReusedBackend<'_>,
-    (sample, kind): (&[(f64, Vec<Ray>)], QueryKind),
-    intersector: Intersector,
-) -> Result<Vec<Hits>, Stop> {
-    let method = Method {
-        intersector,
-        ..Method::default()
-    };
-    let mut driver = backend.driver(method, Update::Refit)?;
-    let lists = sample.iter().map(|(time, rays)| (*time, &rays[..]));
-    let answers = trace_lists(&mut driver, kind, lists);
-    backend.put_back(driver);
-    answers
 }
 
 fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {

@@ -6,7 +6,7 @@ use crate::args::{BackendName, ConformArgs};
 use crate::conflicts::Files;
 use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
-use crate::table::{counted, grouped, of_rows, table};
+use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
 use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
@@ -14,6 +14,7 @@ use conformance::{Law, Reference, hold, laws_of};
 use oracle::OracleRow;
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Steps in which the progress of many rays is told.
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
 /// Every law on every subject, against the host on one thread.
 fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
-    let laws = |s: &Subject| laws_of(s.backend.as_ref()).iter().filter(named);
+    let laws = |s: &Subject| laws_of(s.as_ref()).iter().filter(named);
     let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
     let cases = match (args.case, args.cases) {
         (Some(case), _) => case..=case,
@@ -60,19 +61,20 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
+        let name = subject.device().backend;
         for law in laws(subject) {
             let begun = Instant::now();
-            let backend = subject.backend.as_mut();
+            let backend = subject.as_mut();
             let held = hold(law, backend, &mut reference, args.seed, cases.clone());
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 law: law.name,
-                backend: subject.name,
+                backend: name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
                 reproduce: held.as_ref().err().map(|e| {
                     let rest = format!("--law {} --case {}", e.law, e.case);
-                    command(args, "", subject.name, &rest)
+                    command(args, "", name, &rest)
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
             };
@@ -81,7 +83,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 Some(_) => "failed after",
             };
             let cases = counted(row.held as usize, ["case", "cases"]);
-            let line = format!("{} {}: {so} {cases}", subject.name, law.name);
+            let line = format!("{name} {}: {so} {cases}", law.name);
             progress.step(&format!("{line}, {seconds:.1} s"));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
@@ -114,14 +116,14 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     };
     let mut progress = Progress::new(STEPS, args.test.quiet);
     let mut told = 0;
-    let line = format!("{} rays at closed bodies", subject.name);
-    let found = leaks::run(subject.backend.as_mut(), &plan, &mut |done| {
+    let (name, rays) = (subject.device().backend, args.leak_rays);
+    let line = format!("{name} rays at closed bodies");
+    let found = leaks::run(subject.as_mut(), &plan, &mut |done| {
         let steps = (u128::from(done) * u128::from(STEPS) / u128::from(plan.rays)) as u64;
         (told..steps).for_each(|_| progress.step(&line));
         told = steps;
     })?;
     drop(progress);
-    let (name, rays) = (subject.name, args.leak_rays);
     let rows = found.rows.iter().map(|row| leak_row(name, row));
     report.leaks.extend(rows);
     let rest = format!("--cases 0 --leak-rays {rays} --intersector {intersector}");
@@ -219,27 +221,27 @@ impl Report {
 
     /// Laws down, backends across.
     fn law_table(&self) -> String {
-        let mut head = vec!["law"];
-        head.extend(&self.tested.names);
-        let mut rows: Vec<Vec<String>> = Vec::new();
-        let mut laws = Vec::new();
-        for PropertyRow { law, .. } in &self.rows {
-            if laws.contains(law) {
-                continue;
+        let held = |law: &str, backend: &str| {
+            let this = |r: &&PropertyRow| (r.law, r.backend) == (law, backend);
+            match self.rows.iter().find(this) {
+                None => "-".to_owned(),
+                Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
+                Some(r) => format!("held {}", r.held),
             }
-            laws.push(law);
-            let cell = |backend: &&str| {
-                let this = |r: &&PropertyRow| (&r.law, &r.backend) == (law, backend);
-                match self.rows.iter().find(this) {
-                    None => "-".to_owned(),
-                    Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
-                    Some(r) => format!("held {}", r.held),
-                }
-            };
-            let cells = self.tested.names.iter().map(cell).collect();
-            rows.push([vec![law.replace('_', " ")], cells].concat());
-        }
-        table(&head, &rows, 1)
+        };
+        let row = |law: &str| -> Cells<'_> {
+            let held = self.tested.names.iter().map(|&on| (on, held(law, on)));
+            let law = ("law", law.replace('_', " "));
+            [law].into_iter().chain(held).collect()
+        };
+        // In the order in which they are tried.
+        let mut seen = BTreeSet::new();
+        let laws = self
+            .rows
+            .iter()
+            .map(|r| r.law)
+            .filter(|&law| seen.insert(law));
+        table(laws.map(row), 1)
     }
 
     fn leak_table(&self) -> String {
@@ -250,7 +252,7 @@ impl Report {
         };
         let cell = |row: &Value, name| (name, text(&row[name]));
         let cells = |row| LEAKS.split(' ').map(|name| cell(row, name)).collect();
-        of_rows(&self.leaks.iter().map(cells).collect::<Vec<_>>(), 4)
+        table(self.leaks.iter().map(cells), 4)
     }
 }
 

@@ -145,17 +145,12 @@ pub(crate) fn list(
         return range.map_or_else(|| at_keys(list, keys), |_| Err(Stop::bad(why)));
     }
     let end = (keys - 1) as f64;
-    let range = range.unwrap_or(TimeRange { from: 0.0, to: end });
-    let TimeRange { from, to } = range;
+    let (count, [from, to]) = spread_over(frames, range, keys, is_demo);
     if from < 0.0 || to > end {
         let why = format!("leaves the motion, which lasts from 0 to {end} key frames");
         return Err(Stop::bad(format!("--time-range {from}..{to} {why}")));
     }
-    let count = match frames {
-        Some(Frames::Count(n)) => *n,
-        _ => default_count(range, is_demo),
-    };
-    let numbered = (0..).zip(spread(range, count));
+    let numbered = (0..).zip(spread([from, to], count));
     let frames = numbered.map(|(index, time)| Frame { index, time });
     Ok(frames.collect())
 }
@@ -200,22 +195,31 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-pub(crate) fn default_count(range: TimeRange, is_demo: bool) -> usize {
-    match range.to - range.from {
-        0.0 => 1,
+/// How many frames are spread over which stretch, where they are not at key times.
+pub(crate) fn spread_over(
+    frames: Option<&Frames>,
+    range: Option<TimeRange>,
+    keys: usize,
+    is_demo: bool,
+) -> (usize, TimeRange) {
+    let [from, to] = range.unwrap_or([0.0, (keys - 1) as f64]);
+    let count = match (frames, to - from) {
+        (Some(Frames::Count(n)), _) => *n,
+        (_, 0.0) => 1,
         _ if is_demo => DEMO_FRAMES,
-        // One a key frame where that is few enough; `list` has checked that the range is short.
-        keys => (keys as usize + 1).clamp(2, MOST_FRAMES),
-    }
+        // One a key frame where that is few enough.
+        (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
+    };
+    (count, [from, to])
 }
 
 /// `n` times over the range, both ends included; whole times stay whole where they are hit.
-fn spread(range: TimeRange, n: usize) -> Vec<f64> {
+fn spread([from, to]: TimeRange, n: usize) -> Vec<f64> {
     let steps = (n.max(2) - 1) as f64;
-    let at = |i: usize| range.from + (range.to - range.from) * i as f64 / steps;
+    let at = |i: usize| from + (to - from) * i as f64 / steps;
     let mut times: Vec<f64> = (0..n).map(at).collect();
     if let Some(last) = times.get_mut(1..).and_then(<[f64]>::last_mut) {
-        *last = range.to;
+        *last = to;
     }
     times
 }
@@ -248,8 +252,7 @@ mod tests {
         }
     }
 
-    fn times(frames: Option<Frames>, range: Option<(f64, f64)>, keys: usize) -> Option<Vec<f64>> {
-        let range = range.map(|(from, to)| TimeRange { from, to });
+    fn times(frames: Option<Frames>, range: Option<TimeRange>, keys: usize) -> Option<Vec<f64>> {
         let list = list(frames.as_ref(), range, keys, false).ok()?;
         let number = |i: usize, f: &Frame| match frames {
             Some(Frames::Keys(_)) => f.index == f.time as u64,
@@ -265,7 +268,7 @@ mod tests {
         let keys = |from, to| Some(Frames::Keys((from..to).collect()));
         for (frames, range, key_times, expected) in [
             (count(3), None, 5, vec![0.0, 2.0, 4.0]),
-            (count(3), Some((0.5, 1.5)), 5, vec![0.5, 1.0, 1.5]),
+            (count(3), Some([0.5, 1.5]), 5, vec![0.5, 1.0, 1.5]),
             (count(1), None, 5, vec![0.0]),
             (count(3), None, 1, vec![0.0; 3]),
             (count(53), None, 53, (0..53).map(f64::from).collect()),
@@ -277,9 +280,9 @@ mod tests {
         }
         for (frames, range) in [
             (keys(1, 5), None),
-            (keys(1, 3), Some((0.0, 1.0))),
-            (None, Some((0.0, 3.5))),
-            (None, Some((-1.0, 2.0))),
+            (keys(1, 3), Some([0.0, 1.0])),
+            (None, Some([0.0, 3.5])),
+            (None, Some([-1.0, 2.0])),
         ] {
             assert_eq!(times(frames, range, 4), None);
         }

@@ -5,9 +5,9 @@ use crate::args::{
     BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Tolerance, UpdateName,
 };
 use crate::bench::FOV;
-use crate::choose::{Ask, Run};
+use crate::choose::Ask;
 use crate::stop::Stop;
-use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, of_rows};
+use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::{frames, session, talk};
 use geom::{Animation, Point};
 use output::Taken;
@@ -66,16 +66,12 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
-    let run = camera.as_ref().map(|camera| Run {
-        frames: &frames,
-        query: shading::query((camera, view.light)),
-    });
     let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
-    let ask = Ask {
-        tolerance: args.tolerance.ppm(),
-        run,
-        ..Ask::of(BackendName::Auto, method, UpdateName::Auto)
-    };
+    let mut ask = Ask::of(BackendName::Auto, method, UpdateName::Auto);
+    ask.tolerance = args.tolerance.ppm();
+    if let Some(camera) = &camera {
+        ask = ask.over(&frames, shading::query((camera, view.light)));
+    }
     Ok(session::start_driver(animation, &ask)?.1.auto)
 }
 
@@ -123,7 +119,7 @@ fn decay_table(decay: &[Decay]) -> String {
             ("SAH ratio", ratio),
         ]
     };
-    of_rows(&decay.iter().map(row).collect::<Vec<_>>(), 0)
+    table(decay.iter().map(row), 0)
 }
 
 /// What was rendered, and what else its source told. `live` triangles are active in some key frame. Those that never move

@@ -86,8 +86,9 @@ fn read_folder(folder: &Path) -> Result<(Manifest, Finished), Stop> {
         let folder = folder.display();
         Stop::bad(format!("{folder} holds no run: it has no manifest"))
     };
-    let manifest = Manifest::in_folder(folder)?.ok_or_else(no_manifest)?;
-    Ok((manifest, Finished::in_folder(folder)?))
+    let manifest = Manifest::in_folder(folder).map_err(Stop::bad)?;
+    let manifest = manifest.ok_or_else(no_manifest)?;
+    Ok((manifest, Finished::in_folder(folder).map_err(Stop::bad)?))
 }
 
 /// What folders and files hold that are of one run.

@@ -77,8 +77,6 @@ impl Drop for Opening {
 /// Whether a backend can run here, and what it can do.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
-    #[serde(skip)]
-    pub(crate) name: BackendName,
     pub(crate) backend: &'static str,
     /// Why it cannot run; `None` if it can.
     pub(crate) absent: Option<String>,
@@ -111,7 +109,6 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
         let own_trees = known.has_own_trees;
         let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
         Presence {
-            name: BackendName::from_str(known.name, true).expect("every backend has a name"),
             backend: known.name,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
@@ -136,10 +133,7 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
 pub(crate) const DRIVERS: &str = "driver";
 
 /// A backend that is put to the test.
-pub(crate) struct Subject {
-    pub(crate) name: &'static str,
-    pub(crate) backend: Box<dyn Backend>,
-}
+pub(crate) type Subject = Box<dyn Backend>;
 
 /// What every report of a test begins with.
 #[derive(Default, Serialize)]
@@ -171,8 +165,8 @@ impl Tested {
             }),
             ..Self::default()
         };
-        for Subject { name, backend } in subjects {
-            let device = backend.device();
+        for device in subjects.iter().map(|subject| subject.device()) {
+            let name = device.backend;
             let (adapter, own) = (&device.adapter, device.arithmetic.to_string());
             let driver = match device.driver.trim() {
                 "" => String::new(),
@@ -209,10 +203,7 @@ pub(crate) fn open_all(args: &TestArgs, drivers: bool) -> Result<(Vec<Subject>, 
             continue;
         }
         match bare(one, args.adapter.as_deref(), host::cores()) {
-            Ok(backend) => subjects.push(Subject {
-                name: backend.device().backend,
-                backend,
-            }),
+            Ok(backend) => subjects.push(backend),
             Err(stop) if named => return Err(stop),
             Err(stop) => absent.push((word(&one), stop.to_string())),
         }

@@ -1,7 +1,6 @@
 //! `abvh render`: an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
-use crate::choose::Run;
 use crate::conflicts::Files;
 use crate::resume::{self, Earlier, manifest};
 use crate::session::{self, Ask, Setup};
@@ -12,7 +11,7 @@ use crate::{frames, info, inspect, table, talk, values};
 use abvh::Tracer;
 use abvh::frames::{Frame, Wanted};
 use geom::{Camera, Point};
-use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video, VideoFiles};
+use output::{FrameStats, Journal, RunTimeline, SCHEMA, Video};
 use scene::Scene;
 use serde_json::{Value, json};
 use shading::View;
@@ -43,19 +42,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let view = view(args, &scene);
     let camera = camera(&view, args.size)?;
     let query = shading::query((&camera, view.light));
-    let run = Run {
-        frames: &frames,
-        query,
-    };
-    let ask = Ask {
-        run: Some(run),
-        ..asked
-    };
-    let video = video(args)?;
+    let ask = asked.over(&frames, query);
+    // Its encoder starts while the device is opened.
+    let videos = [&args.video, &args.y4m].map(Option::as_deref);
+    let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;
     let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     passed("open the device, load the scene");
     let mut wanted = outputs.wanted();
-    wanted.pixels |= video.is_some();
     let shades = tracer.prepare_frames((&camera, view.light), wanted)?;
     if wanted.pixels && !shades {
         wanted = Wanted::HITS;
@@ -67,7 +60,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         output::write_rays(file, camera.pixels(), camera.rays()).inspect_err(tidy)?;
     }
     // A video is made of all frames, also of those whose files are whole.
-    let (old, todo) = match video.is_some() {
+    let (old, todo) = match outputs.video {
         true => (Vec::new(), frames),
         false => earlier.divide(frames, &outputs),
     };
@@ -139,29 +132,15 @@ fn check_files(args: &RenderArgs) -> Result<(), Stop> {
 /// What the run wants of a backend, as long as its frames are not known.
 fn ask(args: &RenderArgs) -> Ask<'_> {
     Ask {
-        backend: args.device.backend,
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
-        method: args.method,
-        update: args.update,
         lockstep: args.lockstep,
         tolerance: args.tolerance.ppm(),
-        run: None,
         rays: values::pixels(args.size),
         predict: args.predict,
+        ..Ask::of(args.device.backend, args.method, args.update)
     }
-}
-
-/// The video that is asked for. Its encoder starts while the device is opened.
-fn video(args: &RenderArgs) -> Result<Option<Video<Lent>>, Stop> {
-    let files = VideoFiles {
-        encoded: args.video.as_deref(),
-        y4m: args.y4m.as_deref(),
-        size: args.size,
-        fps: args.source.fps,
-    };
-    Video::begin(&files).map_err(Stop::bad)
 }
 
 /// Results go to standard output, unless statistics or a video go there.

@@ -3,7 +3,7 @@
 use crate::args::{RenderArgs, word};
 use crate::open::has_own_trees;
 use crate::stop::Stop;
-use crate::values::{Frames, TimeRange};
+use crate::values::Frames;
 use crate::writer::Outputs;
 use crate::{frames, info, talk};
 use output::{Finished, FrameStats, Journal, Manifest, SCHEMA, SceneId, overview};
@@ -24,7 +24,7 @@ impl Earlier {
         for folder in outputs.folders() {
             let found = match args.overwrite {
                 true => None,
-                false => Manifest::in_folder(&folder)?,
+                false => Manifest::in_folder(&folder).map_err(Stop::bad)?,
             };
             if let Some(found) = found {
                 if let Some(difference) = found.difference(&manifest(args, found.key_times)?) {
@@ -34,7 +34,7 @@ impl Earlier {
                 earlier = Some(found);
             }
             let finished = match args.resume && earlier.is_some() {
-                true => Finished::in_folder(&folder)?,
+                true => Finished::in_folder(&folder).map_err(Stop::bad)?,
                 false => Finished::default(),
             };
             folders.push((folder, finished));
@@ -82,7 +82,7 @@ impl Earlier {
         let Some(found) = self.manifest.as_ref().filter(|_| args.resume) else {
             return Ok(None);
         };
-        if args.makes_video() || beside.any(|file| !file.exists()) {
+        if outputs.video || beside.any(|file| !file.exists()) {
             return Ok(None);
         }
         let all = listed(args, found.key_times)?;
@@ -106,11 +106,11 @@ impl Earlier {
         let begin = |(folder, _): (PathBuf, Finished)| {
             let found = Manifest::in_folder(&folder).ok().flatten();
             if args.overwrite && found.as_ref() != Some(own) {
-                output::clear_run(&folder)?;
+                output::clear_run(&folder).map_err(Stop::bad)?;
             }
             own.write_to(&folder)?;
             let (list, stats) = (numbers(list), stats.clone());
-            Ok(Journal::begin(&folder, shard, list, stats)?)
+            Journal::begin(&folder, shard, list, stats).map_err(Stop::bad)
         };
         self.folders.into_iter().map(begin).collect()
     }
@@ -162,7 +162,7 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
     // Where a file lies decides nothing, but how inputs are placed does.
     let is_placed = args.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| args.scene.clone());
-    let files = output::digests(&files)?;
+    let files = output::digests(&files).map_err(Stop::bad)?;
     Ok(Manifest {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -201,12 +201,10 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
 
 /// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
 fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
-    let to = (key_times - 1) as f64;
-    let range = args.time_range.unwrap_or(TimeRange { from: 0.0, to });
-    let count = match &args.frames {
-        Some(Frames::Keys(_)) => return json!("key times"),
-        Some(Frames::Count(n)) => *n,
-        None => frames::default_count(range, frames::is_demo(&args.scene)),
-    };
-    json!({ "count": count, "from": range.from, "to": range.to })
+    if let Some(Frames::Keys(_)) = args.frames {
+        return json!("key times");
+    }
+    let (frames, is_demo) = (args.frames.as_ref(), frames::is_demo(&args.scene));
+    let (count, [from, to]) = frames::spread_over(frames, args.time_range, key_times, is_demo);
+    json!({ "count": count, "from": from, "to": to })
 }

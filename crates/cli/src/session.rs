@@ -6,7 +6,7 @@ pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, Device, DeviceKind, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
@@ -109,9 +109,8 @@ fn start_by<T>(
     check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
-        let mut backend = ReusedBackend::new(backend, animation, ask);
-        let (method, update, why) = choose::settle(&mut backend, ask)?;
-        let taking = backend.take(method, update)?;
+        let (backend, (method, update, why)) = choose::settle(backend, animation, ask)?;
+        let taking = take(backend, animation, ask, (method, update))?;
         let device = taking.0.device().clone();
         Ok((load(taking)?, device, method, update, why))
     };
@@ -218,70 +217,41 @@ pub(crate) fn trace_lists<'a>(
 /// A backend that has room for the scene, what a driver is to do with it, and threads that build.
 type Taking = (Box<dyn Backend>, DriverOptions, usize);
 
-fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Result<Driver, Stop> {
+pub(crate) fn driver(
+    animation: &Arc<Animation>,
+    (backend, options, threads): Taking,
+) -> Result<Driver, Stop> {
     let threads = BuilderThreads::new(threads)?;
     let animation = Arc::clone(animation);
     Ok(Driver::new(backend, animation, options, threads)?)
 }
 
-/// A backend that serves one driver after another.
-pub(crate) struct ReusedBackend<'a> {
-    pub(crate) animation: &'a Arc<Animation>,
-    pub(crate) device: Device,
-    pub(crate) ask: &'a Ask<'a>,
-    /// None while a driver has it, and after one broke down over it.
-    backend: Option<Box<dyn Backend>>,
-}
-
-impl<'a> ReusedBackend<'a> {
-    /// With a backend that was opened for `ask`.
-    pub(crate) fn new(
-        backend: Box<dyn Backend>,
-        animation: &'a Arc<Animation>,
-        ask: &'a Ask<'a>,
-    ) -> Self {
-        Self {
-            animation,
-            device: backend.device().clone(),
-            ask,
-            backend: Some(backend),
-        }
-    }
-
-    /// A driver that traces by `method` and follows the motion by `update`, as a run of its own would have it.
-    pub(crate) fn driver(&mut self, method: Method, update: Update) -> Result<Driver, Stop> {
-        driver(self.animation, self.take(method, update)?)
-    }
-
-    fn take(&mut self, method: Method, update: Update) -> Result<Taking, Stop> {
-        let threads = self.ask.share(self.device.kind, update);
-        let options = DriverOptions {
-            method,
-            update,
-            time_range: self.ask.time_range(),
-            predict: self.ask.predict,
-        };
-        let backend = self.on(threads.render)?;
-        check_device(&*backend, self.animation, (method, update), self.ask.rays())?;
-        Ok((backend, options, threads.build))
-    }
-
-    pub(crate) fn put_back(&mut self, driver: Driver) {
-        self.backend = Some(driver.into_backend());
-    }
-
-    /// The backend at hand, or another of the same kind if that computes on other threads or is gone.
-    fn on(&mut self, threads: usize) -> Result<Box<dyn Backend>, Stop> {
-        if let Some(backend) = self.backend.take() {
-            // 0 of those whose device computes.
-            if [0, threads].contains(&backend.device().threads) {
-                return Ok(backend);
-            }
-        }
-        let named = BackendName::from_str(self.device.backend, true);
-        let backend = named.unwrap_or(self.ask.backend);
-        open::bare(backend, self.ask.adapter, threads)
-    }
+/// What a driver takes that traces by a method and follows the motion by a policy, as a run of its own would have it. Of a
+/// backend that computes on other threads, another of its kind is opened.
+pub(crate) fn take(
+    backend: Box<dyn Backend>,
+    animation: &Animation,
+    ask: &Ask<'_>,
+    (method, update): (Method, Update),
+) -> Result<Taking, Stop> {
+    let device = backend.device().clone();
+    let threads = ask.share(device.kind, update);
+    // Those whose device computes have none.
+    let backend = if [0, threads.render].contains(&device.threads) {
+        backend
+    } else {
+        drop(backend);
+        let named = BackendName::from_str(device.backend, true).unwrap_or(ask.backend);
+        open::bare(named, ask.adapter, threads.render)?
+    };
+    check_device(&*backend, animation, (method, update), ask.rays())?;
+    let options = DriverOptions {
+        method,
+        update,
+        time_range: ask.time_range(),
+        predict: ask.predict,
+    };
+    Ok((backend, options, threads.build))
 }
 
 /// Refuses scenes whose trees and rays the host's memory does not hold. Key frames are there already.

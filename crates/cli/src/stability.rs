@@ -47,16 +47,16 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
 /// Measures what is to be expected of the one backend.
 fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
     let [subject] = subjects else {
-        let names: Vec<_> = subjects.iter().map(|s| s.name).collect();
+        let names: Vec<_> = subjects.iter().map(|s| s.device().backend).collect();
         let there = format!("there are {}; name one with --backend", names.join(", "));
         return Err(Stop::bad(format!(
             "--record measures one backend, but {there}"
         )));
     };
     let mut progress = Progress::new(Family::ALL.len() as u64, args.test.quiet);
-    let extent = (args.seeds, args.rays);
-    let found = baseline::record(subject.backend.as_mut(), extent, &mut |family| {
-        progress.step(&format!("{} {family}", subject.name));
+    let (name, extent) = (subject.device().backend, (args.seeds, args.rays));
+    let found = baseline::record(subject.as_mut(), extent, &mut |family| {
+        progress.step(&format!("{name} {family}"));
     })?;
     output::write_json(file, &found)?;
     let rates = found.entries.len();
@@ -76,16 +76,17 @@ fn ask(
     for family in Family::ALL {
         let test = StressTest::new(family, &plan);
         for subject in &mut *subjects {
+            let backend = subject.device().backend;
             for &by in asked {
                 let begun = Instant::now();
-                let cell = test.ask(subject.backend.as_mut(), by)?;
+                let cell = test.ask(subject.as_mut(), by)?;
                 report.rows.extend(cell.map(|cell| Row {
-                    backend: subject.name,
+                    backend,
                     cell,
                     seconds: begun.elapsed().as_secs_f64(),
                 }));
             }
-            progress.step(&format!("{} {family}", subject.name));
+            progress.step(&format!("{backend} {family}"));
         }
     }
     Ok(())
@@ -154,12 +155,9 @@ impl Report {
 
     /// Families down, intersectors across: first what is wrong, then what leaks and what is hit twice.
     fn tables(&self, backend: &str, asked: &[Intersector]) -> String {
-        let mut head = vec!["wrong"];
-        head.extend(asked.iter().map(|i| i.name()));
         let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
-        text += &self.table(backend, &head, asked, &|r| share(r.cell.wrong()));
-        head[0] = "leaks, double hits";
-        text + &self.table(backend, &head, asked, &|r| {
+        text += &self.table(backend, "wrong", asked, &|r| share(r.cell.wrong()));
+        text + &self.table(backend, "leaks, double hits", asked, &|r| {
             let all = [Measure::Leaks, Measure::DoubleHits].map(|m| r.cell.get(m).map(share));
             all.into_iter().flatten().collect::<Vec<_>>().join(", ")
         })
@@ -169,7 +167,7 @@ impl Report {
     fn table(
         &self,
         backend: &str,
-        head: &[&str],
+        what: &str,
         asked: &[Intersector],
         cell: &dyn Fn(&Row) -> String,
     ) -> String {
@@ -177,15 +175,18 @@ impl Report {
             let of = |by: &Intersector| {
                 let this = (backend, family, *by);
                 let is_this = |r: &&Row| (r.backend, r.cell.family, r.cell.intersector) == this;
-                self.rows.iter().find(is_this).map_or("-".to_owned(), cell)
+                let found = self.rows.iter().find(is_this);
+                (by.name(), found.map_or("-".to_owned(), cell))
             };
-            let cells: Vec<String> = asked.iter().map(of).collect();
-            let says = cells.iter().any(|c| !c.is_empty() && c != "-");
-            says.then(|| [vec![family.name().to_owned()], cells].concat())
+            let cells: Vec<_> = asked.iter().map(of).collect();
+            let says = cells.iter().any(|(_, c)| !c.is_empty() && c != "-");
+            says.then(|| [vec![(what, family.name().to_owned())], cells].concat())
         };
         let rows: Vec<_> = Family::ALL.into_iter().filter_map(row).collect();
-        let table = (!rows.is_empty()).then(|| table(head, &rows, 1));
-        table.unwrap_or_default()
+        match rows.is_empty() {
+            true => String::new(),
+            false => table(rows, 1),
+        }
     }
 
     /// What is out of its bound, and the command that shows it again.

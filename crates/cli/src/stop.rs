@@ -2,7 +2,7 @@
 //! leaves whole files only.
 
 use backend::BackendError;
-use output::{OutputError, WriteError};
+use output::OutputError;
 use pipeline::PipelineError;
 use scene::SceneError;
 use std::fmt::{self, Display};
@@ -64,16 +64,9 @@ impl From<SceneError> for Stop {
     }
 }
 
-/// Likewise for rays, and for what an earlier run left.
+/// A file that could not be written while running. Checks made before, and whoever reads, call [`Stop::bad`].
 impl From<OutputError> for Stop {
     fn from(e: OutputError) -> Self {
-        Self::bad(e)
-    }
-}
-
-/// A file that could not be written while running. Checks made before call [`Stop::bad`].
-impl From<WriteError> for Stop {
-    fn from(e: WriteError) -> Self {
         Self::failed(e)
     }
 }

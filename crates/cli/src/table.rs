@@ -7,36 +7,31 @@ use output::{FrameStats, Summary, TIMES, overview, plot};
 /// A row of a table: cells by the names of their columns.
 pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
 
-/// A table of rows that have the same columns; every column but the first `words` holds numbers.
-pub(crate) fn of_rows(rows: &[Cells<'_>], words: usize) -> String {
-    let head: Vec<_> = rows.iter().take(1).flatten().map(|c| c.0).collect();
-    let texts = |row: &Cells<'_>| row.iter().map(|c| c.1.clone()).collect();
-    let rows: Vec<Vec<String>> = rows.iter().map(texts).collect();
-    table(&head, &rows, words)
+/// A table of rows that have the same columns; every column but the first `words` holds numbers. On a terminal too narrow
+/// for it, a list.
+pub(crate) fn table<'a>(rows: impl IntoIterator<Item = Cells<'a>>, words: usize) -> String {
+    let rows: Vec<_> = rows.into_iter().collect();
+    within(talk::columns(), &rows, words)
 }
 
-/// A table with a head; every column but the first `words` holds numbers. On a terminal too narrow for it, a list.
-pub(crate) fn table(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
-    within(talk::columns(), head, rows, words)
-}
-
-fn within(columns: Option<usize>, head: &[&str], rows: &[Vec<String>], words: usize) -> String {
-    let text = wide(head, rows, words);
+fn within(columns: Option<usize>, rows: &[Cells<'_>], words: usize) -> String {
+    let text = wide(rows, words);
     let fits = |line: &str| columns.is_none_or(|most| line.chars().count() <= most);
     if text.lines().all(fits) {
         return text;
     }
-    let line = |(name, cell): (&&str, &String)| format!("{name}: {cell}\n");
-    let list = |row: &Vec<String>| head.iter().zip(row).map(line).collect::<String>();
+    let line = |(name, text): &(&str, String)| format!("{name}: {text}\n");
+    let list = |row: &Cells<'_>| row.iter().map(line).collect::<String>();
     rows.iter().map(list).collect::<Vec<_>>().join("\n")
 }
 
-fn wide(head: &[&str], rows: &[Vec<String>], words: usize) -> String {
+fn wide(rows: &[Cells<'_>], words: usize) -> String {
     let mut table = Table::new();
     table.load_style(presets::UTF8_BORDERS_ONLY);
-    table.set_header(head.iter().map(|h| Cell::new(*h)));
+    let head = rows.iter().take(1).flatten();
+    table.set_header(head.map(|(name, _)| Cell::new(name)));
     for row in rows {
-        table.add_row(row.iter().map(Cell::new));
+        table.add_row(row.iter().map(|(_, text)| Cell::new(text)));
     }
     for column in table.column_iter_mut().skip(words) {
         column.set_cell_alignment(CellAlignment::Right);
@@ -56,7 +51,7 @@ pub(crate) fn stages(frames: &[FrameStats]) -> String {
             ("worst ms", ms(s.worst)),
         ])
     };
-    of_rows(&TIMES.iter().filter_map(row).collect::<Vec<_>>(), 1)
+    table(TIMES.iter().filter_map(row), 1)
 }
 
 pub(crate) fn ms(x: f64) -> String {
@@ -83,9 +78,12 @@ mod tests {
 
     #[test]
     fn a_table_too_wide_for_the_terminal_is_a_list() {
-        let head = ["update", "trace primary ms", "worst ms"];
-        let row = |update: &str| vec![update.to_owned(), "1.25".to_owned(), "12.5".to_owned()];
-        let at = |columns| within(columns, &head, &[row("refit"), row("async")], 1);
+        let row = |update: &str| {
+            let texts = [update, "1.25", "12.5"].map(str::to_owned);
+            let names = ["update", "trace primary ms", "worst ms"];
+            names.into_iter().zip(texts).collect::<Cells<'_>>()
+        };
+        let at = |columns| within(columns, &[row("refit"), row("async")], 1);
         assert_eq!(at(Some(100)), at(None));
         assert!(at(None).lines().all(|l| l.chars().count() > 39));
         let list = "update: refit\ntrace primary ms: 1.25\nworst ms: 12.5\n";

@@ -20,25 +20,22 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         UpdateName::Refit | UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
         _ => UpdateName::Rebuild,
     };
-    let asked = Ask {
+    let mut ask = Ask {
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
         tolerance: args.tolerance.ppm(),
         ..Ask::of(args.device.backend, args.method, update)
     };
-    let opening = session::begin(&asked);
-    let rays = output::read_rays(&args.rays)?;
+    let opening = session::begin(&ask);
+    let rays = output::read_rays(&args.rays).map_err(Stop::bad)?;
     let scene = scene::open(&args.scene, &args.source.options_of_run(rays.len()))?;
     let (tree_time, time) = moments(args, scene.animation.whole_times())?;
     let query = match args.any_hit {
         true => Query::Any,
         false => Query::Closest,
     };
-    let ask = Ask {
-        rays: rays.len(),
-        ..asked
-    };
+    ask.rays = rays.len();
     let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
     if !args.quiet {
         setup.auto.iter().for_each(|t| talk::say(&t.to_string()));

@@ -15,13 +15,8 @@ pub(crate) const MAX_SIDE: u64 = 16_384;
 pub(crate) const MAX_PIXELS: u64 = 1 << 26;
 pub(crate) const MAX_RAYS: u64 = 1 << 26;
 
-/// A stretch of time, in key frames.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TimeRange {
-    pub(crate) from: f64,
-    /// Where it ends, inclusive.
-    pub(crate) to: f64,
-}
+/// A stretch of time, in key frames: where it begins and ends, inclusive.
+pub(crate) type TimeRange = [f64; 2];
 
 /// The name of a file or folder, not `-`.
 pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
@@ -79,7 +74,7 @@ pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     if from > to {
         return Err(format!("the range is reversed; did you mean {b}..{a}?"));
     }
-    Ok(TimeRange { from, to })
+    Ok([from, to])
 }
 
 /// `on` or `off`.
@@ -148,8 +143,7 @@ mod tests {
 
     #[test]
     fn times_are_finite_and_in_order() {
-        let range = TimeRange { from: 0.5, to: 3.0 };
-        assert_eq!(time_range("0.5..3"), Ok(range));
+        assert_eq!(time_range("0.5..3"), Ok([0.5, 3.0]));
         assert!(time_range("2..2").is_ok());
         for bad in ["3..1", "1", "nan..1", "0..inf", "a..b"] {
             time_range(bad).unwrap_err();

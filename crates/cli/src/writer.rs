@@ -31,9 +31,7 @@ pub(crate) struct Writer<'a> {
     camera: &'a Camera,
     light: Point,
     outputs: &'a Outputs,
-    makes_video: bool,
     done: Mutex<Done<'a>>,
-    video: Mutex<Option<Video<Lent>>>,
     spare: Sender<FrameBuffers>,
     /// One thread hands frames in, so nobody waits for the lock.
     free: Mutex<Receiver<FrameBuffers>>,
@@ -69,14 +67,14 @@ impl Drop for Lent {
     }
 }
 
-/// What is known of frames that are done.
+/// What is known of frames that are done, and where they go.
 struct Done<'a> {
     /// One for each folder of the outputs.
     journals: &'a mut [Journal],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
-    /// Each with its place in the run.
-    rows: Vec<(usize, FrameStats)>,
+    rows: Vec<FrameStats>,
+    video: Option<Video<Lent>>,
     failed: Option<Stop>,
 }
 
@@ -89,7 +87,7 @@ impl<'a> Writer<'a> {
     ) -> Self {
         let (spare, free) = channel();
         let of_hits = if wanted.hits { HIT_BYTES } else { 0 };
-        let of_planes = if video.is_some() { PLANE_BYTES } else { 0 };
+        let of_planes = if outputs.video { PLANE_BYTES } else { 0 };
         let bytes = COLOUR_BYTES + of_hits + of_planes;
         let free_bytes = host::free().map_or(u64::MAX, |free| free.bytes);
         let each = (bytes * camera.pixels()).max(1) as u64;
@@ -104,15 +102,14 @@ impl<'a> Writer<'a> {
             camera,
             light,
             outputs,
-            makes_video: video.is_some(),
             done: Mutex::new(Done {
                 journals,
                 notes,
                 progress,
                 rows: Vec::new(),
+                video,
                 failed: None,
             }),
-            video: Mutex::new(video),
             spare,
             free: Mutex::new(free),
         }
@@ -130,24 +127,21 @@ impl<'a> Writer<'a> {
         stop::check_signals()?;
         self.check()?;
         let waits = Instant::now();
-        let mut lent = Lent {
-            buffers: self.lend()?,
-            spare: self.spare.clone(),
-        };
+        let mut lent = self.lend()?;
         std::mem::swap(answers, &mut lent.buffers.answers);
         if let Some(notes) = &mut self.lock().notes {
             notes.add(frame, [waits, Instant::now()]);
         }
         let frame = frame.clone();
         let write = move || {
-            if let Err(stop) = self.write(place, &frame, &mut lent.buffers) {
+            if let Err(stop) = self.write(&frame, &mut lent.buffers) {
                 self.lock().failed.get_or_insert(stop);
-            } else if self.makes_video {
-                let _ = self.video().as_ref().map(|v| v.take(place, lent));
+            } else if let Some(video) = &self.lock().video {
+                video.take(place, lent);
             }
         };
         // Without threads of its own, rayon does what is asked of it when the run is over.
-        let makes_any = self.outputs.any() || self.makes_video;
+        let makes_any = self.outputs.any() || self.outputs.video;
         if !makes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
@@ -156,43 +150,34 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The rows of all frames, in order; fails if files of one could not be written.
+    /// The rows of all frames, in any order; fails if files of one could not be written.
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
-        let video = self.video().take();
-        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
-        let mut rows = std::mem::take(&mut self.lock().rows);
-        rows.sort_by_key(|(place, _)| *place);
-        Ok(rows.into_iter().map(|(_, row)| row).collect())
+        let video = self.lock().video.take();
+        video.map_or(Ok(()), Video::finish)?;
+        Ok(std::mem::take(&mut self.lock().rows))
     }
 
     /// Buffers for one more frame; waits until there are some.
-    fn lend(&self) -> Result<FrameBuffers, Stop> {
+    fn lend(&self) -> Result<Lent, Stop> {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        free.recv().map_err(Stop::failed)
+        let buffers = free.recv().map_err(Stop::failed)?;
+        let spare = self.spare.clone();
+        Ok(Lent { buffers, spare })
     }
 
     fn lock(&self) -> MutexGuard<'_, Done<'a>> {
         self.done.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sender and thread of the video, held for a moment.
-    fn video(&self) -> MutexGuard<'_, Option<Video<Lent>>> {
-        self.video.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn check(&self) -> Result<(), Stop> {
-        let video = self.video().take_if(|video| video.has_failed());
-        video.map_or(Ok(()), Video::finish).map_err(Stop::failed)?;
-        self.lock().failed.take().map_or(Ok(()), Err)
+        let mut done = self.lock();
+        let video = done.video.take_if(|video| video.has_failed());
+        video.map_or(Ok(()), Video::finish)?;
+        done.failed.take().map_or(Ok(()), Err)
     }
 
-    fn write(
-        &self,
-        place: usize,
-        frame: &FrameRecord,
-        buffers: &mut FrameBuffers,
-    ) -> Result<(), Stop> {
+    fn write(&self, frame: &FrameRecord, buffers: &mut FrameBuffers) -> Result<(), Stop> {
         let begun = Instant::now();
         let (row, Frame { index, time }) = (FrameStats::of(frame), frame.frame);
         let shot = Shot {
@@ -201,7 +186,7 @@ impl<'a> Writer<'a> {
             camera: self.camera,
             light: self.light,
         };
-        let (images, video) = (self.outputs.images.is_some(), self.makes_video);
+        let (images, video) = (self.outputs.images.is_some(), self.outputs.video);
         let hits = &buffers.answers.hits;
         let mut pixels = &buffers.answers.pixels;
         if pixels.is_empty() && (images || video) {
@@ -220,27 +205,27 @@ impl<'a> Writer<'a> {
         let folders = self.outputs.folders();
         let files = |folder| self.outputs.in_folder(index, folder);
         let digests = folders.iter().map(|f| output::digests(&files(f)));
-        let digests: Result<Vec<_>, _> = digests.collect();
-        let digests = digests.map_err(Stop::failed)?;
+        let digests = digests.collect::<Result<Vec<_>, _>>()?;
         let mut done = self.lock();
         for (journal, files) in done.journals.iter_mut().zip(digests) {
-            journal.add(files, &row).map_err(Stop::failed)?;
+            journal.add(files, &row)?;
         }
         if let Some(notes) = &mut done.notes {
             notes.wrote(index, [begun, Instant::now()]);
         }
         let ms = frame.wall_ms;
         done.progress.step(&format!("time {time:.3}, {ms:.1} ms"));
-        done.rows.push((place, row));
+        done.rows.push(row);
         Ok(())
     }
 }
 
-/// The files of each frame.
+/// The files of each frame, and whether all go to a video too.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     images: Option<PathBuf>,
     hits: Option<PathBuf>,
+    pub(crate) video: bool,
 }
 
 impl Outputs {
@@ -252,7 +237,12 @@ impl Outputs {
             Some(hits) if is_same(hits) => images.clone(),
             hits => hits.clone(),
         };
-        Self { images, hits }
+        let video = args.makes_video();
+        Self {
+            images,
+            hits,
+            video,
+        }
     }
 
     /// Makes the folders. Those that are new, the innermost first.
@@ -287,7 +277,7 @@ impl Outputs {
     pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
             hits: self.hits.is_some(),
-            pixels: self.images.is_some(),
+            pixels: self.images.is_some() || self.video,
         }
     }
 

@@ -4,6 +4,7 @@
 //! plain files (devices, pipes) cannot be renamed over without destroying them; they get the finished bytes in one go.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -13,22 +14,8 @@ use tempfile::NamedTempFile;
 /// Bytes collected before they go to the file.
 const BUFFER: usize = 1 << 18;
 
-/// A file that could not be written. Nothing is left under its name but what was there before.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {cause}", path.display())]
-pub struct WriteError {
-    path: PathBuf,
-    cause: io::Error,
-}
-
-impl WriteError {
-    pub(crate) fn new(path: &Path, cause: io::Error) -> Self {
-        let path = path.to_owned();
-        Self { path, cause }
-    }
-}
-
-/// What keeps a run from a file or a folder that it needs: what was found there, and what is wanted.
+/// What keeps a run from a file or a folder that it needs: what was found there, and what is wanted. Nothing is left under
+/// the name of a file that could not be written but what was there before.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct OutputError(pub(crate) String);
@@ -37,11 +24,9 @@ impl OutputError {
     pub(crate) fn reading(file: &Path, cause: io::Error) -> Self {
         Self(format!("cannot read {}: {cause}", file.display()))
     }
-}
 
-impl From<WriteError> for OutputError {
-    fn from(e: WriteError) -> Self {
-        Self(e.to_string())
+    pub(crate) fn writing(file: &Path, cause: impl Display) -> Self {
+        Self(format!("cannot write {}: {cause}", file.display()))
     }
 }
 
@@ -106,7 +91,7 @@ impl Drop for UnfinishedName {
 }
 
 /// Writes `bytes` to `path`, all of them or none.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     write_with(path, |out| out.write_all(bytes))
 }
 
@@ -114,7 +99,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
 pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), WriteError> {
+) -> Result<(), OutputError> {
     let write = || match plain_target(path)? {
         Some(file) => rename_over(&file, fill),
         None => {
@@ -126,12 +111,12 @@ pub fn write_with(
                 .write_all(&bytes)
         }
     };
-    write().map_err(|e| WriteError::new(path, e))
+    write().map_err(|e| OutputError::writing(path, e))
 }
 
 /// Finds out before long work whether a file could be written at `path`, without touching it. There may be no such
 /// directory, no permission, or a directory in the way. Removes what killed runs left beside it.
-pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+pub fn check_writable(path: &Path) -> Result<(), OutputError> {
     let check = || match plain_target(path)? {
         Some(file) => {
             // A folder that may be written to need not be readable.
@@ -140,11 +125,11 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
         }
         None => fs::OpenOptions::new().write(true).open(path).map(drop),
     };
-    check().map_err(|e| WriteError::new(path, e))
+    check().map_err(|e| OutputError::writing(path, e))
 }
 
 /// Finds out before long work whether files could be made in the directory `dir`, without making it.
-pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
+pub fn check_dir(dir: &Path) -> Result<(), OutputError> {
     let mut above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
     let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
     let existing = existing.unwrap_or(Path::new("."));
@@ -152,18 +137,18 @@ pub fn check_dir(dir: &Path) -> Result<(), WriteError> {
         true => temporary_in(existing).map(drop),
         false => Err(io::ErrorKind::NotADirectory.into()),
     };
-    check().map_err(|e| WriteError::new(dir, e))
+    check().map_err(|e| OutputError::writing(dir, e))
 }
 
 /// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
 /// Removes what killed runs left there.
-pub fn prepare_dir(dir: &Path) -> Result<(), WriteError> {
+pub fn prepare_dir(dir: &Path) -> Result<(), OutputError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
         let _ = remove_abandoned(dir);
         temporary_in(dir).map(drop)
     };
-    prepare().map_err(|e| WriteError::new(dir, e))
+    prepare().map_err(|e| OutputError::writing(dir, e))
 }
 
 /// The file that a path names or would name, links followed; `None` for a device, a pipe or a socket.
@@ -204,9 +189,9 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
 }
 
 /// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
-pub fn remove_link(path: &Path) -> Result<(), WriteError> {
+pub fn remove_link(path: &Path) -> Result<(), OutputError> {
     match path.is_symlink() {
-        true => fs::remove_file(path).map_err(|e| WriteError::new(path, e)),
+        true => fs::remove_file(path).map_err(|e| OutputError::writing(path, e)),
         false => Ok(()),
     }
 }

@@ -3,7 +3,7 @@
 //! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of 1280x720 from 15.7 to 4.7 MB, but takes
 //! 0.4 s of a core, as long as tracing it. Entries carry the format's earliest date, so that equal hits are equal files.
 
-use crate::WriteError;
+use crate::OutputError;
 use crate::atomic::write_whole;
 use geom::Hit;
 use npyz::{AutoSerialize, WriteOptions, WriterBuilder};
@@ -26,7 +26,7 @@ pub fn write_hits(
     shape: &[u64],
     hits: &[Hit],
     shadow: Option<&[u8]>,
-) -> Result<(), WriteError> {
+) -> Result<(), OutputError> {
     let hits = hits.iter();
     write_archive(path, 17 * hits.len(), |zip| {
         add(zip, shape, "triangle", hits.clone().map(|h| h.triangle))?;
@@ -38,7 +38,7 @@ pub fn write_hits(
 }
 
 /// Writes the one array `hit` u8 of shape (N,): 1 where a ray met anything.
-pub fn write_found(path: &Path, found: &[u8]) -> Result<(), WriteError> {
+pub fn write_found(path: &Path, found: &[u8]) -> Result<(), OutputError> {
     write_archive(path, found.len(), |zip| {
         add(zip, &[found.len() as u64], "hit", found.iter().copied())
     })
@@ -52,11 +52,11 @@ fn write_archive(
     path: &Path,
     bytes: usize,
     fill: impl FnOnce(&mut Archive) -> io::Result<()>,
-) -> Result<(), WriteError> {
+) -> Result<(), OutputError> {
     let room = Vec::with_capacity(bytes + ROOM_FOR_HEADS);
     let mut zip = ZipWriter::new(Cursor::new(room));
     let filled = fill(&mut zip).and_then(|()| Ok(zip.finish()?.into_inner()));
-    write_whole(path, &filled.map_err(|e| WriteError::new(path, e))?)
+    write_whole(path, &filled.map_err(|e| OutputError::writing(path, e))?)
 }
 
 /// Adds an array to an archive.

@@ -4,7 +4,7 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::{FrameStats, OutputError, WriteError, write_json};
+use crate::{FrameStats, OutputError, write_json};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -55,7 +55,7 @@ impl Manifest {
     }
 
     /// Writes it into a folder.
-    pub fn write_to(&self, folder: &Path) -> Result<(), WriteError> {
+    pub fn write_to(&self, folder: &Path) -> Result<(), OutputError> {
         write_json(&folder.join(MANIFEST), self)
     }
 
@@ -245,7 +245,7 @@ pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
 
 /// Opens a journal, which is made if there is none, and holds it as long as it is open.
 fn open_locked(path: &Path) -> Result<File, OutputError> {
-    let cannot = |e| OutputError::from(WriteError::new(path, e));
+    let cannot = |e| OutputError::writing(path, e);
     // Whoever opens a pipe waits for its other end.
     match host::open(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => {}
@@ -287,7 +287,7 @@ impl Journal {
         // The last line may have been cut short: nothing is to be added to it.
         let text = host::read(&path).map_err(|e| OutputError::reading(&path, e))?;
         if text.last().is_some_and(|&end| end != b'\n') {
-            (file.write_all(b"\n")).map_err(|e| WriteError::new(&path, e))?;
+            (file.write_all(b"\n")).map_err(|e| OutputError::writing(&path, e))?;
         }
         let mut journal = Self { path, file };
         journal.write(&JournalLine::Run { list, stats })?;
@@ -303,7 +303,7 @@ impl Journal {
     fn write(&mut self, line: &JournalLine) -> Result<(), OutputError> {
         let text = serde_json::to_string(line).map_err(io::Error::from);
         let written = text.and_then(|text| self.file.write_all((text + "\n").as_bytes()));
-        Ok(written.map_err(|e| WriteError::new(&self.path, e))?)
+        written.map_err(|e| OutputError::writing(&self.path, e))
     }
 }
 

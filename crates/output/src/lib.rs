@@ -14,8 +14,8 @@ mod timeline;
 mod video;
 
 pub use atomic::{
-    OutputError, WriteError, check_dir, check_writable, prepare_dir, remove_link,
-    remove_unfinished, write_whole, write_with,
+    OutputError, check_dir, check_writable, prepare_dir, remove_link, remove_unfinished,
+    write_whole, write_with,
 };
 pub use hits::{write_found, write_hits};
 pub use journal::{Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests};
@@ -25,4 +25,4 @@ pub use stats::{
     write_json,
 };
 pub use timeline::RunTimeline;
-pub use video::{Planes, Video, VideoFiles, drop_alpha, write_png};
+pub use video::{Planes, Video, drop_alpha, write_png};

@@ -1,6 +1,6 @@
 //! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
 
-use crate::atomic::{OutputError, WriteError, write_with};
+use crate::atomic::{OutputError, write_with};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
 use std::io::{self, BufReader, Read};
@@ -42,7 +42,7 @@ pub fn write_rays(
     path: &Path,
     count: usize,
     rays: impl Iterator<Item = Ray> + Clone,
-) -> Result<(), WriteError> {
+) -> Result<(), OutputError> {
     let is_whole = |r: Ray| r.t_min == 0.0 && r.t_max == f32::INFINITY;
     let columns = if rays.clone().all(is_whole) { 6 } else { 8 };
     write_with(path, |out| {

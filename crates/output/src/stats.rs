@@ -1,6 +1,6 @@
 //! The statistics file: one JSON object, schema 1. What is not known is `null`.
 
-use crate::{WriteError, write_whole};
+use crate::{OutputError, write_whole};
 use backend::DeviceBytes;
 use pipeline::FrameRecord;
 use serde::{Deserialize, Serialize, Serializer};
@@ -171,9 +171,9 @@ pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>
 }
 
 /// Writes `value` as indented JSON with a newline at the end.
-pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError> {
     let mut bytes = serde_json::to_vec_pretty(value)
-        .map_err(|e| WriteError::new(path, std::io::Error::other(e)))?;
+        .map_err(|e| OutputError::writing(path, std::io::Error::other(e)))?;
     bytes.push(b'\n');
     write_whole(path, &bytes)
 }

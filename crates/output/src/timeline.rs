@@ -9,7 +9,7 @@
 //! how good the tree was. The host's times are its own. Where the device's lie among them, [`place_on_host`] says; within
 //! a submission its stages follow each other without a gap.
 
-use crate::{WriteError, write_with};
+use crate::{OutputError, write_with};
 use backend::StageTimes;
 use pipeline::{Adopted, FrameRecord, Span, Submission, place_on_host};
 use serde_json::{Value, json};
@@ -42,7 +42,7 @@ impl RunTimeline {
     }
 
     /// Writes it, with such remarks on the whole.
-    pub fn write(&self, path: &Path, mut remarks: Value) -> Result<(), WriteError> {
+    pub fn write(&self, path: &Path, mut remarks: Value) -> Result<(), OutputError> {
         let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
         remarks["device_clock"] = json!(if aligned {
             "aligned by when the host handed work in and saw its end"

@@ -2,15 +2,14 @@
 //! a pipe.
 
 use crate::atomic::UnfinishedFile;
-use crate::{OutputError, WriteError, write_with};
+use crate::{OutputError, write_with};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::collections::BTreeMap;
-use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, prelude::*};
 use std::iter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
@@ -35,7 +34,7 @@ pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
 ///
 /// # Panics
 /// If `rgb` does not hold `3 * width * height` bytes.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(), WriteError> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
     write_with(path, |out| {
         PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
             .write_image(rgb, width, height, ExtendedColorType::Rgb8)
@@ -44,19 +43,6 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(
                 other => io::Error::other(other),
             })
     })
-}
-
-/// What a video is to be.
-#[derive(Clone, Copy, Debug)]
-pub struct VideoFiles<'a> {
-    /// A file that `ffmpeg` encodes, its format told by its ending.
-    pub encoded: Option<&'a Path>,
-    /// A YUV4MPEG2 file; `-` is standard output.
-    pub y4m: Option<&'a Path>,
-    /// Width and height in pixels.
-    pub size: [u32; 2],
-    /// Frames a second.
-    pub fps: f64,
 }
 
 /// Writes videos on a thread of its own, of frames `F` that hold [`Planes`].
@@ -77,20 +63,25 @@ impl<F> Drop for Video<F> {
 }
 
 impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins what is wanted; `None` if nothing is. Fails where there is no `ffmpeg`, or a file cannot be made. Neither gets
-    /// a byte before the first frame.
-    pub fn begin(wanted: &VideoFiles<'_>) -> Result<Option<Self>> {
-        let encoded = wanted.encoded.map(Sink::encoded);
-        let y4m = wanted.y4m.map(Sink::raw);
+    /// Begins what is wanted; `None` if nothing is: a file that `ffmpeg` encodes, its format told by its ending, and a
+    /// YUV4MPEG2 file, `-` for standard output. Of so many pixels (width, height) and frames a second. Fails where there is
+    /// no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
+    pub fn begin(
+        [encoded, y4m]: [Option<&Path>; 2],
+        size: [u32; 2],
+        fps: f64,
+    ) -> Result<Option<Self>> {
+        let encoded = encoded.map(|path| Sink::open(path, Some(format_of(path)?)));
+        let y4m = y4m.map(|path| Sink::open(path, None));
         let sinks = encoded.into_iter().chain(y4m);
         let sinks = sinks.collect::<Result<Vec<_>>>()?;
         if sinks.is_empty() {
             return Ok(None);
         }
         let (frames, receiver) = channel();
-        let [width, height] = wanted.size.map(|n| n as usize);
+        let [width, height] = size.map(|n| n as usize);
         // Frames a second to a thousandth.
-        let rate = y4m::Ratio::new((wanted.fps * 1000.0).round() as usize, 1000);
+        let rate = y4m::Ratio::new((fps * 1000.0).round() as usize, 1000);
         let header = move || y4m::encode(width, height, rate);
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
         let thread = thread.map_err(|e| OutputError(format!("no thread for the video: {e}")))?;
@@ -156,62 +147,50 @@ fn write<F: AsRef<Planes>>(
 /// Where a video's bytes go. It is dropped before its sink: no encoder writes a file that is gone.
 type Bytes = Box<dyn Write + Send>;
 
-/// A video: full size (4:4:4) in a file of its own, and for the encoder the half of it that it takes (4:2:0).
+/// A video: full size (4:4:4) in a file of its own, and for an encoder the half of it that it takes (4:2:0).
 struct Sink {
-    is_halved: bool,
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
-    name: String,
+    path: PathBuf,
 }
 
 impl Sink {
-    fn raw(path: &Path) -> Result<(Bytes, Self)> {
-        let name = path.display().to_string();
-        let cannot = |e| cannot_write(&name, e);
-        let (out, file): (Bytes, _) = if path.as_os_str() == "-" {
-            (Box::new(io::stdout()), None)
-        } else {
-            let file = UnfinishedFile::beside(path).map_err(cannot)?;
-            let out = File::create(file.path()).map_err(cannot)?;
-            (Box::new(out), Some(file))
-        };
+    /// Begins a file, which an encoder writes if it has a format; `-` is standard output.
+    fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
+        let cannot = |e| OutputError::writing(path, e);
+        let beside = || UnfinishedFile::beside(path).map_err(cannot);
+        let file = (path.as_os_str() != "-").then(beside).transpose()?;
+        let (mut encoder, mut out): (_, Bytes) = (None, Box::new(io::stdout()));
+        match (&file, format) {
+            (Some(file), Some(format)) => {
+                let (started, pipe) = Encoder::start(format, file.path())?;
+                (encoder, out) = (Some(started), Box::new(pipe));
+            }
+            (Some(file), None) => out = Box::new(File::create(file.path()).map_err(cannot)?),
+            (None, _) => {}
+        }
         let sink = Self {
-            is_halved: false,
-            encoder: None,
+            encoder,
             file,
-            name,
+            path: path.to_owned(),
         };
         Ok((out, sink))
     }
 
-    fn encoded(path: &Path) -> Result<(Bytes, Self)> {
-        let format = format_of(path)?;
-        let name = path.display().to_string();
-        let file = UnfinishedFile::beside(path).map_err(|e| cannot_write(&name, e))?;
-        let (encoder, pipe) = Encoder::start(format, file.path())?;
-        let sink = Self {
-            is_halved: true,
-            encoder: Some(encoder),
-            file: Some(file),
-            name,
-        };
-        Ok((Box::new(pipe), sink))
-    }
-
     fn begin(&self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
-        let colours = match self.is_halved {
-            true => Colorspace::C420jpeg,
-            false => Colorspace::C444,
+        let colours = match self.encoder {
+            Some(_) => Colorspace::C420jpeg,
+            None => Colorspace::C444,
         };
         let begun = header.with_colorspace(colours).write_header(out);
-        begun.map_err(|e| cannot_write(&self.name, e))
+        begun.map_err(|e| OutputError::writing(&self.path, e))
     }
 
     fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
-        let written = out.write_frame(&planes.frame(self.is_halved));
+        let written = out.write_frame(&planes.frame(self.encoder.is_some()));
         written.map_err(|e| match self.encoder.take() {
             Some(encoder) => encoder.failed(&e.to_string()),
-            None => cannot_write(&self.name, e),
+            None => OutputError::writing(&self.path, e),
         })
     }
 
@@ -222,12 +201,8 @@ impl Sink {
             Some(file) => file.finish(),
             None => io::stdout().flush(),
         };
-        ended.map_err(|e| cannot_write(&self.name, e))
+        ended.map_err(|e| OutputError::writing(&self.path, e))
     }
-}
-
-fn cannot_write(name: impl Display, cause: impl Display) -> OutputError {
-    OutputError(format!("cannot write {name}: {cause}"))
 }
 
 /// Endings of files, and `ffmpeg`'s names for their formats.

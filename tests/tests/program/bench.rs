@@ -29,8 +29,8 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
     let rows = |seconds: &str| -> Vec<Value> {
         let what = format!("bench demo:collide:600 --backend {backend} --update {updates}");
         let how = format!("--frames 4 --size 16x12 --layout bvh2 --warm-up {seconds}");
-        sandbox.does(&format!("{what} {how} --quiet --json w.json"));
-        list(&sandbox.json("w.json")["rows"]).to_vec()
+        let json = sandbox.tells(&format!("{what} {how} --quiet"), "--json").1;
+        list(&json["rows"]).to_vec()
     };
     let facts = |row: &Value| -> Vec<Vec<Value>> {
         let names = "time hits blocked tree_generation tree_age_frames adopted";
@@ -55,9 +55,8 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
 /// A tree with its records takes at most 160 bytes a triangle, whoever makes it.
 fn memory(sandbox: &Sandbox, backend: &str) {
     let words = "--update refit,device-rebuild --layout fast --frames 3 --size 16x12 --quiet";
-    let what = format!("bench demo:twist:20000 --backend {backend} --json m.json {words}");
-    sandbox.does(&what);
-    let json = sandbox.json("m.json");
+    let what = format!("bench demo:twist:20000 --backend {backend} {words}");
+    let (_, json) = sandbox.tells(&what, "--json");
     let part = |row: usize, name: &str| {
         let each = &json["rows"][row]["memory"]["bytes_per_triangle"];
         each[name].as_f64().unwrap_or(f64::NAN)
@@ -76,10 +75,9 @@ fn memory(sandbox: &Sandbox, backend: &str) {
 
 /// A scene of two halls has twice the triangles, and twice those that move.
 fn moving(sandbox: &Sandbox) {
-    let words = "--backend cpu --update refit --frames 2 --size 8x8 --quiet --json m.json";
+    let words = "--backend cpu --update refit --frames 2 --size 8x8 --quiet";
     let two = "demo:hall:2000+demo:hall:2000@0,0,9.5*0.5";
-    sandbox.does(&format!("bench {two} {words}"));
-    let json = sandbox.json("m.json");
+    let (_, json) = sandbox.tells(&format!("bench {two} {words}"), "--json");
     let row = &json["rows"][0];
     let one = scene::open("demo:hall:2000", &scene::Options::default()).unwrap();
     let [moving, all] = [one.animation.moving_count(), one.animation.triangle_count()];
@@ -90,11 +88,10 @@ fn moving(sandbox: &Sandbox) {
 const SMALL: &str = "bench demo:twist:500 --backend cpu --size 16x12 --quiet";
 
 fn file(sandbox: &Sandbox) {
-    let words = "--frames 5 --time-range 1..1.5 --update refit,async --against async --json b.json";
-    let run = sandbox.does(&format!("{SMALL} {words}"));
+    let words = "--frames 5 --time-range 1..1.5 --update refit,async --against async";
+    let (run, json) = sandbox.tells(&format!("{SMALL} {words}"), "--json");
     let told = "geometry|wall|age|SAH|cpu: |times over those of cpu async";
     says(&run.stdout, told);
-    let json = sandbox.json("b.json");
     let here = json["command_line"][1] == "bench" && json["cores"].as_u64() > Some(0);
     assert!(here, "no machine");
     let rows = list(&json["rows"]);
@@ -121,10 +118,9 @@ fn file(sandbox: &Sandbox) {
 }
 
 fn random_rays(sandbox: &Sandbox) {
-    let words = "--frames 17 --update refit,auto --layout bvh2 --rays camera,random --json b.json";
-    let run = sandbox.does(&format!("{SMALL} {words}"));
+    let words = "--frames 17 --update refit,auto --layout bvh2 --rays camera,random";
+    let (run, json) = sandbox.tells(&format!("{SMALL} {words}"), "--json");
     assert!(run.stdout.contains("bvh2, random rays"), "{}", run.stdout);
-    let json = sandbox.json("b.json");
     let rows = list(&json["rows"]);
     let kinds: Vec<_> = rows.iter().map(|r| r["rays"].as_str()).collect();
     let random = Some("random");

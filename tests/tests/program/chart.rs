@@ -95,8 +95,7 @@ fn command(sandbox: &Sandbox) {
     assert!(layouts == ["bvh2", "fast"], "{layouts:?}");
     let command = points[0]["command"].as_str().unwrap();
     let words = command.strip_prefix("abvh ").unwrap();
-    let run = sandbox.does(&format!("{words} --quiet --json b.json"));
-    let json = sandbox.json("b.json");
+    let (run, json) = sandbox.tells(&format!("{words} --quiet"), "--json");
     let row = &json["rows"][0];
     for name in ["backend", "layout", "intersector", "update", "scene"] {
         assert!(row[name] == points[0][name], "{name}: {row}");

@@ -20,8 +20,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn keeps(sandbox: &Sandbox) {
-    let run = sandbox.does("conform --backend cpu --seed 5 --cases 4 --json c.json");
-    let json = sandbox.json("c.json");
+    let (run, json) = sandbox.tells("conform --backend cpu --seed 5 --cases 4", "--json");
     assert!(json["schema"] == 1 && json["seed"] == 5, "{json}");
     assert_eq!(json["backends"][0]["backend"], "cpu");
     let rows = list(&json["rows"]);
@@ -34,8 +33,7 @@ fn keeps(sandbox: &Sandbox) {
     let held = lines().filter(|line| line.contains(": held in "));
     assert_eq!([lines().count(), held.count()], [rows.len(); 2]);
     let law = "--law closest_hits_equal_the_reference --case 7";
-    sandbox.does(&format!("conform --backend cpu {law} --json c.json"));
-    let json = sandbox.json("c.json");
+    let (_, json) = sandbox.tells(&format!("conform --backend cpu {law}"), "--json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
 }
@@ -45,18 +43,17 @@ fn sum(rows: &Value, what: &str) -> u64 {
 }
 
 fn leaks(sandbox: &Sandbox) {
-    let words = "conform --backend cpu --cases 0 --leak-rays 3000 --quiet --json c.json";
-    assert_eq!(sandbox.does(words).stderr, "");
-    let json = sandbox.json("c.json");
+    let words = "conform --backend cpu --cases 0 --leak-rays 3000 --quiet";
+    let (run, json) = sandbox.tells(words, "--json");
+    assert_eq!(run.stderr, "");
     let sums = ["rays", "counted", "leaks", "miscounts"].map(|what| sum(&json["leaks"], what));
     assert_eq!(sums, [3000, 3000, 0, 0]);
     assert_eq!(json["rows"], serde_json::json!([]));
 }
 
 fn oracle(sandbox: &Sandbox) {
-    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 8000 --json c.json";
-    let run = sandbox.does(words);
-    let json = sandbox.json("c.json");
+    let words = "conform demo:collide:300 --backend cpu --cases 0 --oracle-rays 8000";
+    let (run, json) = sandbox.tells(words, "--json");
     let rows = list(&json["oracle"]);
     assert_eq!(rows.len(), 16);
     let all_of = |r: &Value| r["rays"] == 500 && r["intersector"] == "exact";
@@ -73,12 +70,11 @@ fn oracle(sandbox: &Sandbox) {
 }
 
 fn counted(sandbox: &Sandbox) {
-    let words = "conform --backend cpu --cases 0 --oracle-rays 8000 --intersector watertight --quiet --json c.json";
-    sandbox.does(words);
-    let all = sandbox.json("c.json");
+    let words =
+        "conform --backend cpu --cases 0 --oracle-rays 8000 --intersector watertight --quiet";
+    let (_, all) = sandbox.tells(words, "--json");
     assert!(sum(&all["oracle"], "wrong") > 100, "{all}");
-    sandbox.does(&format!("{words} --oracle-batch 3"));
-    let one = sandbox.json("c.json");
+    let (_, one) = sandbox.tells(&format!("{words} --oracle-batch 3"), "--json");
     let rows = list(&one["oracle"]);
     assert!(rows.len() == 1 && rows[0]["scenes"] == 1, "{one}");
     let rays = |r: &Value| r["rays"].as_u64();
@@ -109,8 +105,7 @@ fn refused(sandbox: &Sandbox) {
 const FAMILIES: usize = 21;
 
 fn expected(sandbox: &Sandbox) {
-    let run = sandbox.does("stability --backend cpu --rays 2048 --json s.json");
-    let json = sandbox.json("s.json");
+    let (run, json) = sandbox.tells("stability --backend cpu --rays 2048", "--json");
     let rows = list(&json["rows"]);
     assert!(json["schema"] == 1 && json["seed"] == 1, "{json}");
     assert_eq!(rows.len(), 4 * FAMILIES);
@@ -148,8 +143,7 @@ fn repeatable(sandbox: &Sandbox) {
 }
 
 fn recorded(sandbox: &Sandbox) {
-    let run = sandbox.does("stability --backend cpu --record b.json --seeds 1 --quiet");
-    let json = sandbox.json("b.json");
+    let (run, json) = sandbox.tells("stability --backend cpu --seeds 1 --quiet", "--record");
     assert_eq!(json["arithmetic"]["rounds_division"], true);
     let ground = json["ground"].as_str().unwrap();
     let told = ground.contains("8192 rays a family") && run.stdout.contains(ground);

@@ -105,8 +105,7 @@ fn info(sandbox: &Sandbox) {
 
 /// The same on standard error, in the statistics, and as `info` and `inspect` foretell.
 fn says_why(sandbox: &Sandbox) {
-    let run = sandbox.does(&format!("{RENDER} --stats s.json"));
-    let stats = sandbox.json("s.json");
+    let (run, stats) = sandbox.tells(RENDER, "--stats");
     let taken = entry(&stats["auto"], "what", "backend");
     assert!(taken["takes"] == stats["backend"], "{stats}");
     let [takes, why] = ["takes", "why"].map(|key| taken[key].as_str().unwrap_or_default());

@@ -10,6 +10,7 @@ use serde_json::json;
 use std::ffi::OsStr;
 use std::io::Cursor;
 use std::path::PathBuf;
+use std::process::Stdio;
 use zip::ZipArchive;
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -47,8 +48,7 @@ fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
         "--size 64x48 --layout bvh2 --update async",
         "--size 640x480 --layout fast --update rebuild",
     ] {
-        sandbox.does(&format!("{words} {how} --no-images --stats s.json"));
-        let stats = sandbox.json("s.json");
+        let (_, stats) = sandbox.tells(&format!("{words} {how} --no-images"), "--stats");
         let expected = stats["expected_memory"][of].as_u64().unwrap();
         let taken = stats["summary"][of]["worst"].as_f64().unwrap() as u64;
         let foreseen = (taken..=taken * 3 / 2).contains(&expected);
@@ -71,7 +71,7 @@ fn help(sandbox: &Sandbox) {
 /// The pipe's reading end is closed before the program writes.
 fn broken_pipe(sandbox: &Sandbox) {
     for words in ["info", "--help", "inspect demo:twist:200"] {
-        let mut child = sandbox.piped(words);
+        let mut child = sandbox.spawn(words, Stdio::piped);
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);

@@ -8,7 +8,7 @@ use integration::program::abvh;
 use libtest_mimic::Trial;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -47,7 +47,10 @@ fn whole_or_absent(undisturbed: &Sandbox) {
     let mut cut_short = 0;
     for _ in 0..RUNS {
         let sandbox = Sandbox::new();
-        kill(&mut sandbox.start(WORDS), whole_run.mul_f64(rng.f64()));
+        kill(
+            &mut sandbox.spawn(WORDS, Stdio::null),
+            whole_run.mul_f64(rng.f64()),
+        );
         let left = whole_files(&sandbox);
         cut_short += u32::from(!left.is_empty() && left.len() < all.len());
         sandbox.does(&format!("{WORDS} --resume"));
@@ -122,7 +125,7 @@ fn shards(sandbox: &Sandbox) {
     let mut rng = Rng::with_seed(7);
     let rounds = if integration::is_full() { 50 } else { 3 };
     for round in 1..=rounds {
-        let mut running = [1, 2].map(|i| sandbox.start(&shard(i)));
+        let mut running = [1, 2].map(|i| sandbox.spawn(&shard(i), Stdio::null));
         for child in &mut running {
             kill(child, Duration::from_millis(rng.u64(5..160)));
         }
@@ -141,7 +144,7 @@ fn shards(sandbox: &Sandbox) {
 fn signals(sandbox: &Sandbox) {
     let words = "render demo:collide:20000 --backend cpu --frames 4000 --size 320x240 --quiet";
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let mut child = sandbox.start(words);
+        let mut child = sandbox.spawn(words, Stdio::null);
         let first = sandbox.path().join("abvh-out/frame_0001.png");
         let mut waits = 0..600;
         while !first.exists() && waits.next().is_some() {
@@ -162,7 +165,7 @@ fn signal_while_writing(sandbox: &Sandbox) {
         f.starts_with("r") && size.is_ok_and(|size| size > 1 << 20)
     };
     for _ in 0..3 {
-        let mut child = sandbox.start(words);
+        let mut child = sandbox.spawn(words, Stdio::null);
         while !sandbox.all_files().iter().any(is_large) && child.try_wait().unwrap().is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -225,7 +228,7 @@ fn vanishes(sandbox: &Sandbox) {
     for (i, says) in [(0, "no such file"), (1, "the file was changed")] {
         let says = format!("keys/199.obj: {says}");
         let all = format!("{words} --out out{i} --y4m -");
-        let mut run = sandbox.piped(&all);
+        let mut run = sandbox.spawn(&all, Stdio::piped);
         let reader = run.stdout.as_mut().unwrap();
         reader.read_exact(&mut [0; 1000]).unwrap();
         match i {

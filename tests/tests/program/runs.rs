@@ -45,8 +45,8 @@ fn ranges(sandbox: &Sandbox) {
     sandbox.does(&format!("{SMALL} --frames 0..2 --out o"));
     sandbox.does(&format!("{SMALL} --frames 2,3-4 --out o"));
     // Both ranges are known, whichever came last.
-    sandbox.does("merge o --stats s.json");
-    assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2, 3, 4]);
+    let (_, joined) = sandbox.tells("merge o", "--stats");
+    assert_eq!(frames(&joined), [0, 1, 2, 3, 4]);
     sandbox.refuses("merge o --stats o/frame_0001.png", &["would overwrite"]);
     let same = bytes(sandbox, "all") == bytes(sandbox, "o");
     assert!(same, "{:?}", sandbox.files());
@@ -132,8 +132,8 @@ fn shards(sandbox: &Sandbox) {
     }
     sandbox.run("merge o").fails(1, &["2 of 7", "2, 3"]);
     sandbox.does(&format!("{SMALL} --frames 7 --shard 2/3 --out p"));
-    sandbox.does("merge o p --stats s.json");
-    assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2, 3, 4, 5, 6]);
+    let (_, joined) = sandbox.tells("merge o p", "--stats");
+    assert_eq!(frames(&joined), [0, 1, 2, 3, 4, 5, 6]);
     let mut joined = bytes(sandbox, "o");
     joined.extend(bytes(sandbox, "p"));
     assert!(joined == bytes(sandbox, "all"), "{:?}", sandbox.files());
@@ -160,8 +160,7 @@ fn empty_shard(sandbox: &Sandbox) {
     shard(5, "p");
     shard(2, "p");
     for folders in ["o apart p", "apart p o"] {
-        sandbox.does(&format!("merge {folders} --stats s.json"));
-        let all = sandbox.json("s.json");
+        let (_, all) = sandbox.tells(&format!("merge {folders}"), "--stats");
         assert!(all["scene"]["triangles"] == 2, "{all}");
         assert_eq!(frames(&all), [0, 1], "{folders}");
     }

@@ -61,17 +61,8 @@ impl Sandbox {
         Run::of(&command.output().unwrap(), words)
     }
 
-    /// Starts the program and does not wait; nobody hears what it says.
-    pub(crate) fn start(&self, words: &str) -> Child {
-        self.spawn(words, Stdio::null)
-    }
-
-    /// Likewise, and what it says can be read.
-    pub(crate) fn piped(&self, words: &str) -> Child {
-        self.spawn(words, Stdio::piped)
-    }
-
-    fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
+    /// Starts the program and does not wait; what it says goes where that leads.
+    pub(crate) fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
         let mut command = Command::new(program::abvh());
         let command = command.args(words.split(' ')).current_dir(self.path());
         command.stdout(to()).stderr(to()).spawn().unwrap()
@@ -80,6 +71,12 @@ impl Sandbox {
     /// Runs the program, which must do what was asked.
     pub(crate) fn does(&self, words: &str) -> Run {
         self.run(words).succeeds()
+    }
+
+    /// Likewise, and reads the JSON that an option asks for.
+    pub(crate) fn tells(&self, words: &str, option: &str) -> (Run, Value) {
+        let run = self.does(&format!("{words} {option} told.json"));
+        (run, self.json("told.json"))
     }
 
     /// Runs the program, which must refuse in one line that says all of `says`.

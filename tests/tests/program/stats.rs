@@ -38,10 +38,8 @@ pub(crate) fn has_all(json: &Value, names: &str) {
 }
 
 fn stats(sandbox: &Sandbox, options: &str) -> Value {
-    let words =
-        "render demo:collide:2000 --backend cpu --size 24x16 --no-images --quiet --stats s.json";
-    sandbox.does(&format!("{words} {options}"));
-    sandbox.json("s.json")
+    let words = "render demo:collide:2000 --backend cpu --size 24x16 --no-images --quiet";
+    sandbox.tells(&format!("{words} {options}"), "--stats").1
 }
 
 /// One number of each frame.
@@ -75,9 +73,8 @@ fn unhittable(sandbox: &Sandbox) {
         ("3.obj", 0, 1, true),
         ("gone.obj", 1, 0, false),
     ] {
-        let words = format!("render {scene} --size 32x24 --stats s.json --quiet");
-        sandbox.does(&format!("{words} --out {inactive}{degenerate}"));
-        let frame = &sandbox.json("s.json")["frames"][0];
+        let words = format!("render {scene} --size 32x24 --quiet --out {inactive}{degenerate}");
+        let frame = &sandbox.tells(&words, "--stats").1["frames"][0];
         let counted = frame["inactive"] == inactive && frame["degenerate"] == degenerate;
         let is_seen = frame["hits"].as_u64() > Some(0);
         assert!(counted && is_seen == seen, "{scene}: {frame}");

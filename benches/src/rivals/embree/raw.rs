@@ -51,9 +51,7 @@ impl<const N: usize> RayHits<N> {
             instance_primitive: [NONE; N],
         }
     }
-}
 
-impl<const N: usize> RayHits<N> {
     /// What the ray in one lane hit.
     pub(super) fn hit(&self, lane: usize) -> Hit {
         Hit {

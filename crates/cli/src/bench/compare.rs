@@ -2,7 +2,7 @@
 
 use crate::args::BenchArgs;
 use crate::stop::Stop;
-use crate::table::{ms, of_rows};
+use crate::table::{ms, table};
 use crate::talk;
 use output::Summary;
 use serde_json::Value;
@@ -122,9 +122,6 @@ fn change(old: &ComparedRun, new: &ComparedRun, quantity: &'static str) -> Optio
     let values = |s: &[(f64, f64)]| s.iter().map(|p| p.1).collect::<Vec<_>>();
     let (old_values, new_values) = (values(&a), values(&b));
     let [old_ms, new_ms] = [median(&old_values)?, median(&new_values)?];
-    if old_ms <= 0.0 || new_ms <= 0.0 {
-        return None;
-    }
     let paired = a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a.0 == b.0);
     let (log, error) = if paired {
         let logs: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (b.1 / a.1).ln()).collect();
@@ -179,8 +176,8 @@ fn text([old, new]: &[String; 2], (changes, only_in): &Comparison) -> String {
             ("", mark.to_owned()),
         ]
     };
-    let rows: Vec<_> = changes.iter().map(row).collect();
-    let mut text = format!("medians of {old} and {new}\n{}", of_rows(&rows, 2));
+    let changes = table(changes.iter().map(row), 2);
+    let mut text = format!("medians of {old} and {new}\n{changes}");
     for (file, runs) in [old, new].into_iter().zip(only_in) {
         for run in runs {
             text += &format!("only in {file}: {run}\n");

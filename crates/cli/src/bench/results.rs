@@ -2,7 +2,7 @@
 
 use super::{Row, frame_ms};
 use crate::stop::Stop;
-use crate::table::{Cells, grouped, ms, of_rows, table};
+use crate::table::{Cells, grouped, ms, table};
 use output::plot::csv_table;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -35,7 +35,7 @@ pub(super) fn csv(rows: &[Row]) -> Result<String, Stop> {
 pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
     let adapter = |r: &Row| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
     let adapters: BTreeSet<String> = rows.iter().map(adapter).collect();
-    let mut text = of_rows(&rows.iter().map(cells).collect::<Vec<_>>(), 4);
+    let mut text = table(rows.iter().map(cells), 4);
     text.extend(adapters);
     for row in rows {
         if let Some(warmed) = row.warm_up.filter(|warmed| !warmed.steady) {
@@ -164,14 +164,13 @@ fn matrix(rows: &[Row], baseline: &Row) -> String {
     let show = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |x| format!("{x:.2}"));
     let few = if rows.len() <= MANY { rows } else { &[] };
     let numbered: Vec<String> = (1..=few.len()).map(|i| format!("/{i}")).collect();
-    let mut head = vec!["", "run", "device", "wall"];
-    head.extend(numbered.iter().map(String::as_str));
     let line = |(i, r): (usize, &Row)| {
-        let mut cells = vec![(i + 1).to_string(), name(r)];
-        cells.extend(over(r, baseline).map(show));
-        cells.extend(few.iter().map(|rival| show(over(r, rival)[1])));
+        let [device, wall] = over(r, baseline).map(show);
+        let mut cells = vec![("", (i + 1).to_string()), ("run", name(r))];
+        cells.extend([("device", device), ("wall", wall)]);
+        let each = numbered.iter().zip(few);
+        cells.extend(each.map(|(n, rival)| (n.as_str(), show(over(r, rival)[1]))));
         cells
     };
-    let lines: Vec<_> = rows.iter().enumerate().map(line).collect();
-    table(&head, &lines, 2)
+    table(rows.iter().enumerate().map(line), 2)
 }

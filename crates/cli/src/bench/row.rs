@@ -2,7 +2,7 @@
 
 use super::FOV;
 use crate::args::{MeasureArgs, RaysName};
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 use backend::{DeviceBytes, Query, QueryKind, Rays};
@@ -93,10 +93,7 @@ pub(crate) fn measure(
             Query { rays, kind }
         }
     };
-    let ask = Ask {
-        run: Some(choose::Run { frames, query }),
-        ..*ask
-    };
+    let ask = ask.over(frames, query);
     let (mut driver, setup) = session::start_driver(&scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {

@@ -7,65 +7,48 @@ use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
 use backend::{AdapterInfo, DeviceKind};
+use clap::ValueEnum;
 use std::fmt;
 
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Way {
-    pub(super) ask: Ask<'static>,
-    /// Whether somebody named the backend.
-    pub(super) named: bool,
-}
+/// A way of tracing, as its name says it.
+pub(super) type Way = Ask<'static>;
 
-/// All ways, and why others are none.
-#[derive(Debug)]
-pub(super) struct ChartPlan {
-    pub(super) scenes: Vec<String>,
-    pub(super) ways: Vec<Way>,
-    /// Remarks, one line each.
-    pub(super) skipped: Vec<String>,
-}
-
-impl ChartPlan {
-    /// Everything with everything, as far as backends support it; what is named twice is done once.
-    pub(super) fn of(args: &ChartArgs) -> Result<Self, Stop> {
-        let (mut ways, mut skipped) = (Vec::new(), Vec::new());
-        for (backend, named) in backends(args, &mut skipped) {
-            let layouts = [LayoutName::Bvh2, LayoutName::Fast];
-            let by = args.measure.intersector.iter();
-            for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-                let method = MethodArgs::of(intersector, layout);
-                ways.extend(args.measure.update.iter().map(|&update| Way {
-                    ask: Ask::of(backend, method, update),
-                    named,
-                }));
-            }
+/// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
+/// once.
+pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
+    let (mut ways, mut skipped) = (Vec::new(), Vec::new());
+    for backend in backends(args, &mut skipped) {
+        let layouts = [LayoutName::Bvh2, LayoutName::Fast];
+        let by = args.measure.intersector.iter();
+        for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
+            let method = MethodArgs::of(intersector, layout);
+            let updates = args.measure.update.iter();
+            ways.extend(updates.map(|&update| Ask::of(backend, method, update)));
         }
-        if ways.is_empty() {
-            let why = skipped.join("; ");
-            return Err(Stop::bad(format!("there is nothing to chart: {why}")));
-        }
-        Ok(Self {
-            scenes: unique(&args.measure.scenes),
-            ways: unique(&ways),
-            skipped,
-        })
     }
+    if ways.is_empty() {
+        let why = skipped.join("; ");
+        return Err(Stop::bad(format!("there is nothing to chart: {why}")));
+    }
+    Ok((unique(&ways), skipped))
 }
 
-/// Backends to be charted, the host first, and whether each was named.
-fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<(BackendName, bool)> {
+/// Backends to be charted, those that were named first, then the host.
+fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
-    let mut all: Vec<_> = named.into_iter().map(|name| (name, true, None)).collect();
+    let mut all: Vec<_> = named.into_iter().map(|name| (name, None)).collect();
     if !auto.is_empty() {
-        all.extend(open::presences().rev().map(|p| (p.name, false, why_not(p))));
+        let name = |p: &Presence| BackendName::from_str(p.backend, true).ok();
+        let known = open::presences().rev();
+        all.extend(known.filter_map(|p| Some((name(&p)?, why_not(p)))));
     }
     let mut found = Vec::new();
-    for (name, named, why_not) in all {
+    for (name, why_not) in all {
         let own = "what its rays hit is the driver's affair, not an intersector's";
         match why_not.or(open::has_own_trees(name).then(|| own.to_owned())) {
             Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
-            None => found.push((name, named)),
+            None => found.push(name),
         }
     }
     found
@@ -84,7 +67,7 @@ fn why_not(presence: Presence) -> Option<String> {
 }
 
 /// The first of those that read the same, in order.
-fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
+pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
         if kept.iter().all(|k| k.to_string() != one.to_string()) {
@@ -94,18 +77,12 @@ fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
-impl Way {
-    /// Whether another traces alike, whatever the update.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        (self.ask.backend, self.ask.method) == (other.ask.backend, other.ask.method)
-    }
-}
-
-impl fmt::Display for Way {
+/// What is settled without a run.
+impl fmt::Display for Ask<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [backend, layout] = [word(&self.ask.backend), word(&self.ask.method.layout)];
-        let intersector = choose::intersector(self.ask.method.intersector).0;
-        let update = self.ask.update().0.name();
+        let [backend, layout] = [word(&self.backend), word(&self.method.layout)];
+        let intersector = choose::intersector(self.method.intersector).0;
+        let update = self.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
 }
@@ -150,24 +127,19 @@ mod tests {
     use super::*;
     use crate::args::{Command, parse};
 
-    fn plan(line: &str) -> Result<ChartPlan, Stop> {
-        let words = "abvh chart a b a --update refit,async,refit";
-        let words = words.split(' ').chain(line.split(' '));
-        match parse(words.map(Into::into)) {
-            Ok(Command::Chart(args)) => ChartPlan::of(&args),
-            other => panic!("{other:?}"),
-        }
-    }
-
     #[test]
     fn what_is_named_twice_is_done_once() {
-        let plan = plan("--backend cpu --intersector woop,auto,exact").unwrap();
-        let ways: Vec<_> = plan.ways.iter().map(ToString::to_string).collect();
+        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,auto,exact";
+        let Ok(Command::Chart(args)) = parse(words.split(' ').map(Into::into)) else {
+            panic!("{words} is refused");
+        };
+        let (ways, skipped) = ways(&args).unwrap();
+        let ways: Vec<_> = ways.iter().map(ToString::to_string).collect();
         let methods = ["bvh2 woop", "fast woop", "bvh2 exact", "fast exact"];
         let expected = methods.map(|m| ["refit", "async"].map(|u| format!("cpu {m} {u}")));
         assert_eq!(ways, expected.concat());
-        assert_eq!(plan.scenes, ["a", "b"]);
-        assert!(plan.skipped.is_empty(), "{:?}", plan.skipped);
+        assert_eq!(unique(&args.measure.scenes), ["a", "b"]);
+        assert!(skipped.is_empty(), "{skipped:?}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::open;
+use backend::QueryKind;
 use geom::Hit;
 use scene::Scene;
 
@@ -59,9 +60,8 @@ fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
         let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
-        let run = Some(Run { frames, query });
         let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
-        Ask { run, ..usual }.time_range()
+        usual.over(frames, query).time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
     assert_eq!(range(&frames), [1.5, 3.0]);
@@ -84,15 +84,11 @@ fn settled(
     let ask = Ask {
         threads: Some(2),
         tolerance,
-        run: Some(Run {
-            frames: &frames,
-            query,
-        }),
         ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
     };
+    let ask = ask.over(&frames, query);
     let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
-    let mut backend = ReusedBackend::new(backend, &scene.animation, &ask);
-    settle(&mut backend, &ask).unwrap()
+    settle(backend, &scene.animation, &ask).unwrap().1
 }
 
 fn demo(name: &str) -> Scene {

@@ -4,7 +4,7 @@ use super::{Report, command};
 use crate::args::ConformArgs;
 use crate::open::Subject;
 use crate::stop::Stop;
-use crate::table::{Cells, grouped, of_rows};
+use crate::table::{Cells, grouped, table};
 use crate::talk::Progress;
 use backend::Intersector;
 use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
@@ -44,7 +44,7 @@ pub(super) fn hold(
         return Ok(());
     }
     let mut ours: Vec<&mut Subject> = subjects.iter_mut().collect();
-    ours.retain(|s| !s.backend.makes_own_trees());
+    ours.retain(|s| !s.makes_own_trees());
     if ours.is_empty() {
         let own = "a driver that makes its own trees decides what a ray hits";
         return Err(Stop::bad(format!("{own}: the oracle cannot judge it")));
@@ -100,18 +100,19 @@ fn ask(
     let scenes: String = args.scene.iter().map(|s| format!(" '{s}'")).collect();
     let most = usize::from(intersector == Intersector::Exact) * TOLD;
     for subject in subjects {
-        let begins = format!("{}: ", subject.name);
+        let name = subject.device().backend;
+        let begins = format!("{name}: ");
         for batch in batches {
-            let tally = batch.ask(subject.backend.as_mut(), intersector.into())?;
+            let tally = batch.ask(subject.as_mut(), intersector.into())?;
             let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
             let rays = args.oracle_rays;
             let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");
-            let command = command(args, &scenes, subject.name, &rest);
+            let command = command(args, &scenes, name, &rest);
             let examples = &mut report.oracle_examples;
             let told = examples.iter().filter(|e| e.starts_with(&begins)).count();
             let more = tally.first.iter().take(most.saturating_sub(told));
             examples.extend(more.map(|wrong| format!("{begins}{mesh}: {wrong}\n    {command}")));
-            add(&mut report.oracle, subject.name, mesh, intersector, tally);
+            add(&mut report.oracle, name, mesh, intersector, tally);
         }
     }
     Ok(())
@@ -203,7 +204,7 @@ pub(super) fn text(rows: &[OracleRow]) -> String {
         }
         all.extend(of_backend.iter().chain([&sum]).map(|row| row.cells(&wrong)));
     }
-    of_rows(&all, 2)
+    table(all, 2)
 }
 
 #[cfg(test)]

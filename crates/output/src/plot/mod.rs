@@ -18,9 +18,9 @@ mod table;
 mod tests;
 
 pub use page::{html, svg};
-pub use table::{SCHEMA, count, csv, csv_table, json, rows};
+pub use table::{SCHEMA, count, csv, csv_table, json, row};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// What nobody tells apart: a picture that cannot be drawn, or a number that a format does not know.
@@ -32,7 +32,7 @@ const PER: f64 = 1e6;
 const Z: f64 = 1.959_964;
 
 /// All that one chart shows.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chart {
     pub machine: Machine,
     /// What was traced; one panel each, in this order.
@@ -42,7 +42,7 @@ pub struct Chart {
 }
 
 /// What did the work.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Machine {
     /// Name of the host's processor.
     pub cpu: Option<String>,
@@ -54,7 +54,7 @@ pub struct Machine {
 }
 
 /// Who stands behind a backend's name.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Adapter {
     pub backend: String,
     pub adapter: String,
@@ -63,7 +63,7 @@ pub struct Adapter {
 }
 
 /// What was traced.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Scene {
     pub name: String,
     pub triangles: u64,
@@ -74,7 +74,7 @@ pub struct Scene {
 }
 
 /// One way of tracing one scene: how fast it was, and how often wrong.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Point {
     /// Shown by colour.
     pub backend: String,
@@ -95,28 +95,25 @@ pub struct Point {
     /// How many of them got another answer to whether the hit is in shadow.
     pub wrong_shadow: u64,
     /// Rays aimed at edges and vertices of the scene itself, which [`Self::rays_tested`] leaves out.
-    #[serde(default)]
     pub aimed: Aimed,
     /// How far `t` was off where the hit was right.
     pub t_error_ulp: Option<TError>,
     /// What became of rays aimed at edges and vertices of a closed mesh.
     pub leaks: Vec<Leaks>,
     /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
-    #[serde(default)]
     pub mixed_range: Vec<FamilyCounts>,
     /// That the backend held.
     pub memory_bytes: Option<u64>,
     /// Frames that were timed.
     pub samples: u64,
     /// Seconds that the device was warmed up before them.
-    #[serde(default)]
     pub warm_up_s: Option<f64>,
     /// Measures this point again.
     pub command: String,
 }
 
 /// How a time was spread over the frames: the middle one, and what 5 and 95 of 100 were less than.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
     /// Without it, or if it is not above zero, a point is not drawn.
     pub median: Option<f64>,
@@ -126,7 +123,7 @@ pub struct Spread {
 
 /// Errors of `t`, in units in the last place of the exact `t` rounded to f32. The middle one, what 999 of 1000 were less
 /// than, and the largest.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TError {
     pub median: Option<f64>,
     pub p999: Option<f64>,
@@ -135,14 +132,14 @@ pub struct TError {
 
 /// Rays for which a hit is hardest to tell, counted apart from all others. How many, and how many of them got another
 /// closest hit than by exact arithmetic.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Aimed {
     pub rays: u64,
     pub wrong: u64,
 }
 
 /// Likewise of a family, as `abvh stability` lists it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FamilyCounts {
     pub family: String,
     pub rays: u64,
@@ -150,7 +147,7 @@ pub struct FamilyCounts {
 }
 
 /// Rays aimed from inside at edges and vertices of a closed mesh that was moved away from the origin.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Leaks {
     /// How far the mesh was moved, in units of its size.
     pub offset: f64,

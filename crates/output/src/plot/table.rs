@@ -6,7 +6,7 @@ use serde::Serialize;
 /// The version of `points.json`.
 pub const SCHEMA: u32 = 1;
 
-/// The whole chart as JSON; it reads back as a [`Chart`].
+/// The whole chart as JSON.
 pub fn json(chart: &Chart) -> Result<String> {
     #[derive(Serialize)]
     struct File<'a> {
@@ -106,13 +106,9 @@ fn plain(x: Option<impl ToString>) -> String {
     x.map_or_else(String::new, |x| x.to_string())
 }
 
-/// The points for people: the cells of each by the names of their columns.
+/// A point for people: its cells by the names of their columns.
 #[must_use]
-pub fn rows(chart: &Chart) -> Vec<Vec<(&'static str, String)>> {
-    chart.points.iter().map(row).collect()
-}
-
-pub(crate) fn row(p: &Point) -> Vec<(&'static str, String)> {
+pub fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
     let of = |n, rays| format!("{} of {}", count(n), count(rays));
     let sum = |counts: &mut dyn Iterator<Item = (u64, u64)>| {

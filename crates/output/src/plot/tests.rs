@@ -253,7 +253,7 @@ fn columns_stay_where_they_are() {
     ] {
         assert_eq!(cell(&chart, woop, name), expected);
     }
-    assert_eq!(rows(&chart)[woop][11].1, "2,600 of 9,000");
+    assert_eq!(row(&chart.points[woop])[11].1, "2,600 of 9,000");
 }
 
 #[test]
