@@ -110,7 +110,9 @@ fn command(path: &Path) -> Result<(), String> {
     let (told, said) = (!output.stdout.is_empty(), !output.stderr.is_empty());
     match output.status.code() {
         Some(0) if told && !said => Ok(()),
-        Some(2) if !told && is_refusal(&output) => Err("it is refused".to_owned()),
+        Some(2) if !told && is_refusal(&output) => Err(String::from_utf8_lossy(&output.stderr)
+            .trim_end()
+            .to_owned()),
         _ => panic!("neither told nor refused: {output:?}"),
     }
 }

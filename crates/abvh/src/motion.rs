@@ -236,14 +236,18 @@ impl Joined {
         }
     }
 
-    /// Has steps to come prepared where the device reads them, with memory for as many as are held at a time: none of them stops
-    /// for a driver to make it.
+    /// Has steps to come prepared where the device reads them. Memory for as many as are held at a time is made at once: a
+    /// driver takes milliseconds for it.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
         if self.is_live {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
-            // One is read by whoever builds a tree, one by a frame under way.
-            for _ in 0..Animation::KEPT + 2 {
+            // Two may be read by who builds a tree, one by a copy under way.
+            let spare = match self.next {
+                PointBuffer::Shared(_) => Animation::KEPT + 3,
+                PointBuffer::List(_) => 0,
+            };
+            for _ in 0..spare {
                 self.animation.add_spare_frame(copy_of(first, backend)?);
             }
         }
@@ -266,7 +270,7 @@ impl Joined {
         let last = self.newest()?;
         for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
-            self.next[range.clone()].copy_from_slice(&last[range]);
+            copy(&mut self.next[range.clone()], &last[range]);
         }
         // A frame that was dropped has meshes that never move where they are.
         let spare = match self.animation.spare_frame() {
@@ -345,6 +349,20 @@ pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
         false => {
             let all = to.par_iter_mut().enumerate();
             all.with_min_len(FEW / 4).for_each(one);
+        }
+    }
+}
+
+/// Vertices that one task copies.
+const RUN: usize = 1 << 14;
+
+/// Copies as many vertices, likewise.
+pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
+    match to.len() <= FEW {
+        true => to.copy_from_slice(from),
+        false => {
+            let runs = to.par_chunks_mut(RUN).zip(from.par_chunks(RUN));
+            runs.for_each(|(to, from)| to.copy_from_slice(from));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One moment of a scene: where meshes are, and what is asked of it.
 
-use crate::motion::{Motion, moved, set};
+use crate::motion::{Motion, copy, moved, set};
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
 use backend::{QueryKind, Rays};
 use geom::Camera;
@@ -119,7 +119,7 @@ impl Step<'_> {
             Source::Host(vertices) => {
                 let expected = current.joined.range_of(index).len();
                 check(mesh, "vertices", expected, vertices.len())?;
-                current.joined.vertices_of(index).copy_from_slice(vertices);
+                copy(current.joined.vertices_of(index), vertices);
                 Ok(())
             }
             #[cfg(feature = "wgpu")]

@@ -176,8 +176,8 @@ impl Bins {
     }
 }
 
-/// The costs of all cuts of a row of `n` boxes along each axis, one a lane, by how many boxes go left; the least of them; and
-/// the cuts that have these. A box comes with its number of triangles.
+/// The costs of all cuts of a row of `n` boxes along each axis, one a lane, by how many boxes go left. Then the least of them,
+/// and where it is. A box comes with its number of triangles.
 ///
 /// An empty side costs infinity times zero, which is not a number and never least.
 #[inline(always)]

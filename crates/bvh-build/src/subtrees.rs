@@ -215,13 +215,22 @@ mod tests {
         assert!(depth(&tree, tree.root().unwrap()) <= MAX_DEPTH);
     }
 
+    #[test]
+    fn a_tree_of_none_or_one_stays_so() {
+        for n in [0, 1] {
+            let boxes = clumps(n, |_| 0.0, 1.0);
+            let last = BinaryTree::over(&boxes[..]);
+            assert_eq!(subtrees(&last, &boxes).0, last);
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
 
         /// Whatever moved where: every triangle is in it once, and costs are those of the trees.
         #[test]
         fn trees_stay_whole(
-            from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 0..300),
+            from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),
             shift in 0.0_f32..20.0,
         ) {
             let at = |shift: f32| -> Vec<Aabb> {

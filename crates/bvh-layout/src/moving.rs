@@ -76,9 +76,10 @@ impl Moving {
         })
     }
 
-    /// The first list: of a record, its leaves.
+    /// The first list: of a record, its leaves. Empty if there is none.
     pub fn leaves(&self) -> &[u32] {
-        &self.words[self.lists[0].clone()]
+        let first = self.lists.first().cloned();
+        &self.words[first.unwrap_or_default()]
     }
 }
 

@@ -52,7 +52,8 @@ pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
         .filter(|_| used > 0)
         .map_or(0, |bits| bits >> used);
     ensure(past == 0, || {
-        format!("bits past the last node must be 0, they are {past:#x}")
+        let last = header.node_count() - 1;
+        format!("bits past the last node {last} must be 0, they are {past:#x}")
     })?;
     check_ranks(bits, ranks)?;
     check_triangles(leaf_triangles, header.triangles)
@@ -142,7 +143,7 @@ fn count_ones(bits: &[u32], first: usize, end: usize) -> usize {
 
 fn check_ranks(bits: &[u32], ranks: &[u32]) -> Result<(), RecordError> {
     let mut expected = 0;
-    for (node, (bits, &found)) in (0..).step_by(32).zip(bits.iter().zip(ranks)) {
+    for (node, (bits, &found)) in (0_usize..).step_by(32).zip(bits.iter().zip(ranks)) {
         ensure(found == expected, || {
             format!("{found} leaves are counted before node {node}, there are {expected}")
         })?;
@@ -160,7 +161,9 @@ fn check_triangles(leaf_triangles: &[u32], triangles: u32) -> Result<(), RecordE
         })?;
         let (word, bit) = (triangle as usize / 64, 1 << (triangle % 64));
         ensure(seen[word] & bit == 0, || {
-            format!("leaf {leaf} names triangle {triangle}, as one before it does")
+            let first = leaf_triangles.iter().position(|&t| t == triangle);
+            let first = first.unwrap_or(leaf);
+            format!("leaves {first} and {leaf} both name triangle {triangle}")
         })?;
         seen[word] |= bit;
     }

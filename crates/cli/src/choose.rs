@@ -166,7 +166,7 @@ const FASTEST_FIRST: [Intersector; 3] = [
     Intersector::Woop,
 ];
 
-/// Settles what `ask` leaves open, on a backend of such devices, which comes back.
+/// Settles what `ask` leaves open by what `backend` is and how it traces. It comes back, or another of its kind.
 pub(crate) fn settle(
     backend: Box<dyn Backend>,
     animation: &Arc<Animation>,

@@ -141,9 +141,11 @@ impl Animation {
     /// Key frames that are kept of a [live](Self::live) animation.
     pub const KEPT: usize = LiveKeys::KEPT;
 
-    /// Takes memory for a key frame to come, where they [arrive](Self::push).
+    /// Takes memory for a key frame to come, where they [arrive](Self::push) and it has as many vertices.
     pub fn add_spare_frame(&self, frame: PointBuffer) {
-        if let KeyFrames::Live(live) = &self.keys {
+        if let KeyFrames::Live(live) = &self.keys
+            && frame.len() == self.vertex_count()
+        {
             live.add_spare(frame);
         }
     }
@@ -203,6 +205,18 @@ mod tests {
         while spare().is_some() {}
         live.add_spare_frame(at(7.0).into());
         assert_eq!([spare(), spare()], [Some(7.0), None]);
+    }
+
+    #[test]
+    fn what_comes_may_reach_anywhere_and_become_active() {
+        let mut rest = at(0.0);
+        rest[0] = [f32::NAN; 3];
+        let live = Animation::live(rest, &[false; 3], vec![[0, 1, 2]]).unwrap();
+        assert!(live.is_live(0) && !live.fallback_corner(0).is_empty());
+        let mut far = at(0.0);
+        far[2][1] = 1e30;
+        let extreme = |frame| live.range(live.pose(live.push(frame).unwrap())).extreme;
+        assert_eq!([at(1.0), far, at(2.0)].map(extreme), [false, true, false]);
     }
 
     #[test]

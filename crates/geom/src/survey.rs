@@ -273,6 +273,17 @@ mod tests {
     }
 
     #[test]
+    fn a_static_vertex_has_its_bits_at_every_pose() {
+        let still = [0.0, 1e-40, -7.3e30];
+        let keys: Vec<_> = (0..3).map(|k| vec![still, [k as f32; 3]]).collect();
+        let animation = Animation::new(keys, vec![]).unwrap();
+        assert_eq!(animation.static_parts().vertices, [true, false]);
+        for time in [0.0, 0.3, 1.0, 1.999] {
+            assert_eq!(bits(&animation.at(time).unwrap().vertex(0)), bits(&still));
+        }
+    }
+
+    #[test]
     fn runs_hold_all_that_moves_and_few_others() {
         let parts = StaticParts {
             vertices: [1, 0, 0, 1, 0, 1, 1, 1, 0].map(|s| s == 1).to_vec(),

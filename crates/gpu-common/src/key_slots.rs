@@ -164,7 +164,14 @@ impl<D: GpuDevice> KeySlots<D> {
             true => &self.moving,
             false => std::slice::from_ref(&all),
         };
-        let arrival = gpu.send_key(frame, runs, &buffer)?;
+        let arrival = match gpu.send_key(frame, runs, &buffer) {
+            Ok(arrival) => arrival,
+            Err(e) => {
+                // It may be under way in part.
+                gpu.discard(buffer);
+                return Err(e);
+            }
+        };
         self.clock += 1;
         self.slots.push(KeySlot {
             key,

@@ -73,13 +73,13 @@ impl<D: GpuDevice> Pool<D> {
 
     /// Drops what nothing uses.
     pub fn prune(&mut self, has_ended: impl Fn(LastUse) -> Result<bool>) -> Result<()> {
-        let mut kept = Vec::new();
-        for (last, buffer) in self.0.drain(..) {
-            if !has_ended(last)? {
-                kept.push((last, buffer));
+        let mut at = 0;
+        while let Some((last, _)) = self.0.get(at) {
+            match has_ended(*last)? {
+                true => drop(self.0.remove(at)),
+                false => at += 1,
             }
         }
-        self.0 = kept;
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! The output of traces, kept until it is too old to be asked for.
+//! The output of traces.
 
 use crate::{BufferTable, GpuDevice, LentRays};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};

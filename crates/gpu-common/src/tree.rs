@@ -66,7 +66,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
         // What was written and never sent is of no use any more.
-        let mut staging = match lock(&self.written).take() {
+        let spare = lock(&self.written).take();
+        let mut staging = match spare {
             Some(spare) => spare.staging,
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,

@@ -79,9 +79,11 @@ impl ExternalMemory {
             .memory_type_index(made.memory_type)
             .push_next(&mut export)
             .push_next(&mut dedicated);
+        let turn = gpu.memory.turn();
         // SAFETY: the type is one of those that the buffer may have; the extension is enabled.
-        made.memory =
-            unsafe { gpu.vk.allocate_memory(&info, None) }.map_err(failed_for(what, needs.size))?;
+        let memory = unsafe { gpu.vk.allocate_memory(&info, None) };
+        drop(turn);
+        made.memory = memory.map_err(failed_for(what, needs.size))?;
         // SAFETY: the memory was made for this buffer and is bound once.
         unsafe { gpu.vk.bind_buffer_memory(vk, made.memory, 0) }.map_err(failed(what))?;
         Ok(made)
@@ -115,6 +117,7 @@ impl ExternalMemory {
 
 impl Drop for ExternalMemory {
     fn drop(&mut self) {
+        let _turn = self.gpu.memory.turn();
         // SAFETY: whatever is submitted or recorded holds an `Arc` of this until it is done.
         unsafe {
             self.gpu.vk.destroy_buffer(self.vk, None);

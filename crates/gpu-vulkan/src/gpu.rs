@@ -32,7 +32,7 @@ pub struct Gpu {
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
     /// Extensions by which it exports memory and semaphores, and sees pages of the process.
-    pub(crate) sharing: Vec<&'static CStr>,
+    pub sharing: Vec<&'static CStr>,
     /// How it sees those.
     pub(crate) import: Option<Import>,
     /// Compiled kernels of earlier runs.

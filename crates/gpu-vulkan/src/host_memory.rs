@@ -30,6 +30,7 @@ pub(crate) struct Import {
 pub(crate) struct HostMemory {
     memory: vk::DeviceMemory,
     pub(crate) pages: MmapMut,
+    gpu: Arc<Gpu>,
 }
 
 impl Import {
@@ -49,8 +50,12 @@ impl Import {
                 .get_physical_device_memory_properties(physical)
         };
         let wanted = vk::MemoryPropertyFlags::HOST_COHERENT | vk::MemoryPropertyFlags::HOST_CACHED;
+        // Nobody asked for the feature that it takes.
+        let other = vk::MemoryPropertyFlags::DEVICE_COHERENT_AMD;
+        let is_fit =
+            |flags: vk::MemoryPropertyFlags| flags.contains(wanted) && !flags.intersects(other);
         let types = memory.memory_types_as_slice().iter().enumerate();
-        let types = types.filter(|(_, t)| t.property_flags.contains(wanted));
+        let types = types.filter(|(_, t)| is_fit(t.property_flags));
         Some(Self {
             calls: external_memory_host::Device::new(&host.instance, vk),
             alignment: bounds.min_imported_host_pointer_alignment,
@@ -68,31 +73,32 @@ impl HostMemory {
         let buffer = create_buffer(gpu, what, info.push_next(&mut external)).ok()?;
         // SAFETY: the buffer was just made from this device.
         let needs = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
-        let made = Self::new(gpu, import, needs).and_then(|made| {
+        let made = Self::new(gpu, import, needs).filter(|made| {
             // SAFETY: the memory meets the buffer's requirements and is bound once.
-            let bound = unsafe { gpu.vk.bind_buffer_memory(buffer, made.memory, 0) };
-            bound.map(|()| (buffer, made)).ok()
+            unsafe { gpu.vk.bind_buffer_memory(buffer, made.memory, 0) }.is_ok()
         });
         if made.is_none() {
             // SAFETY: nobody uses it.
             unsafe { gpu.vk.destroy_buffer(buffer, None) };
         }
-        made
+        made.map(|made| (buffer, made))
     }
 
-    fn new(gpu: &Gpu, import: &Import, needs: vk::MemoryRequirements) -> Option<Self> {
+    fn new(gpu: &Arc<Gpu>, import: &Import, needs: vk::MemoryRequirements) -> Option<Self> {
         let bytes = needs.size.next_multiple_of(import.alignment);
         let mut pages = MmapMut::map_anon(usize::try_from(bytes).ok()?).ok()?;
+        if !(pages.as_ptr().addr() as u64).is_multiple_of(import.alignment) {
+            return None;
+        }
         make_present(&pages);
         let (at, get) = (pages.as_mut_ptr().cast(), import.calls.fp());
         let mut found = vk::MemoryHostPointerPropertiesEXT::default();
-        // SAFETY: the pages are the process's own; the extension is enabled.
+        // SAFETY: the pages are the process's own and aligned; the extension is enabled.
         let asked = unsafe {
             (get.get_memory_host_pointer_properties_ext)(gpu.vk.handle(), PAGES, at, &mut found)
         };
         let types = found.memory_type_bits & needs.memory_type_bits & import.types;
-        let is_aligned = (at.addr() as u64).is_multiple_of(import.alignment);
-        if asked != vk::Result::SUCCESS || types == 0 || !is_aligned {
+        if asked != vk::Result::SUCCESS || types == 0 {
             return None;
         }
         let mut from = vk::ImportMemoryHostPointerInfoEXT::default()
@@ -105,14 +111,16 @@ impl HostMemory {
         let _turn = gpu.memory.turn();
         // SAFETY: the pages are aligned, as many as said, and unmapped only after the memory is freed.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) }.ok()?;
-        Some(Self { memory, pages })
+        let gpu = Arc::clone(gpu);
+        Some(Self { memory, pages, gpu })
     }
+}
 
-    /// Gives the pages back. Nothing may use them any more.
-    pub(crate) fn free(self, gpu: &Gpu) {
-        let _turn = gpu.memory.turn();
-        // SAFETY: the caller destroyed the buffer, whose submissions are done.
-        unsafe { gpu.vk.free_memory(self.memory, None) };
+impl Drop for HostMemory {
+    fn drop(&mut self) {
+        let _turn = self.gpu.memory.turn();
+        // SAFETY: the buffer's owner has waited for the submissions that use it.
+        unsafe { self.gpu.vk.free_memory(self.memory, None) };
     }
 }
 

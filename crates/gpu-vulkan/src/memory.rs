@@ -106,8 +106,8 @@ impl Memory {
         self.made.load(Ordering::Relaxed)
     }
 
-    /// Who submits, allocates or frees waits for one other at most: a lock within NVIDIA's driver goes to whoever comes first, and
-    /// a scene that is freed would keep it for all of its buffers.
+    /// Nobody submits, allocates or frees twice while others wait. NVIDIA's driver has a lock for that, too, but whoever frees a
+    /// scene would keep it for all buffers.
     pub(crate) fn turn(&self) -> FairMutexGuard<'_, ()> {
         self.turn.lock()
     }
@@ -294,6 +294,11 @@ impl Buffer {
         })
     }
 
+    /// Whether it lies in pages of the process that the device sees.
+    pub fn is_imported(&self) -> bool {
+        matches!(self.memory, BufferMemory::Host(_))
+    }
+
     pub(crate) fn is_lent(&self) -> bool {
         matches!(self.memory, BufferMemory::Lent(_))
     }
@@ -362,8 +367,7 @@ impl Drop for Buffer {
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
         match std::mem::replace(&mut self.memory, BufferMemory::Nothing) {
             BufferMemory::Allocated(allocation) => self.gpu.memory.free(allocation),
-            BufferMemory::Host(memory) => memory.free(&self.gpu),
-            BufferMemory::Lent(_) | BufferMemory::Nothing => (),
+            BufferMemory::Host(_) | BufferMemory::Lent(_) | BufferMemory::Nothing => (),
         }
     }
 }

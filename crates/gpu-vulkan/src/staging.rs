@@ -137,13 +137,13 @@ pub(crate) struct KeysRead(VecDeque<(u64, KeyFrame)>);
 impl KeysRead {
     /// Keeps a key frame until the copy of that value is done; lets go of others.
     pub(crate) fn note(&mut self, done: &Timeline, (value, key): (u64, &KeyFrame)) -> Result<()> {
+        self.0.push_back((value, KeyFrame::clone(key)));
         while let Some((value, _)) = self.0.front() {
             if !done.has_reached(*value)? {
                 break;
             }
             self.0.pop_front();
         }
-        self.0.push_back((value, KeyFrame::clone(key)));
         Ok(())
     }
 }

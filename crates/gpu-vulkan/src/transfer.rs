@@ -106,7 +106,7 @@ impl Transfer {
     }
 
     /// Waits until all copies are done.
-    pub(crate) fn wait(&self) -> Result<()> {
+    pub fn wait(&self) -> Result<()> {
         self.done.wait(self.last)
     }
 }

@@ -63,8 +63,8 @@ impl<F> Drop for Video<F> {
 }
 
 impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins what is wanted; `None` if nothing is: a file that `ffmpeg` encodes, its format told by its ending, and a
-    /// YUV4MPEG2 file, `-` for standard output. Of so many pixels (width, height) and frames a second. Fails where there is
+    /// Begins what is wanted; `None` if nothing is. One file is encoded by `ffmpeg`, its format told by its ending. The other is
+    /// YUV4MPEG2, `-` for standard output. Of so many pixels (width, height) and frames a second. Fails where there is
     /// no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
     pub fn begin(
         [encoded, y4m]: [Option<&Path>; 2],

@@ -105,7 +105,10 @@ impl BuilderThread {
 
     /// Waits for the job that was handed in.
     pub(crate) fn take(&mut self) -> BuildResult<Made> {
-        self.trees.recv().unwrap_or_else(|_| Err(gone()))
+        match self.thread {
+            Some(_) => self.trees.recv().unwrap_or_else(|_| Err(gone())),
+            None => Err(gone()),
+        }
     }
 }
 

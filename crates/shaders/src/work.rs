@@ -261,8 +261,8 @@ fn over_open(method: Method, rays: Rays<'_>, kernel: &str, params: Params, group
     }
 }
 
-/// A search by kernels for given rays or a camera's and, for `exact`, what settles by notes most of the rays that it left
-/// open, and the rest one by one.
+/// A search by kernels for given rays or a camera's. For `exact`, notes then settle most of the rays that it left open; the
+/// rest are settled one by one.
 fn search(
     method: Method,
     params: Params,

@@ -119,6 +119,7 @@ const FRESH: &[LastTest] = named![
 const OF_VULKAN: &[(&str, fn())] = named![
     queues::required_validation_is_there_or_its_absence_is_named,
     queues::every_adapter_tells_its_limits,
+    queues::large_buffers_of_the_host_lie_in_pages_of_the_process,
     queues::no_more_submissions_are_under_way_than_may_be,
 ];
 const OF_THREE_QUEUES: &[(&str, fn())] = named![

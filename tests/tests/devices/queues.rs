@@ -44,6 +44,28 @@ pub(crate) fn every_adapter_tells_its_limits() {
     }
 }
 
+pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
+    let mut backend = opened::<VulkanDevice>().unwrap();
+    let gpu = Arc::clone(&backend.gpu().gpu);
+    let words: Vec<u32> = (0..1 << 18).collect();
+    let bytes = size_of_val(&words[..]) as u64;
+    let made = |place| Buffer::new(&gpu, "words", bytes, place).unwrap();
+    let uses = [BufferUse::Staging, BufferUse::Device, BufferUse::Readback];
+    let [mut from, there, to] = uses.map(made);
+    from.write(0, &words);
+    let road = &mut backend.gpu_mut().readback;
+    for (from, to) in [(&from, &there), (&there, &to)] {
+        road.start([from, to], &[(0..bytes, 0)], None).unwrap();
+        road.wait().unwrap();
+    }
+    assert!(to.read::<u32>(words.len()) == words);
+    let is_offered = gpu.sharing.contains(&c"VK_EXT_external_memory_host");
+    let imported = [&from, &there, &to].map(Buffer::is_imported);
+    assert_eq!(imported, [is_offered, false, is_offered]);
+    let small = Buffer::new(&gpu, "a few words", bytes - 16, BufferUse::Staging);
+    assert!(!small.unwrap().is_imported());
+}
+
 /// Bars a road until the gate opens.
 fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     let opened = Some(gate.at(1));

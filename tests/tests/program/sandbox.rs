@@ -75,6 +75,7 @@ impl Sandbox {
 
     /// Likewise, and reads the JSON that an option asks for.
     pub(crate) fn tells(&self, words: &str, option: &str) -> (Run, Value) {
+        let _ = fs::remove_file(self.path().join("told.json"));
         let run = self.does(&format!("{words} {option} told.json"));
         (run, self.json("told.json"))
     }

@@ -1,7 +1,7 @@
 //! Trees for several moments are good at all of them.
 
 use crate::{boxes, check_holds, cube, moments};
-use bvh_build::{BinaryTree, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost};
+use bvh_build::{BinaryTree, BuildError, Cancel, Moment, TemporalBuilder, sah_cost, temporal_cost};
 use geom::Aabb;
 
 fn build(all: &[Vec<Aabb>]) -> BinaryTree {
@@ -86,4 +86,15 @@ fn a_triangle_without_a_box_at_some_moments_has_a_leaf() {
     (all[0][1], all[1][2]) = (Aabb::EMPTY, Aabb::EMPTY);
     (all[0][4], all[1][4]) = (Aabb::EMPTY, Aabb::EMPTY);
     check_holds(vec![0, 1, 2, 3], &build(&all));
+}
+
+#[test]
+fn a_cancelled_build_leaves_an_empty_tree() {
+    let mut tree = build(&[row(9, |i| i)]);
+    let cancel = Cancel::new();
+    cancel.cancel();
+    let all = [row(9, |i| i)];
+    let built = TemporalBuilder::default().build(&moments(&all), &cancel, &mut tree);
+    assert_eq!((built, tree.root()), (Err(BuildError::Cancelled), None));
+    assert!(tree.left_leaves().is_empty());
 }

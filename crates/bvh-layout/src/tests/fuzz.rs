@@ -125,10 +125,10 @@ fn what_is_wrong_is_named() {
         8 | 2 | level 0 has 2 inner nodes, its bits have 1
         {more} | {inner} | level {} has {inner} inner nodes, its bits have {deep}
         {bits} | {root} | level 0 has 1 inner nodes, its bits have 0
-        {end} | {past} | bits past the last node must be 0, they are 0x10000
+        {end} | {past} | bits past the last node 78 must be 0, they are 0x10000
         {ranks} | {rank} | {rank} leaves are counted before node 32, there are {ones}
         {leaf} | 500 | leaf 7 names triangle 500, the scene has {triangles}
-        {leaf} | {twice} | leaf 7 names triangle {twice}, as one before it does",
+        {leaf} | {twice} | leaves 2 and 7 both name triangle {twice}",
         length - levels,
         last - 1
     );

@@ -10,7 +10,7 @@ use backend::{AdapterInfo, DeviceKind};
 use clap::ValueEnum;
 use std::fmt;
 
-/// A way of tracing, as its name says it.
+/// A backend, a layout, an intersector and an update policy.
 pub(super) type Way = Ask<'static>;
 
 /// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
@@ -33,7 +33,7 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
     Ok((unique(&ways), skipped))
 }
 
-/// Backends to be charted, those that were named first, then the host.
+/// Backends to be charted: those that were named, then what `auto` finds, the host first.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
@@ -77,7 +77,7 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
-/// What is settled without a run.
+/// Backend, layout, intersector and policy, as far as they are known without a run.
 impl fmt::Display for Ask<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.backend), word(&self.method.layout)];
@@ -130,8 +130,9 @@ mod tests {
     #[test]
     fn what_is_named_twice_is_done_once() {
         let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,auto,exact";
-        let Ok(Command::Chart(args)) = parse(words.split(' ').map(Into::into)) else {
-            panic!("{words} is refused");
+        let parsed = parse(words.split(' ').map(Into::into));
+        let Ok(Command::Chart(args)) = parsed else {
+            panic!("{words}: {parsed:?}");
         };
         let (ways, skipped) = ways(&args).unwrap();
         let ways: Vec<_> = ways.iter().map(ToString::to_string).collect();

@@ -203,3 +203,23 @@ fn hermite(t: f64, step: f64) -> [f64; 4] {
         step * (t3 - t2),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_hold_and_steps_wait_between_uneven_times() {
+        let track = |interpolation| Track {
+            times: vec![1.0, 2.0, 4.0],
+            values: vec![0.0, 1.0, 3.0],
+            size: 1,
+            turns: false,
+            interpolation,
+        };
+        let linear = track(Interpolation::Linear);
+        let found = [0.0, 3.0, 4.0, 9.0].map(|time| linear.at(time)[0]);
+        assert_eq!(found, [0.0, 2.0, 3.0, 3.0]);
+        assert_eq!(track(Interpolation::Step).at(3.999), [1.0]);
+    }
+}

@@ -1,7 +1,7 @@
 //! Diffuse colours from material libraries (MTL), by `tobj`.
 //!
 //! A library that is missing or wrong costs colours, never the scene: it is noted. Only `newmtl` and well-formed `Kd` lines
-//! are handed to `tobj`, which gives up on a whole library for one bad line and panics on a short `Kd`.
+//! are handed to `tobj`. It gives up on a whole library for one bad line and panics on a short `Kd`.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};

@@ -1,7 +1,7 @@
 //! Wavefront OBJ: `tobj` reads numbers, fans faces and reads materials.
 //!
-//! `tobj` names no line, counts the vertices of each group anew, takes lines (`l`) for faces and leaves out what it does not
-//! like about some of them. So [`Statements`] goes through the text first, refuses what is wrong with the line it is in, and
+//! `tobj` names no line, counts the vertices of each group anew and takes lines (`l`) for faces. What it does not like about
+//! some of them it leaves out. So [`Statements`] goes through the text first, refuses what is wrong with the line it is in, and
 //! hands on plain vertices and faces only.
 
 mod materials;
