@@ -353,21 +353,36 @@ pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     }
 }
 
+/// Vertices that the calling thread copies by itself: of others, now and then one waits for a core, since trees are built beside.
+const MANY: usize = 1 << 18;
 /// Vertices that one task copies.
 const RUN: usize = 1 << 14;
 
-/// Copies as many vertices, likewise.
+/// Copies as many vertices, by all threads where there are many.
 pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
-    match to.len() <= FEW {
-        true => to.copy_from_slice(from),
-        false => {
-            let runs = to.par_chunks_mut(RUN).zip(from.par_chunks(RUN));
-            runs.for_each(|(to, from)| to.copy_from_slice(from));
-        }
+    if to.len() <= MANY {
+        return to.copy_from_slice(from);
     }
+    let runs = to.par_chunks_mut(RUN).zip(from.par_chunks(RUN));
+    runs.for_each(|(to, from)| to.copy_from_slice(from));
 }
 
 /// Where a matrix brings a vertex.
 pub(crate) fn moved(m: &Matrix, v: Point) -> Point {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_vertices_are_copied_as_few_are() {
+        let from: Vec<Point> = (0..MANY + RUN + 3).map(|v| [v as f32; 3]).collect();
+        for from in [&from[..3], &from[..MANY], &from] {
+            let mut to = vec![[0.0; 3]; from.len()];
+            copy(&mut to, from);
+            assert!(to == from);
+        }
+    }
 }
