@@ -35,6 +35,7 @@
 //! 580 passes on an H100. Buffers and semaphores stay valid when a mesh is [replaced](Tracer::replace).
 
 use crate::loaded::Loaded;
+use crate::motion::copy;
 use crate::step::apart;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
@@ -184,7 +185,7 @@ impl Loaded {
                 return Ok(());
             };
             if let Some(points) = gpu.read_points(&run).map_err(Error::of_backend)? {
-                self.joined.vertices_of(mesh).copy_from_slice(&points);
+                copy(self.joined.vertices_of(mesh), &points);
             }
         }
         before.signal()

@@ -3,7 +3,7 @@
 use crate::mesh::Colour;
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
-use geom::{Animation, KeyFrame, PointBuffer, Pose};
+use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -309,7 +309,7 @@ impl Joined {
 fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
     let made = backend.point_buffer(points.len());
     let mut made = made.map_err(Error::of_backend)?;
-    made.copy_from_slice(points);
+    copy(&mut made, points);
     Ok(made)
 }
 
@@ -360,11 +360,10 @@ const RUN: usize = 1 << 14;
 
 /// Copies as many vertices, by all threads where there are many.
 pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
-    if to.len() <= MANY {
-        return to.copy_from_slice(from);
+    match to.len() <= MANY {
+        true => to.copy_from_slice(from),
+        false => copy_in_parallel(to, from, RUN),
     }
-    let runs = to.par_chunks_mut(RUN).zip(from.par_chunks(RUN));
-    runs.for_each(|(to, from)| to.copy_from_slice(from));
 }
 
 /// Where a matrix brings a vertex.

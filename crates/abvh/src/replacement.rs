@@ -3,6 +3,7 @@
 use crate::loaded::Loaded;
 use crate::tracer::name;
 use crate::{Error, Mesh, MeshId, Result, Tracer};
+use geom::lock;
 use pipeline::{Pace, Update};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -193,7 +194,7 @@ impl Disposal {
         let freeing = thread::Builder::new()
             .name("abvh-dispose".into())
             .spawn(free);
-        let mut threads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut threads = lock(&self.0);
         threads.retain(|thread| !thread.is_finished());
         threads.extend(freeing);
     }

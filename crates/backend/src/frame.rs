@@ -1,8 +1,8 @@
 //! What a backend says of its work, and positions that it lends to whoever builds trees.
 
-use geom::Point;
+use geom::{Point, lock};
 use std::ops::Deref;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A point in one backend's order of submissions. Tickets finish in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -29,7 +29,7 @@ impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
     /// Memory that came back.
     #[must_use]
     pub fn pop(&self) -> Option<T> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop()
+        lock(&self.0).pop()
     }
 
     /// Lends positions; their memory comes back when the snapshot is dropped.
@@ -60,7 +60,7 @@ impl<T: Deref<Target = [Point]>> Deref for Lent<T> {
 
 impl<T> Drop for Lent<T> {
     fn drop(&mut self) {
-        let mut home = self.home.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut home = lock(&self.home);
         home.extend(self.positions.take());
     }
 }

@@ -6,14 +6,14 @@ use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
 use backend::Hits;
-use geom::{Camera, Point};
+use geom::{Camera, Point, lock};
 use output::{FrameStats, Journal, Planes, RunTimeline, Video};
 use rayon::Scope;
 use scene::Scene;
 use shading::Shot;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
 /// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
@@ -160,14 +160,14 @@ impl<'a> Writer<'a> {
 
     /// Buffers for one more frame; waits until there are some.
     fn lend(&self) -> Result<Lent, Stop> {
-        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = lock(&self.free);
         let buffers = free.recv().map_err(Stop::failed)?;
         let spare = self.spare.clone();
         Ok(Lent { buffers, spare })
     }
 
     fn lock(&self) -> MutexGuard<'_, Done<'a>> {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.done)
     }
 
     fn check(&self) -> Result<(), Stop> {

@@ -1,6 +1,6 @@
 //! Key frames to positions.
 
-use geom::{Moment, Point};
+use geom::{Moment, Point, copy_in_parallel};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -40,9 +40,7 @@ fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<(usize, &'a 
 
 /// Copies positions, in parallel.
 pub(crate) fn copy(from: &[Point], to: &mut [Point]) {
-    to.par_chunks_mut(RUN)
-        .zip(from.par_chunks(RUN))
-        .for_each(|(to, from)| to.copy_from_slice(from));
+    copy_in_parallel(to, from, RUN);
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod range;
 mod ray;
 mod sizes;
 mod survey;
+mod threads;
 mod triangle;
 
 pub use aabb::Aabb;
@@ -24,14 +25,8 @@ pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
+pub use threads::{copy_in_parallel, lock};
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A point or a vector: x, y, z.
 pub type Point = [f32; 3];
-
-/// Also after a thread panicked meanwhile.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

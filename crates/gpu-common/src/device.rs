@@ -71,9 +71,9 @@ pub struct LentRays<B> {
 /// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
 /// Only `upload`, `end_read`, `finish`, `unload`, `wait_idle` and what hands out used buffers (`has_ended`, `staging`,
-/// `send_key`) may wait, for what this scene had the device do. Submissions run
-/// in their order; what is recorded reads what was recorded before. Where copies have queues of their own, the device puts
-/// them in order with the submissions that need them; what does nothing here is for such devices.
+/// `send_key`) may wait, for what this scene had the device do. Submissions run in their order; what is recorded reads what
+/// was recorded before. Where copies have queues of their own, the device puts them in order with the submissions that need
+/// them; what does nothing here is for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
     type Buffer: Send + 'static;

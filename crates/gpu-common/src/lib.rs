@@ -34,7 +34,7 @@ pub use compute::ComputeBackend;
 pub use device::{Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, Validation};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
-pub use pipelines::{KernelCode, Pipelines, compile_door, device_door, lock};
+pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use pool::{LastUse, Pool, with_slack};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, are_given};

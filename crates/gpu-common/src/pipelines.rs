@@ -4,7 +4,7 @@ use crate::GpuDevice;
 use backend::Result;
 use rayon::prelude::*;
 use shaders::{Code, Kernel, Traits};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::{self, JoinHandle};
 
 /// A kernel, and its code for the device at hand.
@@ -149,9 +149,4 @@ pub fn compile_door() -> RwLockReadGuard<'static, ()> {
 /// Held while a device is made or destroyed.
 pub fn device_door() -> RwLockWriteGuard<'static, ()> {
     DOOR.write().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Locks what is sound even after a panic.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -3,7 +3,7 @@
 use crate::{BufferTable, GpuDevice, LentRays};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
-use geom::{Hit, Ray};
+use geom::{Hit, Ray, copy_in_parallel};
 use rayon::prelude::*;
 use shaders::{BufferName, work};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,8 +128,7 @@ impl<D: GpuDevice> Trace<D> {
         out.resize(4 * self.count, 0);
         gpu.read(pixels, 4 * self.count, |before, bytes: &[u8]| {
             let to = &mut out[before..][..bytes.len()];
-            let runs = to.par_chunks_mut(RUN).zip(bytes.par_chunks(RUN));
-            runs.for_each(|(to, from)| to.copy_from_slice(from));
+            copy_in_parallel(to, bytes, RUN);
         })?;
         Ok(true)
     }

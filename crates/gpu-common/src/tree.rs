@@ -1,9 +1,9 @@
 //! The tree in use: buffers of its nodes and records, and how it came to be.
 
-use crate::{BufferTable, GpuDevice, LastUse, Pool, lock, with_slack};
+use crate::{BufferTable, GpuDevice, LastUse, Pool, with_slack};
 use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::Topology;
-use geom::Animation;
+use geom::{Animation, lock};
 use shaders::work::Trace;
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::sync::{Arc, Mutex};

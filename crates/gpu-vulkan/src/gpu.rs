@@ -84,7 +84,7 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let import = Import::of(&host, physical, &vk);
+        let import = Import::of(&host, physical, (&vk, &sharing));
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
             queues: all,

@@ -10,6 +10,7 @@ use crate::memory::{create_buffer, usage};
 use ash::ext::external_memory_host;
 use ash::vk;
 use memmap2::MmapMut;
+use std::ffi::CStr;
 use std::sync::Arc;
 
 /// Bytes from which on buffers have pages of their own. Smaller ones share an allocation.
@@ -34,11 +35,15 @@ pub(crate) struct HostMemory {
 }
 
 impl Import {
-    /// `None` where the device, opened with this extension if it offers it, takes none.
-    pub(crate) fn of(host: &Host, physical: vk::PhysicalDevice, vk: &ash::Device) -> Option<Self> {
+    /// `None` where the device, opened with these extensions, takes none.
+    pub(crate) fn of(
+        host: &Host,
+        physical: vk::PhysicalDevice,
+        (vk, extensions): (&ash::Device, &[&CStr]),
+    ) -> Option<Self> {
         let needed = vk::ExternalMemoryFeatureFlags::IMPORTABLE;
-        let is_offered = host.offers(physical, external_memory_host::NAME);
-        if !is_offered || !buffers(host, physical, (usage(false), PAGES)).contains(needed) {
+        let is_enabled = extensions.contains(&external_memory_host::NAME);
+        if !is_enabled || !buffers(host, physical, (usage(false), PAGES)).contains(needed) {
             return None;
         }
         let mut bounds = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();

@@ -9,11 +9,11 @@ use ash::ext::memory_budget;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
+use geom::lock;
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
-use gpu_common::lock;
 use parking_lot::{FairMutex, FairMutexGuard};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -360,14 +360,14 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if self.is_lent() {
+        let memory = std::mem::replace(&mut self.memory, BufferMemory::Nothing);
+        if let BufferMemory::Lent(_) = memory {
             return;
         }
         // SAFETY: whoever drops a buffer has waited for the submissions that use it.
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
-        match std::mem::replace(&mut self.memory, BufferMemory::Nothing) {
-            BufferMemory::Allocated(allocation) => self.gpu.memory.free(allocation),
-            BufferMemory::Host(_) | BufferMemory::Lent(_) | BufferMemory::Nothing => (),
+        if let BufferMemory::Allocated(allocation) = memory {
+            self.gpu.memory.free(allocation);
         }
     }
 }

@@ -6,9 +6,8 @@ use crate::timeline::Timeline;
 use crate::transfer::Transfer;
 use crate::vulkan_device::VulkanDevice;
 use backend::Result;
-use geom::{KeyFrame, Point, SharedMemory};
+use geom::{KeyFrame, Point, SharedMemory, copy_in_parallel};
 use gpu_common::{LastUse, Pool};
-use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
@@ -24,8 +23,7 @@ pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
     }
     for part in parts {
         let (of_part, rest) = to.split_at_mut(part.len());
-        let runs = of_part.par_chunks_mut(RUN).zip(part.par_chunks(RUN));
-        runs.for_each(|(to, from)| to.copy_from_slice(from));
+        copy_in_parallel(of_part, part, RUN);
         to = rest;
     }
     true

@@ -4,7 +4,7 @@ use crate::errors::failed;
 use crate::gpu::{Gpu, Queue};
 use ash::vk;
 use backend::Result;
-use gpu_common::lock;
+use geom::lock;
 use std::slice::from_ref;
 use std::sync::Arc;
 

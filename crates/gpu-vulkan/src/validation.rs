@@ -2,7 +2,8 @@
 
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
-use gpu_common::{Validation, lock};
+use geom::lock;
+use gpu_common::Validation;
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 

@@ -8,7 +8,7 @@
 //! - What happens outside of any call goes to our own device's handler for uncaptured errors, and the next call returns it.
 
 use backend::BackendError;
-use gpu_common::lock;
+use geom::lock;
 use std::sync::Mutex;
 
 /// Faults that no call was there to return. Shared with wgpu's callbacks.

@@ -3,12 +3,13 @@
 //! A file is written under a temporary name in its own directory and renamed over its final name. Targets that are no
 //! plain files (devices, pipes) cannot be renamed over without destroying them; they get the finished bytes in one go.
 
+use geom::lock;
 use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use tempfile::NamedTempFile;
 
 /// Bytes collected before they go to the file.
@@ -38,7 +39,7 @@ const SUFFIX: &str = ".part";
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+    lock(&UNFINISHED)
 }
 
 /// Removes every temporary file of this process, which is about to end. None is made while the result is held.

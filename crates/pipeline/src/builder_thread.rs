@@ -5,10 +5,10 @@ use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
 use backend::{Snapshot, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
-use geom::{Point, Pose};
+use geom::{Point, Pose, lock};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 /// What came of a build, or why nothing did.
@@ -172,7 +172,7 @@ impl BuilderPool {
         build: impl FnOnce(&mut TreeBuilder) -> Result<T, BuildError> + Send,
     ) -> BuildResult<T> {
         // Whatever a panic left of the builder is written over by the next build.
-        let builder = || self.builder.lock().unwrap_or_else(PoisonError::into_inner);
+        let builder = || lock(&self.builder);
         let built = self.threads.install(|| build(&mut builder()));
         built.map_err(|e| e.to_string())
     }

@@ -5,7 +5,7 @@ use crate::ply::Pattern;
 use crate::source::extension;
 use crate::stream::check_keys;
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
-use geom::Point;
+use geom::{Point, lock};
 use host::Folder;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::SystemTime;
 
 fn read(path: &Path) -> Result<Mesh> {
@@ -120,10 +120,6 @@ impl Sequence {
             }
         }
     }
-}
-
-fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn colours(

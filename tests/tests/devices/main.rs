@@ -26,7 +26,8 @@ mod wgpu_points;
 mod wgpu_rays;
 
 use backend::Backend;
-use gpu_common::{ComputeBackend, GpuDevice, Options, Validation, lock};
+use geom::lock;
+use gpu_common::{ComputeBackend, GpuDevice, Options, Validation};
 use gpu_vulkan::VulkanDevice;
 use gpu_wgpu::WgpuDevice;
 use integration::is_required;
