@@ -60,7 +60,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         output::write_rays(file, camera.pixels(), camera.rays()).inspect_err(tidy)?;
     }
     // A video is made of all frames, also of those whose files are whole.
-    let (old, todo) = match outputs.video {
+    let (old, todo) = match outputs.video.any() {
         true => (Vec::new(), frames),
         false => earlier.divide(frames, &outputs),
     };

@@ -82,7 +82,7 @@ impl Earlier {
         let Some(found) = self.manifest.as_ref().filter(|_| args.resume) else {
             return Ok(None);
         };
-        if outputs.video || beside.any(|file| !file.exists()) {
+        if outputs.video.any() || beside.any(|file| !file.exists()) {
             return Ok(None);
         }
         let all = listed(args, found.key_times)?;

@@ -7,7 +7,7 @@ use crate::talk::Progress;
 use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
 use backend::Hits;
 use geom::{Camera, Point, lock};
-use output::{FrameStats, Journal, Planes, RunTimeline, Video};
+use output::{Chroma, FrameStats, Journal, Planes, RunTimeline, Video};
 use rayon::Scope;
 use scene::Scene;
 use shading::Shot;
@@ -87,7 +87,7 @@ impl<'a> Writer<'a> {
     ) -> Self {
         let (spare, free) = channel();
         let of_hits = if wanted.hits { HIT_BYTES } else { 0 };
-        let of_planes = if outputs.video { PLANE_BYTES } else { 0 };
+        let of_planes = if outputs.video.any() { PLANE_BYTES } else { 0 };
         let bytes = COLOUR_BYTES + of_hits + of_planes;
         let free_bytes = host::free().map_or(u64::MAX, |free| free.bytes);
         let each = (bytes * camera.pixels()).max(1) as u64;
@@ -141,7 +141,7 @@ impl<'a> Writer<'a> {
             }
         };
         // Without threads of its own, rayon does what is asked of it when the run is over.
-        let makes_any = self.outputs.any() || self.outputs.video;
+        let makes_any = self.outputs.any() || self.outputs.video.any();
         if !makes_any || rayon::current_thread_index().is_some() {
             write();
             return self.check();
@@ -189,7 +189,7 @@ impl<'a> Writer<'a> {
         let (images, video) = (self.outputs.images.is_some(), self.outputs.video);
         let hits = &buffers.answers.hits;
         let mut pixels = &buffers.answers.pixels;
-        if pixels.is_empty() && (images || video) {
+        if pixels.is_empty() && (images || video.any()) {
             shading::shade(&shot, &hits.closest, &hits.blocked, &mut buffers.rgba);
             pixels = &buffers.rgba;
         }
@@ -197,9 +197,9 @@ impl<'a> Writer<'a> {
         if images {
             output::drop_alpha(pixels, &mut buffers.rgb);
         }
-        if video {
+        if video.any() {
             let pixels = pixels.as_chunks::<4>().0;
-            buffers.planes.set(pixels, width as usize);
+            buffers.planes.set(pixels, width as usize, video);
         }
         (self.outputs).write(index, [width, height], hits, &buffers.rgb)?;
         let folders = self.outputs.folders();
@@ -220,12 +220,12 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// The files of each frame, and whether all go to a video too.
+/// The files of each frame, and what all of them are in videos.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     images: Option<PathBuf>,
     hits: Option<PathBuf>,
-    pub(crate) video: bool,
+    pub(crate) video: Chroma,
 }
 
 impl Outputs {
@@ -237,7 +237,10 @@ impl Outputs {
             Some(hits) if is_same(hits) => images.clone(),
             hits => hits.clone(),
         };
-        let video = args.makes_video();
+        let video = Chroma {
+            halved: args.video.is_some(),
+            full: args.y4m.is_some(),
+        };
         Self {
             images,
             hits,
@@ -277,7 +280,7 @@ impl Outputs {
     pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
             hits: self.hits.is_some(),
-            pixels: self.images.is_some() || self.video,
+            pixels: self.images.is_some() || self.video.any(),
         }
     }
 

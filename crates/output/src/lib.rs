@@ -25,4 +25,4 @@ pub use stats::{
     write_json,
 };
 pub use timeline::RunTimeline;
-pub use video::{Planes, Video, drop_alpha, write_png};
+pub use video::{Chroma, Planes, Video, drop_alpha, write_png};

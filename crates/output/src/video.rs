@@ -17,7 +17,7 @@ use y4m::{Colorspace, EncoderBuilder};
 
 mod planes;
 
-pub use planes::Planes;
+pub use planes::{Chroma, Planes};
 
 type Result<T, E = OutputError> = std::result::Result<T, E>;
 

@@ -1,98 +1,146 @@
 //! A frame as videos hold it: luma and chroma, of BT.601 in its limited range, which readers of the format take them for.
 
-/// Luma and chroma of a frame, at full size (4:4:4) and with chroma at half of it along both axes (4:2:0).
+/// Sizes that chroma is wanted in.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Chroma {
+    /// A sample for two by two pixels (4:2:0).
+    pub halved: bool,
+    /// A sample for each pixel (4:4:4).
+    pub full: bool,
+}
+
+impl Chroma {
+    /// Whether any is.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self.halved || self.full
+    }
+}
+
+/// Luma and chroma of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Planes {
-    /// Y', Cb, Cr.
-    full: [Vec<u8>; 3],
+    luma: Vec<u8>,
     /// Cb, Cr.
-    halves: [Vec<u8>; 2],
+    halved: [Vec<u8>; 2],
+    /// Cb, Cr.
+    full: [Vec<u8>; 2],
 }
 
 impl Planes {
     /// Takes sRGB pixels (the fourth byte says nothing), in rows of so many. Works on the calling thread alone: there are
     /// other frames.
-    pub fn set(&mut self, pixels: &[[u8; 4]], width: usize) {
-        separate(pixels, &mut self.full);
-        for (full, half) in self.full[1..].iter().zip(&mut self.halves) {
-            halve((full, width), half);
+    pub fn set(&mut self, pixels: &[[u8; 4]], width: usize, chroma: Chroma) {
+        self.luma.resize(pixels.len(), 0);
+        for (pixel, luma) in pixels.iter().zip(&mut self.luma) {
+            *luma = luma_of(*pixel);
+        }
+        if chroma.halved {
+            set_halved(pixels, width.max(1), &mut self.halved);
+        }
+        if chroma.full {
+            self.full.iter_mut().for_each(|p| p.resize(pixels.len(), 0));
+            let [cb, cr] = &mut self.full;
+            for (pixel, (cb, cr)) in pixels.iter().zip(cb.iter_mut().zip(cr)) {
+                [*cb, *cr] = chroma_of([*pixel; 4]);
+            }
         }
     }
 
     /// 4:2:0 if `halved`, else 4:4:4.
     pub(super) fn frame(&self, halved: bool) -> y4m::Frame<'_> {
-        let [y, cb, cr] = &self.full;
-        let [half_cb, half_cr] = &self.halves;
-        match halved {
-            true => y4m::Frame::new([y, half_cb, half_cr], None),
-            false => y4m::Frame::new([y, cb, cr], None),
-        }
+        let [cb, cr] = if halved { &self.halved } else { &self.full };
+        y4m::Frame::new([&self.luma, cb, cr], None)
     }
 }
 
-/// Means of two by two samples; at an odd edge, of those that are there twice.
-fn halve((plane, width): (&[u8], usize), to: &mut Vec<u8>) {
-    let (width, half) = (width.max(1), width.div_ceil(2).max(1));
-    to.resize(half * (plane.len() / width).div_ceil(2), 0);
-    for (rows, to) in plane.chunks(2 * width).zip(to.chunks_mut(half)) {
+/// Of two by two pixels each; at an odd edge, those there are count twice.
+fn set_halved(pixels: &[[u8; 4]], width: usize, planes: &mut [Vec<u8>; 2]) {
+    let half = width.div_ceil(2);
+    let samples = half * (pixels.len() / width).div_ceil(2);
+    planes.iter_mut().for_each(|p| p.resize(samples, 0));
+    let [cb, cr] = planes.each_mut().map(|plane| plane.chunks_mut(half));
+    for (rows, (cb, cr)) in pixels.chunks(2 * width).zip(cb.zip(cr)) {
         let (upper, lower) = rows.split_at(width);
         let lower = if lower.is_empty() { upper } else { lower };
-        let pairs = upper.chunks(2).zip(lower.chunks(2));
-        for ((upper, lower), to) in pairs.zip(to) {
-            let both = |row: &[u8]| u16::from(row[0]) + u16::from(row[row.len() - 1]);
-            *to = ((both(upper) + both(lower) + 2) / 4) as u8;
+        let (upper, upper_edge) = upper.as_chunks::<2>();
+        let (lower, lower_edge) = lower.as_chunks::<2>();
+        let pairs = upper.iter().zip(lower);
+        for (([a, b], [c, d]), (cb, cr)) in pairs.zip(cb.iter_mut().zip(cr.iter_mut())) {
+            [*cb, *cr] = chroma_of([*a, *b, *c, *d]);
+        }
+        if let ([a], [c], [.., cb], [.., cr]) = (upper_edge, lower_edge, cb, cr) {
+            [*cb, *cr] = chroma_of([*a, *a, *c, *c]);
         }
     }
 }
 
-/// Pixels that are worked on at a time: their channels stay in the nearest cache.
-const BLOCK: usize = 64;
-
-fn separate(pixels: &[[u8; 4]], planes: &mut [Vec<u8>; 3]) {
-    for plane in &mut *planes {
-        plane.resize(pixels.len(), 0);
-    }
-    let [y, cb, cr] = planes.each_mut().map(|plane| plane.chunks_mut(BLOCK));
-    for (pixels, ((y, cb), cr)) in pixels.chunks(BLOCK).zip(y.zip(cb).zip(cr)) {
-        let mut channels = [[0; BLOCK]; 3];
-        for (channel, values) in channels.iter_mut().enumerate() {
-            for (pixel, value) in pixels.iter().zip(values) {
-                *value = u16::from(pixel[channel]) << 8;
-            }
-        }
-        let [r, g, b] = &channels;
-        let all = r.iter().zip(g).zip(b);
-        for (((&r, &g), &b), ((y, cb), cr)) in all.zip(y.iter_mut().zip(cb).zip(cr)) {
-            [*y, *cb, *cr] = ycbcr([r, g, b]);
-        }
-    }
+/// The nearest to a pixel's luma. Weights are in 65536ths.
+fn luma_of([r, g, b, _]: [u8; 4]) -> u8 {
+    let [r, g, b] = [r, g, b].map(u32::from);
+    ((r * 16_829 + g * 33_039 + b * 6_416 + (16 << 16) + (1 << 15)) >> 16) as u8
 }
 
-/// sRGB to Y'CbCr of BT.601 in its limited range, the nearest; both in 256ths. In numbers of 16 bits, of which processors
-/// multiply many at once.
-#[inline(always)]
-fn ycbcr([r, g, b]: [u16; 3]) -> [u8; 3] {
-    // Each product is cut off: by a half of a 256th, at a mean.
-    let part = |x: u16, k: u32| ((u32::from(x) * k) >> 16) as u16;
-    let y = part(r, 16_829) + part(g, 33_039) + part(b, 6_416) + ((16 << 8) + 129);
-    let cb = ((128 << 8) + 127) + part(b, 28_784) - part(r, 9_714) - part(g, 19_070);
-    let cr = ((128 << 8) + 127) + part(r, 28_784) - part(g, 24_103) - part(b, 4_681);
-    [y, cb, cr].map(|value| (value >> 8) as u8)
+/// The nearest to the Cb and Cr of four pixels' mean.
+fn chroma_of(pixels: [[u8; 4]; 4]) -> [u8; 2] {
+    let [r, g, b] = [0, 1, 2].map(|c| pixels.iter().map(|p| u32::from(p[c])).sum::<u32>());
+    let middle = (128 << 18) + (1 << 17);
+    let cb = middle + b * 28_784 - r * 9_714 - g * 19_070;
+    let cr = middle + r * 28_784 - g * 24_103 - b * 4_681;
+    [cb, cr].map(|value| (value >> 18) as u8)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Y', Cb, Cr of channels up to 255.
+    fn exact([r, g, b]: [f64; 3]) -> [f64; 3] {
+        let [r, g, b] = [r, g, b].map(|x| x / 255.0);
+        [
+            16.0 + 65.481 * r + 128.553 * g + 24.966 * b,
+            128.0 - 37.797 * r - 74.203 * g + 112.0 * b,
+            128.0 + 112.0 * r - 93.786 * g - 18.214 * b,
+        ]
+    }
+
+    fn assert_near(value: u8, exact: f64) {
+        assert!((f64::from(value) - exact).abs() < 0.51, "{value}: {exact}");
+    }
+
     #[test]
     fn chroma_is_halved_along_both_axes_and_edges_count_twice() {
-        let mut halves = Vec::new();
-        halve((&[0, 4, 8, 4, 9, 10, 20, 22, 30], 3), &mut halves);
-        assert_eq!(halves, [4, 9, 21, 30]);
-        halve((&[1, 3, 5, 7], 2), &mut halves);
-        assert_eq!(halves, [4]);
-        halve((&[], 2), &mut halves);
-        assert_eq!(halves, [0; 0]);
+        let pixel = |i: u8| {
+            [
+                i.wrapping_mul(91),
+                i.wrapping_mul(57),
+                i.wrapping_mul(143),
+                i,
+            ]
+        };
+        let chroma = Chroma {
+            halved: true,
+            full: false,
+        };
+        for [width, height] in [[3, 3], [4, 2], [2, 5], [1, 1], [5, 4]] {
+            let pixels: Vec<_> = (0..width * height).map(|i| pixel(i as u8)).collect();
+            let mut planes = Planes::default();
+            planes.set(&pixels, width, chroma);
+            let half = width.div_ceil(2);
+            let [cb, cr] = &planes.halved;
+            assert_eq!([cb.len(), cr.len()], [half * height.div_ceil(2); 2]);
+            for (i, (cb, cr)) in cb.iter().zip(cr).enumerate() {
+                let places = [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[x, y]| {
+                    let x = (i % half * 2 + x).min(width - 1);
+                    (i / half * 2 + y).min(height - 1) * width + x
+                });
+                let channel = |c| places.map(|p| f64::from(pixels[p][c])).iter().sum::<f64>() / 4.0;
+                let [_, exact_cb, exact_cr] = exact([0, 1, 2].map(channel));
+                assert_near(*cb, exact_cb);
+                assert_near(*cr, exact_cr);
+            }
+        }
+        Planes::default().set(&[], 0, chroma);
     }
 
     #[test]
@@ -102,17 +150,19 @@ mod tests {
         let all = axis().flat_map(|r| axis().flat_map(move |g| axis().map(move |b| [r, g, b, 7])));
         let all: Vec<[u8; 4]> = all.collect();
         let mut planes = Planes::default();
-        planes.set(&all, all.len());
-        for (i, rgb) in all.iter().enumerate() {
-            let [r, g, b, _] = rgb.map(|x| f64::from(x) / 255.0);
-            let exact = [
-                16.0 + 65.481 * r + 128.553 * g + 24.966 * b,
-                128.0 - 37.797 * r - 74.203 * g + 112.0 * b,
-                128.0 + 112.0 * r - 93.786 * g - 18.214 * b,
-            ];
-            for (plane, exact) in planes.full.iter().zip(exact) {
-                let off = (f64::from(plane[i]) - exact).abs();
-                assert!(off < 0.51, "{rgb:?}: {} for {exact}", plane[i]);
+        planes.set(
+            &all,
+            all.len(),
+            Chroma {
+                halved: false,
+                full: true,
+            },
+        );
+        let [cb, cr] = &planes.full;
+        for (i, &[r, g, b, _]) in all.iter().enumerate() {
+            let exact = exact([r, g, b].map(f64::from));
+            for (value, exact) in [planes.luma[i], cb[i], cr[i]].into_iter().zip(exact) {
+                assert_near(value, exact);
             }
         }
     }
