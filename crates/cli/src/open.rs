@@ -8,6 +8,7 @@ use backends::{KNOWN, known};
 use clap::ValueEnum;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
+use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
 /// Opens a backend, on the adapter meant by an index or by part of its name, with so many host threads if it computes on
@@ -46,31 +47,43 @@ pub(crate) fn bare(
 /// A backend, and why `auto` took it.
 type Opened = (Box<dyn Backend>, Option<String>);
 
-/// A backend that is opened on a thread of its own, which takes long. Whoever drops it waits for that, since drivers do not
-/// like a process to end meanwhile.
-pub(crate) struct Opening(Option<JoinHandle<Result<Opened, Stop>>>);
+/// A backend that is opened on a thread of its own, which takes long. Whoever drops it waits for the thread's end, since
+/// drivers do not like a process to end meanwhile: NVIDIA's has something to do even then, for 9 ms. By default it is not
+/// begun.
+#[derive(Default)]
+pub(crate) struct Opening {
+    opened: Option<Receiver<Result<Opened, Stop>>>,
+    thread: Option<JoinHandle<()>>,
+}
 
 impl Opening {
-    /// It is not begun yet.
-    pub(crate) const LATER: Self = Self(None);
-
     /// Begins as [`open`] would, if there is a thread to be had.
     pub(crate) fn begin(backend: BackendName, (adapter, threads): (Option<&str>, usize)) -> Self {
         let adapter = adapter.map(str::to_owned);
-        let open = move || open(backend, (adapter.as_deref(), threads), Ok);
-        Self(std::thread::Builder::new().spawn(open).ok())
+        let (sender, opened) = channel();
+        let open = move || {
+            // Nobody waits for it if the run has failed.
+            let _ = sender.send(open(backend, (adapter.as_deref(), threads), Ok));
+        };
+        let thread = std::thread::Builder::new().spawn(open).ok();
+        let opened = thread.is_some().then_some(opened);
+        Self { opened, thread }
     }
 
-    /// What came of it; `None` if it was never begun.
-    pub(crate) fn wait(mut self) -> Option<Result<Opened, Stop>> {
-        let opened = self.0.take()?.join();
-        Some(opened.unwrap_or_else(|e| std::panic::resume_unwind(e)))
+    /// What came of it; `None` if it was never begun, or if that was told before.
+    pub(crate) fn wait(&mut self) -> Option<Result<Opened, Stop>> {
+        let opened = self.opened.take()?.recv();
+        if opened.is_err() {
+            let ended = self.thread.take().map_or(Ok(()), JoinHandle::join);
+            ended.unwrap_or_else(|e| std::panic::resume_unwind(e));
+        }
+        opened.ok()
     }
 }
 
 impl Drop for Opening {
     fn drop(&mut self) {
-        let _ = self.0.take().map(JoinHandle::join);
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 

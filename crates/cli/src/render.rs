@@ -28,7 +28,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         return nothing_left(args, &earlier, &rows);
     }
     let asked = ask(args);
-    let opening = session::begin(&asked);
+    let mut opening = session::begin(&asked);
     let rays = values::pixels(args.size);
     passed("look at files");
     let scene = scene::open(&args.scene, &args.source.options_of_run(rays))?;
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     // Its encoder starts while the device is opened.
     let videos = [&args.video, &args.y4m].map(Option::as_deref);
     let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;
-    let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
+    let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
     passed("open the device, load the scene");
     let mut wanted = outputs.wanted();
     let shades = tracer.prepare_frames((&camera, view.light), wanted)?;

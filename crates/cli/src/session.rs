@@ -46,7 +46,7 @@ pub(crate) struct Setup {
 /// Begins to open the backend that is asked for, while the scene is read, where that takes long.
 pub(crate) fn begin(ask: &Ask<'_>) -> Opening {
     match ask.backend {
-        BackendName::Cpu => Opening::LATER,
+        BackendName::Cpu => Opening::default(),
         other => Opening::begin(other, on(ask)),
     }
 }
@@ -61,7 +61,7 @@ fn on<'a>(ask: &Ask<'a>) -> (Option<&'a str>, usize) {
 pub(crate) fn start(
     scene: &Scene,
     ask: &Ask<'_>,
-    opening: Opening,
+    opening: &mut Opening,
 ) -> Result<(Tracer, Setup), Stop> {
     let load = |(backend, options, threads): Taking| {
         let mut scene_of_one = abvh::Scene::new();
@@ -78,7 +78,7 @@ pub(crate) fn start_driver(
     ask: &Ask<'_>,
 ) -> Result<(Driver, Setup), Stop> {
     let load = |taking| driver(animation, taking);
-    start_by(animation, ask, Opening::LATER, load)
+    start_by(animation, ask, &mut Opening::default(), load)
 }
 
 /// The library's words for what a driver is to do.
@@ -102,7 +102,7 @@ fn builder(options: DriverOptions) -> Builder {
 fn start_by<T>(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
-    opening: Opening,
+    opening: &mut Opening,
     load: impl Fn(Taking) -> Result<T, Stop>,
 ) -> Result<(T, Setup), Stop> {
     let rays = ask.rays();

@@ -27,7 +27,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         tolerance: args.tolerance.ppm(),
         ..Ask::of(args.device.backend, args.method, update)
     };
-    let opening = session::begin(&ask);
+    let mut opening = session::begin(&ask);
     let rays = output::read_rays(&args.rays).map_err(Stop::bad)?;
     let scene = scene::open(&args.scene, &args.source.options_of_run(rays.len()))?;
     let (tree_time, time) = moments(args, scene.animation.whole_times())?;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         false => Query::Closest,
     };
     ask.rays = rays.len();
-    let (mut tracer, setup) = session::start(&scene, &ask, opening)?;
+    let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
     if !args.quiet {
         setup.auto.iter().for_each(|t| talk::say(&t.to_string()));
     }

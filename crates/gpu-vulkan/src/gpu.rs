@@ -12,7 +12,6 @@ use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use gpu_common::{Options, device_door};
 use std::ffi::CStr;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
@@ -20,9 +19,8 @@ pub struct Gpu {
     /// Its calls.
     pub vk: ash::Device,
     pub(crate) memory: Memory,
-    queues: [QueueSet<Arc<Queue>>; 2],
-    /// Scenes so far that took queues.
-    taken: AtomicUsize,
+    /// Scenes share them.
+    pub(crate) queues: QueueSet<Arc<Queue>>,
     /// Families whose queues share all buffers, the computing one first.
     pub families: Vec<u32>,
     /// Who it is.
@@ -75,7 +73,6 @@ impl Gpu {
         let extras = Extras::of(&host, physical)?;
         let sharing = external::extensions(&host, physical);
         let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
-        let all = all_queues(&vk, &queues);
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
@@ -87,8 +84,7 @@ impl Gpu {
         let import = Import::of(&host, physical, (&vk, &sharing));
         let cache = PipelineCache::open(&host, physical, &vk, options.cache.as_deref());
         Ok(Arc::new(Self {
-            queues: all,
-            taken: AtomicUsize::new(0),
+            queues: opened(&vk, queues.places),
             vk,
             cache,
             memory,
@@ -104,12 +100,6 @@ impl Gpu {
         }))
     }
 
-    /// Queues for one more scene.
-    pub(crate) fn take_queues(&self) -> QueueSet<Arc<Queue>> {
-        let before = self.taken.fetch_add(1, Ordering::Relaxed);
-        self.queues[before % self.queues.len()].clone()
-    }
-
     /// Whether a driver on the host's cores does the work.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
@@ -117,7 +107,7 @@ impl Gpu {
 }
 
 /// Each queue once, however many take it.
-fn all_queues(vk: &ash::Device, queues: &Queues) -> [QueueSet<Arc<Queue>>; 2] {
+fn opened(vk: &ash::Device, places: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
     let mut known: Vec<(QueueIndex, Arc<Queue>)> = Vec::new();
     let mut queue = |place: QueueIndex| match known.iter().find(|(other, _)| *other == place) {
         Some((_, queue)) => Arc::clone(queue),
@@ -132,11 +122,11 @@ fn all_queues(vk: &ash::Device, queues: &Queues) -> [QueueSet<Arc<Queue>>; 2] {
             made
         }
     };
-    queues.sets.map(|set| QueueSet {
-        compute: queue(set.compute),
-        upload: queue(set.upload),
-        readback: queue(set.readback),
-    })
+    QueueSet {
+        compute: queue(places.compute),
+        upload: queue(places.upload),
+        readback: queue(places.readback),
+    }
 }
 
 impl Drop for Gpu {
@@ -158,7 +148,7 @@ fn create(
     (traces_rays, extras, sharing): (bool, Extras, &[&CStr]),
 ) -> Result<ash::Device> {
     let families = queues.families();
-    let priorities = [1.0; 6];
+    let priorities = [1.0; 3];
     let asked: Vec<_> = families
         .iter()
         .map(|&(family, count)| {

@@ -23,8 +23,8 @@ pub(crate) struct QueueSet<Q> {
 /// Those of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    /// Of a scene, and of another beside it. Where there are too few, some are the same.
-    pub(crate) sets: [QueueSet<QueueIndex>; 2],
+    /// Where there are too few, some are the same.
+    pub(crate) places: QueueSet<QueueIndex>,
     /// Bits of a timestamp that count; 0 where the computing family has no clock.
     pub(crate) timestamp_bits: u32,
 }
@@ -54,29 +54,20 @@ impl Queues {
         };
         let computing = find(&|f| f.contains(compute))?;
         let moving = find(&|f| f.contains(transfer) && !f.intersects(other));
-        // Queues before `first` are taken by other work; more than there are fall together.
         let place = |family: usize, index: u32| QueueIndex {
             family: family as u32,
             index: index.min(families[family].queue_count - 1),
         };
-        let set = |before: u32| {
-            let [compute, upload, readback] = match moving {
-                Some(family) => [
-                    (computing, before),
-                    (family, 2 * before),
-                    (family, 2 * before + 1),
-                ],
-                None => [0, 1, 2].map(|index| (computing, 3 * before + index)),
-            }
-            .map(|(family, index)| place(family, index));
-            QueueSet {
-                compute,
-                upload,
-                readback,
-            }
+        let [up, back] = match moving {
+            Some(family) => [place(family, 0), place(family, 1)],
+            None => [place(computing, 1), place(computing, 2)],
         };
         Some(Self {
-            sets: [0, 1].map(set),
+            places: QueueSet {
+                compute: place(computing, 0),
+                upload: up,
+                readback: back,
+            },
             timestamp_bits: families[computing].timestamp_valid_bits,
         })
     }
@@ -84,7 +75,7 @@ impl Queues {
     /// Families in use, each once, with as many queues as are used.
     pub(crate) fn families(&self) -> Vec<(u32, u32)> {
         let mut all: Vec<(u32, u32)> = Vec::new();
-        for place in self.sets.into_iter().flat_map(QueueSet::all) {
+        for place in self.places.all() {
             match all.iter_mut().find(|(family, _)| *family == place.family) {
                 Some((_, count)) => *count = (*count).max(place.index + 1),
                 None => all.push((place.family, place.index + 1)),
@@ -95,7 +86,7 @@ impl Queues {
 
     /// Names and values, to be shown.
     pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
-        let [compute, upload, readback] = self.sets[0].all();
+        let [compute, upload, readback] = self.places.all();
         let transfer = if upload == compute {
             "the compute queue".to_owned()
         } else {
@@ -124,9 +115,9 @@ mod tests {
             .timestamp_valid_bits(36)
     }
 
-    fn places(families: &[vk::QueueFamilyProperties]) -> [[(u32, u32); 3]; 2] {
-        let sets = Queues::among(families).unwrap().sets;
-        sets.map(|set| set.all().map(|p| (p.family, p.index)))
+    fn places(families: &[vk::QueueFamilyProperties]) -> [(u32, u32); 3] {
+        let places = Queues::among(families).unwrap().places;
+        places.all().map(|p| (p.family, p.index))
     }
 
     #[test]
@@ -138,20 +129,16 @@ mod tests {
         );
         let all = family(g | c | t, 16);
         let engines = [all, family(t, 2), family(c | t, 8)];
-        let beside = [(0, 1), (1, 1), (1, 1)];
-        assert_eq!(places(&engines), [[(0, 0), (1, 0), (1, 1)], beside]);
-        let engine = [family(t, 1), all];
-        let [first, _] = places(&engine);
-        assert_eq!(first, [(1, 0), (0, 0), (0, 0)]);
-        let beside = [(0, 3), (0, 4), (0, 5)];
-        assert_eq!(places(&[all]), [[(0, 0), (0, 1), (0, 2)], beside]);
-        let two = [family(g | c | t, 2)];
-        assert_eq!(places(&two), [[(0, 0), (0, 1), (0, 1)], [(0, 1); 3]]);
+        assert_eq!(places(&engines), [(0, 0), (1, 0), (1, 1)]);
+        assert_eq!(places(&[family(t, 1), all]), [(1, 0), (0, 0), (0, 0)]);
+        assert_eq!(places(&[all]), [(0, 0), (0, 1), (0, 2)]);
+        let two = family(g | c | t, 2);
+        assert_eq!(places(&[two]), [(0, 0), (0, 1), (0, 1)]);
         let lone = family(g | c | t, 1);
-        assert_eq!(places(&[family(g, 1), lone]), [[(1, 0); 3]; 2]);
+        assert_eq!(places(&[family(g, 1), lone]), [(1, 0); 3]);
         assert_eq!(Queues::among(&[family(g, 1)]), None);
         let found = Queues::among(&engines).unwrap();
-        assert_eq!(found.families(), [(0, 2), (1, 2)]);
+        assert_eq!(found.families(), [(0, 1), (1, 2)]);
         assert_eq!(found.timestamp_bits, 36);
     }
 }

@@ -57,7 +57,7 @@ pub struct VulkanDevice {
 impl VulkanDevice {
     /// The device of a backend of that name, for one scene: others may take it besides.
     pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
-        let queues = gpu.take_queues();
+        let queues = gpu.queues.clone();
         Ok(Self {
             backend,
             done: Timeline::new(gpu)?,
