@@ -78,9 +78,7 @@ impl<D: GpuDevice> BufferTable<D> {
         let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
             return Ok(());
         };
-        let larger = gpu.buffer(name, with_slack(bytes));
-        // The device may have no more than what is needed.
-        let larger = larger.or_else(|_| gpu.buffer(name, bytes))?;
+        let larger = with_slack(bytes, |bytes| gpu.buffer(name, bytes))?;
         gpu.discard(std::mem::replace(buffer, larger));
         Ok(())
     }

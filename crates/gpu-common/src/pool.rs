@@ -6,9 +6,10 @@ use backend::{FRAMES_IN_FLIGHT, Result};
 /// Bytes from which on few buffers are kept at a time, for their memory counts more than a wait.
 pub(crate) const LARGE: u64 = 64 << 20;
 
-/// Bytes to make room for, so that the next tree fits too: trees of one scene differ little.
-pub fn with_slack(bytes: u64) -> u64 {
-    bytes + bytes / 32
+/// Makes a buffer of so many bytes and some to spare, so that the next tree fits too: trees of one scene differ little. Where
+/// the device has no more, of as many.
+pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
+    make(bytes + bytes / 32).or_else(|_| make(bytes))
 }
 
 /// What uses a buffer last: a ticket, and the number of what was [sent](GpuDevice::send) to it or from it; 0 for none.
@@ -86,5 +87,26 @@ impl<D: GpuDevice> Pool<D> {
     /// Bytes of device memory.
     pub fn held(&self) -> u64 {
         self.0.iter().map(|(_, buffer)| D::held(buffer)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use backend::BackendError;
+
+    #[test]
+    fn where_there_is_no_slack_the_bytes_are_enough() {
+        let within = |limit: u64| {
+            with_slack(3200, |bytes| match bytes <= limit {
+                true => Ok(bytes),
+                false => Err(BackendError::NoDevice(String::new())),
+            })
+        };
+        assert_eq!(
+            [3300, 3299].map(|limit| within(limit).ok()),
+            [Some(3300), Some(3200)]
+        );
+        assert!(within(3199).is_err());
     }
 }

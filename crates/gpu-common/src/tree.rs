@@ -104,7 +104,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 let (buffer, _) = self.free.fit(
                     bytes,
                     |last, may_wait| gpu.has_ended(last, may_wait),
-                    || gpu.room(BufferName::Topology.name(), with_slack(bytes)),
+                    || with_slack(bytes, |bytes| gpu.room(BufferName::Topology.name(), bytes)),
                 )?;
                 self.last_bytes = bytes;
                 let arrival = gpu.send(staging, bytes, &buffer)?;

@@ -7,7 +7,7 @@ use crate::transfer::Transfer;
 use crate::vulkan_device::VulkanDevice;
 use backend::Result;
 use geom::{KeyFrame, Point, SharedMemory, copy_in_parallel};
-use gpu_common::{LastUse, Pool};
+use gpu_common::{LastUse, Pool, with_slack};
 use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
@@ -58,13 +58,9 @@ impl Staging {
     }
 
     /// Memory for so many bytes, with room for some more if it is made.
-    pub(crate) fn take(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        done: Done<'_>,
-        [bytes, room]: [u64; 2],
-    ) -> Result<Buffer> {
-        let made = || Buffer::new(gpu, self.what, room, BufferUse::Staging);
+    pub(crate) fn take(&mut self, gpu: &Arc<Gpu>, done: Done<'_>, bytes: u64) -> Result<Buffer> {
+        let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
+        let made = || with_slack(bytes, of);
         let has_ended = |last, may_wait| has_ended(done, last, may_wait);
         let (buffer, _) = self.free.fit(bytes, has_ended, made)?;
         Ok(buffer)
@@ -162,7 +158,7 @@ impl VulkanDevice {
         }
         let (done, bytes) = ((&self.upload, &self.done), size_of_val(&key[..]) as u64);
         let staging = &mut self.key_staging;
-        let mut from = staging.take(&self.gpu, done, [bytes; 2])?;
+        let mut from = staging.take(&self.gpu, done, bytes)?;
         fill(&mut from, &[bytemuck::cast_slice(key)]);
         staging.send(&mut self.upload, (from, bytes), to)
     }

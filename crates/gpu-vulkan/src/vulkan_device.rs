@@ -15,7 +15,6 @@ use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
     Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, Pool,
-    with_slack,
 };
 use shaders::{BufferName, Kernel, Packets};
 use std::ops::Range;
@@ -263,8 +262,7 @@ impl GpuDevice for VulkanDevice {
 
     fn staging(&mut self, bytes: u64) -> Result<Buffer> {
         let done = (&self.upload, &self.done);
-        let room = [bytes, with_slack(bytes)];
-        self.tree_staging.take(&self.gpu, done, room)
+        self.tree_staging.take(&self.gpu, done, bytes)
     }
 
     fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {

@@ -5,6 +5,7 @@ use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write
 use crate::gpu::Gpu;
 use backend::Result;
 use bytemuck::Pod;
+use gpu_common::with_slack;
 use rayon::prelude::*;
 use wgpu::{Buffer, MapMode, WriteOnly};
 
@@ -53,7 +54,9 @@ impl Staging {
         }
         match best {
             Some((_, i)) => Ok(self.0.swap_remove(i).0),
-            None => make(gpu, "memory to send from", bytes, STAGING),
+            None => with_slack(bytes, |bytes| {
+                make(gpu, "memory to send from", bytes, STAGING)
+            }),
         }
     }
 

@@ -14,7 +14,7 @@ use backend::{Arithmetic, Device, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
-    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, with_slack,
+    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options,
 };
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
@@ -188,7 +188,6 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn staging(&mut self, bytes: u64) -> Result<Buffer> {
-        let bytes = with_slack(bytes);
         self.scene.staging.take(&self.gpu, bytes)
     }
 
