@@ -62,7 +62,7 @@ impl Tracer {
             true => current.host_colours()?,
             false => None,
         };
-        let most = match colours.is_some() && current.joined.is_live {
+        let most = match colours.is_some() && current.joined.is_arriving() {
             // Later frames would take its vertices away.
             true => 1,
             false => current.driver.most_under_way(),

@@ -52,7 +52,7 @@ impl Loaded {
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, whatever time a step has.
-        options.time_range = match joined.is_live {
+        options.time_range = match joined.is_arriving() {
             true => [0.0, f64::MAX],
             false => options.time_range.map(|time| time.min(animation.end())),
         };

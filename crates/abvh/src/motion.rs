@@ -72,8 +72,6 @@ pub(crate) struct Joined {
     pub(crate) animation: Arc<Animation>,
     /// Without their triangles, which the animation has.
     pub(crate) meshes: Vec<Mesh>,
-    /// Whether vertices arrive while the scene is traced.
-    pub(crate) is_live: bool,
     /// The first vertex of each mesh; one more entry ends them.
     vertices: Vec<usize>,
     /// Likewise of triangles.
@@ -109,7 +107,6 @@ impl Joined {
             let why = format!("all meshes have {all} vertices, more than can be numbered");
             return Err(Error::Mesh(why));
         }
-        let is_live = is_live(&meshes);
         let alone = match &*meshes {
             [only] => only.animation().cloned(),
             _ => None,
@@ -121,7 +118,7 @@ impl Joined {
                     let moved = move |t: &[u32; 3]| t.map(|v| v + first as u32);
                     mesh.triangles().iter().map(moved)
                 });
-                Arc::new(joined(&meshes, is_live, all.collect())?)
+                Arc::new(joined(&meshes, all.collect())?)
             }
         };
         for mesh in &mut meshes {
@@ -129,7 +126,6 @@ impl Joined {
         }
         Ok(Self {
             animation,
-            is_live,
             vertices,
             triangles,
             next: PointBuffer::default(),
@@ -141,6 +137,11 @@ impl Joined {
             time: 0.0,
             blended: Some(0.0),
         })
+    }
+
+    /// Whether vertices arrive while the scene is traced.
+    pub(crate) fn is_arriving(&self) -> bool {
+        self.animation.is_arriving()
     }
 
     /// Where meshes stand, but for what no query has seen yet.
@@ -239,7 +240,7 @@ impl Joined {
     /// Has steps to come prepared where the device reads them. Memory for as many as are held at a time is made at once: a
     /// driver takes milliseconds for it.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
-        if self.is_live {
+        if self.is_arriving() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
             // Two may be read by who builds a tree, one by a copy under way.
@@ -257,7 +258,7 @@ impl Joined {
     /// The time in the animation at which a step at `time` stands, with all that was said of it.
     pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
-        if !self.is_live {
+        if !self.is_arriving() {
             return Ok(time);
         }
         if self.blended.take() != Some(time) {
@@ -324,9 +325,9 @@ fn is_live(meshes: &[Mesh]) -> bool {
 }
 
 /// One animation of all meshes, over their triangles, whose vertices are numbered through all.
-fn joined(meshes: &[Mesh], is_live: bool, triangles: Vec<[u32; 3]>) -> Result<Animation> {
+fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     let motions = || meshes.iter().map(|mesh| &*mesh.motion);
-    if is_live {
+    if is_live(meshes) {
         let mark = |m: &Motion| std::iter::repeat_n(m.is_fixed(), m.first().len());
         let marks: Vec<bool> = motions().flat_map(mark).collect();
         let first = motions().flat_map(Motion::first).copied().collect();

@@ -99,7 +99,7 @@ impl Joined {
         (camera, light): (&Camera, Point),
         (hits, rgba): (&backend::Hits, &mut Vec<u8>),
     ) -> Result<()> {
-        let time = match self.is_live {
+        let time = match self.is_arriving() {
             true => self.animation.end(),
             false => time,
         };

@@ -14,20 +14,20 @@ mod plan;
 
 use crate::args::{ChartArgs, RaysName};
 use crate::bench::{self, Row};
+use crate::choose::Ask;
 use crate::stop::Stop;
 use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use plan::Way;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
     t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
 
 /// A point, and the way it stands for.
-type Measured = (Way, Point);
+type Measured = (Ask<'static>, Point);
 
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     let (ways, skipped) = plan::ways(args)?;
@@ -92,7 +92,7 @@ struct Work<'a> {
 
 impl Work<'_> {
     /// Every way's times over one scene.
-    fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
+    fn time_scene(&mut self, spec: &str, ways: &[Ask<'static>]) -> Result<Vec<Measured>, Stop> {
         let scene = bench::open_scene(&self.args.measure, spec)?;
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;

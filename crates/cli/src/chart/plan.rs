@@ -10,12 +10,9 @@ use backend::{AdapterInfo, DeviceKind};
 use clap::ValueEnum;
 use std::fmt;
 
-/// A backend, a layout, an intersector and an update policy.
-pub(super) type Way = Ask<'static>;
-
 /// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
 /// once.
-pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
+pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>), Stop> {
     let (mut ways, mut skipped) = (Vec::new(), Vec::new());
     for backend in backends(args, &mut skipped) {
         let layouts = [LayoutName::Bvh2, LayoutName::Fast];
