@@ -8,6 +8,8 @@ use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, BufWriter, Write};
+#[cfg(unix)]
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use tempfile::NamedTempFile;
@@ -62,11 +64,14 @@ pub(crate) struct UnfinishedFile {
 }
 
 impl UnfinishedFile {
-    /// Begins the file `path`, which appears when it is finished.
-    pub(crate) fn beside(path: &Path) -> io::Result<Self> {
-        let temporary = temporary_in(host::parent(path))?;
-        let path = path.to_owned();
-        Ok(Self { path, temporary })
+    /// Begins the file `path`, links followed, which appears when it is finished. `None` for a device, a pipe or a socket:
+    /// it is written to where it is.
+    pub(crate) fn beside(path: &Path) -> io::Result<Option<Self>> {
+        let begin = |path: PathBuf| {
+            let temporary = temporary_in(host::parent(&path))?;
+            Ok(Self { path, temporary })
+        };
+        plain_target(path)?.map(begin).transpose()
     }
 
     /// Where it lies meanwhile.
@@ -101,18 +106,20 @@ pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), OutputError> {
-    let write = || match plain_target(path)? {
-        Some(file) => rename_over(&file, fill),
+    let write = || match UnfinishedFile::beside(path)? {
+        Some(file) => fill_and_finish(file, fill),
         None => {
             let mut bytes = Vec::new();
             fill(&mut bytes)?;
-            fs::OpenOptions::new()
-                .write(true)
-                .open(path)?
-                .write_all(&bytes)
+            open_as_it_is(path)?.write_all(&bytes)
         }
     };
     write().map_err(|e| OutputError::writing(path, e))
+}
+
+/// What is there already, to be written to.
+pub(crate) fn open_as_it_is(path: &Path) -> io::Result<fs::File> {
+    fs::OpenOptions::new().write(true).open(path)
 }
 
 /// Finds out before long work whether a file could be written at `path`, without touching it. There may be no such
@@ -124,7 +131,9 @@ pub fn check_writable(path: &Path) -> Result<(), OutputError> {
             let _ = remove_abandoned(host::parent(&file));
             temporary_in(host::parent(&file)).map(drop)
         }
-        None => fs::OpenOptions::new().write(true).open(path).map(drop),
+        // Whoever reads a pipe would take the end of this look for the end of the file.
+        None if is_pipe(path)? => Ok(()),
+        None => open_as_it_is(path).map(drop),
     };
     check().map_err(|e| OutputError::writing(path, e))
 }
@@ -152,6 +161,16 @@ pub fn prepare_dir(dir: &Path) -> Result<(), OutputError> {
     prepare().map_err(|e| OutputError::writing(dir, e))
 }
 
+#[cfg(unix)]
+fn is_pipe(path: &Path) -> io::Result<bool> {
+    Ok(fs::metadata(path)?.file_type().is_fifo())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &Path) -> io::Result<bool> {
+    Ok(false)
+}
+
 /// The file that a path names or would name, links followed; `None` for a device, a pipe or a socket.
 fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
@@ -163,8 +182,10 @@ fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     }
 }
 
-fn rename_over(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut file = UnfinishedFile::beside(path)?;
+fn fill_and_finish(
+    mut file: UnfinishedFile,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let mut out = BufWriter::with_capacity(BUFFER, file.temporary.1.as_file_mut());
     fill(&mut out)?;
     out.flush()?;

@@ -1,7 +1,7 @@
 //! Frames as pictures; or as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from
 //! a pipe.
 
-use crate::atomic::UnfinishedFile;
+use crate::atomic::{UnfinishedFile, open_as_it_is};
 use crate::{OutputError, write_with};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
@@ -158,17 +158,18 @@ impl Sink {
     /// Begins a file, which an encoder writes if it has a format; `-` is standard output.
     fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
         let cannot = |e| OutputError::writing(path, e);
+        let is_named = path.as_os_str() != "-";
         let beside = || UnfinishedFile::beside(path).map_err(cannot);
-        let file = (path.as_os_str() != "-").then(beside).transpose()?;
-        let (mut encoder, mut out): (_, Bytes) = (None, Box::new(io::stdout()));
-        match (&file, format) {
-            (Some(file), Some(format)) => {
-                let (started, pipe) = Encoder::start(format, file.path())?;
-                (encoder, out) = (Some(started), Box::new(pipe));
+        let file = is_named.then(beside).transpose()?.flatten();
+        let place = file.as_ref().map_or(path, UnfinishedFile::path);
+        let (encoder, out): (_, Bytes) = match format {
+            Some(format) => {
+                let (started, pipe) = Encoder::start(format, place)?;
+                (Some(started), Box::new(pipe))
             }
-            (Some(file), None) => out = Box::new(File::create(file.path()).map_err(cannot)?),
-            (None, _) => {}
-        }
+            None if is_named => (None, Box::new(open_as_it_is(place).map_err(cannot)?)),
+            None => (None, Box::new(io::stdout())),
+        };
         let sink = Self {
             encoder,
             file,

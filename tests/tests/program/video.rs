@@ -3,6 +3,8 @@
 use crate::sandbox::{Sandbox, trial};
 use libtest_mimic::Trial;
 use std::ffi::OsStr;
+#[cfg(unix)]
+use std::{fs, process::Command, thread};
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -49,6 +51,33 @@ fn raw(sandbox: &Sandbox) {
     let output = integration::program::run_where(sandbox.path(), words.split(' '), &[]);
     assert!(output.status.success());
     assert_eq!(output.stdout, file);
+    #[cfg(unix)]
+    piped(sandbox, &file);
+}
+
+/// A pipe stays one, and a link a link.
+#[cfg(unix)]
+fn piped(sandbox: &Sandbox, file: &[u8]) {
+    use std::os::unix::fs::FileTypeExt;
+    let [pipe, link] = ["pipe", "link"].map(|name| sandbox.path().join(name));
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    std::os::unix::fs::symlink("a.y4m", &link).unwrap();
+    for (name, holds) in [
+        ("--fps 12.5 --y4m pipe", file),
+        ("--fps 12.5 --y4m link", file),
+        ("--stats pipe", b"{"),
+    ] {
+        let reader = name.ends_with("pipe").then(|| {
+            let pipe = pipe.clone();
+            thread::spawn(move || fs::read(pipe).unwrap())
+        });
+        sandbox.does(&format!("{RUN} --no-images {name}"));
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        let read = reader.map(|reader| reader.join().unwrap());
+        assert!(read.is_none_or(|read| read.starts_with(holds)), "{name}");
+    }
+    assert!(link.is_symlink() && sandbox.read("a.y4m") == file);
 }
 
 fn absent(sandbox: &Sandbox) {
