@@ -7,7 +7,8 @@ use backend::{Backend, BackendError};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Device {
-    /// A GPU through Vulkan, else one through wgpu, else the host. A driver that runs shaders on the host's cores comes last.
+    /// A GPU through Vulkan, else one through wgpu, else the host. A driver that runs shaders on the host's cores is tried
+    /// only if the host fails.
     #[default]
     Auto,
     /// The host's cores.

@@ -72,8 +72,8 @@ impl Builder {
     }
 
     /// Threads of the host that trace, where it does, or else build trees. If nothing is said, one a core traces, or one for
-    /// two cores builds: the program needs some, too. Where the host traces while the next tree is built, a quarter more
-    /// build: of the cores, or beside the threads that are given here.
+    /// two cores builds: the program needs some, too. Where the host traces while the next tree is built, a quarter of four
+    /// or more cores builds and the others trace; of threads that are given here, all trace, and a quarter more build.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));

@@ -9,7 +9,7 @@
 //!
 //! **Recording.** `interpolate`, `preprocess`, `refit` and `trace` only record. [`Backend::submit`] starts what was
 //! recorded since the last submit, in the order of the calls, and returns a [`Ticket`]; tickets rise and finish in
-//! order. Only [`Backend::wait`] and [`Backend::hits`] block. Up to [`FRAMES_IN_FLIGHT`] submissions may be unfinished;
+//! order. Only [`Backend::wait`] and what gives results block. Up to [`FRAMES_IN_FLIGHT`] submissions may be unfinished;
 //! one more `submit` waits for the oldest. What a submission reported and found is kept until `FRAMES_IN_FLIGHT`
 //! further submissions with a trace were made, or as many as [`Backend::keep`] says, and may be asked for any number of
 //! times until then.

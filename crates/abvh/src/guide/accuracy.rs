@@ -8,6 +8,8 @@
 //!
 //! `Watertight` follows Woop, Benthin and Wald (2013). With `Exact`, triangles include their edges, and a ray in a
 //! triangle's plane misses it. In both, `t`, `u` and `v` are rounded to single precision.
+//! Rays are *extreme* that start so far away, or where some vertex is so far away, that single precision does not bound its
+//! own error. Both answer these in exact arithmetic, slowly.
 //!
 //! No hit depends on a tree: not on its age, on [`Update`](crate::Update) or on [`Layout`](crate::Layout).
 //! So a run can be repeated, with another number of threads too.

@@ -58,5 +58,6 @@
 //! # Trees
 //!
 //! Rays are traced through a bounding volume hierarchy. The device refits it to each step's vertices, while threads of the
-//! host build the next one. So only the first step waits for a build, unless you ask for [`Update::Rebuild`](crate::Update::Rebuild).
+//! host build the next one. So only the first step waits for a build, unless you ask for
+//! [`Update::Rebuild`](crate::Update::Rebuild) or [`Update::Lockstep`](crate::Update::Lockstep).
 //! Trees decide how fast a hit is found, never which. [`Tracer::statistics`](crate::Tracer::statistics) tells their age and cost.

@@ -54,8 +54,9 @@
 //!
 //! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host;
 //! [`Builder::builder_threads`](crate::Builder::builder_threads) sets the former alone.
-//! Otherwise one a core traces, and beside a GPU one for two cores builds. A [`Tracer`](crate::Tracer) may be sent to
-//! another thread, and several may exist side by side. Each has its own device and its own trees.
+//! Otherwise a quarter of four or more cores of the host builds while the others trace; beside a GPU, one for two cores
+//! builds. A [`Tracer`](crate::Tracer) may be sent to another thread, and several may exist side by side. Each has its own
+//! device and its own trees.
 //!
 //! # First run
 //!
