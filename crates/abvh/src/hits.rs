@@ -23,7 +23,6 @@ pub struct Hit {
 pub struct Hits<'a> {
     pub(crate) found: &'a backend::Hits,
     pub(crate) joined: &'a Joined,
-    pub(crate) scene: u64,
 }
 
 impl<'a> Hits<'a> {
@@ -45,7 +44,7 @@ impl<'a> Hits<'a> {
         let hit = self.found.closest.get(ray).filter(|hit| hit.is_hit())?;
         let (mesh, triangle) = self.joined.mesh_of(hit.triangle);
         Some(Hit {
-            mesh: MeshId::of(self.scene, mesh),
+            mesh: MeshId::of(&self.joined.meshes, mesh),
             triangle,
             t: hit.t,
             u: hit.u,

@@ -149,14 +149,22 @@ impl Loaded {
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        self.release_points();
+        {
+            self.joined.check_lost()?;
+            self.release_points();
+        }
         let backend = self.driver.backend();
         let submissions = self.results.iter().filter(|answer| answer.place == 0);
         // This one comes after all of them.
         backend.keep(submissions.count() + 1);
         let time = self.joined.tell(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
-        begun.map_err(Error::of_driver)
+        let begun = begun.map_err(Error::of_driver);
+        #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+        if matches!(begun, Err(Error::Device(_))) {
+            self.joined.lose_device_vertices();
+        }
+        begun
     }
 
     /// Has vertices come from the host again that did not.

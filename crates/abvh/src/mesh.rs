@@ -14,6 +14,8 @@ pub struct Mesh {
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<Motion>,
     pub(crate) colours: Arc<[Colour]>,
+    /// Tells meshes of scenes apart; 0 of one that is in none.
+    pub(crate) number: u64,
 }
 
 /// sRGB.
@@ -81,6 +83,7 @@ impl Mesh {
             triangles: Vec::new(),
             motion: Arc::new(Motion::Animated(animation)),
             colours: Arc::new([GREY]),
+            number: 0,
         }
     }
 
@@ -118,6 +121,7 @@ impl Mesh {
             triangles: triangles.to_vec(),
             motion: Arc::new(motion),
             colours: Arc::new([GREY]),
+            number: 0,
         })
     }
 
@@ -198,14 +202,17 @@ fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
 /// A mesh of a scene. It stays the same as long as the scene is traced, whatever is [replaced](crate::Tracer::replace).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MeshId {
-    scene: u64,
+    number: u64,
     index: u32,
 }
 
 impl MeshId {
-    pub(crate) fn of(scene: u64, index: usize) -> Self {
-        let index = index as u32;
-        Self { scene, index }
+    /// Of one of a scene's meshes.
+    pub(crate) fn of(meshes: &[Mesh], index: usize) -> Self {
+        Self {
+            number: meshes[index].number,
+            index: index as u32,
+        }
     }
 
     /// Its place among the scene's meshes, in the order in which they were added.
@@ -214,33 +221,24 @@ impl MeshId {
         self.index as usize
     }
 
-    /// Its place, if it is of that scene.
-    pub(crate) fn within(self, scene: u64) -> Result<usize> {
-        match self.scene == scene {
-            true => Ok(self.index()),
-            false => Err(Error::ForeignMesh(self)),
-        }
+    /// Its place, if it is one of these meshes.
+    pub(crate) fn within(self, meshes: &[Mesh]) -> Result<usize> {
+        let found = meshes.get(self.index());
+        let is_it = found.is_some_and(|mesh| mesh.number == self.number);
+        is_it
+            .then_some(self.index())
+            .ok_or(Error::ForeignMesh(self))
     }
 }
 
-/// Meshes that are traced together.
-#[derive(Clone, Debug)]
+/// Meshes that are traced together. A clone has the same ones, by the same ids.
+#[derive(Clone, Debug, Default)]
 pub struct Scene {
-    pub(crate) number: u64,
     pub(crate) meshes: Vec<Mesh>,
 }
 
-/// Tells scenes apart, so that a mesh of one is not taken for one of another.
-static SCENES: AtomicU64 = AtomicU64::new(0);
-
-impl Default for Scene {
-    fn default() -> Self {
-        Self {
-            number: SCENES.fetch_add(1, Ordering::Relaxed),
-            meshes: Vec::new(),
-        }
-    }
-}
+/// Meshes that were added to scenes so far.
+static ADDED: AtomicU64 = AtomicU64::new(0);
 
 impl Scene {
     /// A scene without meshes.
@@ -251,7 +249,8 @@ impl Scene {
 
     /// Adds a mesh. Steps and hits name it by what this returns.
     pub fn add(&mut self, mesh: Mesh) -> MeshId {
-        self.meshes.push(mesh);
-        MeshId::of(self.number, self.meshes.len() - 1)
+        let number = 1 + ADDED.fetch_add(1, Ordering::Relaxed);
+        self.meshes.push(Mesh { number, ..mesh });
+        MeshId::of(&self.meshes, self.meshes.len() - 1)
     }
 }

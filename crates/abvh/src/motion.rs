@@ -5,6 +5,8 @@ use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
 use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
 use rayon::prelude::*;
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -83,6 +85,11 @@ pub(crate) struct Joined {
     /// Where vertices came to lie there that a device had of its own before.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) returned: Vec<Range<usize>>,
+    /// Meshes whose newest vertices a device has alone; of these, those that a step which failed may have lost.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    on_device: BTreeSet<usize>,
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    lost: BTreeSet<usize>,
     /// Whether the animation knows them all.
     is_told: bool,
     /// The time of the last step.
@@ -132,6 +139,10 @@ impl Joined {
             is_fresh: vec![true; meshes.len()],
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             returned: Vec::new(),
+            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+            on_device: BTreeSet::new(),
+            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+            lost: BTreeSet::new(),
             meshes,
             is_told: true,
             time: 0.0,
@@ -218,7 +229,11 @@ impl Joined {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        self.returned.push(range.clone());
+        {
+            self.returned.push(range.clone());
+            self.on_device.remove(&mesh);
+            self.lost.remove(&mesh);
+        }
         &mut self.next[range]
     }
 
@@ -228,6 +243,25 @@ impl Joined {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
         self.returned.retain(|other| *other != range);
+        self.on_device.insert(mesh);
+        self.lost.remove(&mesh);
+    }
+
+    /// A step failed: nobody knows how far vertices came that are on the device alone.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) fn lose_device_vertices(&mut self) {
+        self.lost.extend(&self.on_device);
+    }
+
+    /// Refuses steps as long as vertices that were lost have not come again.
+    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
+    pub(crate) fn check_lost(&self) -> Result<()> {
+        let Some(mesh) = self.lost.first() else {
+            return Ok(());
+        };
+        Err(Error::Device(format!(
+            "a step failed that had vertices of mesh {mesh} on the device: they have to come again"
+        )))
     }
 
     /// Has key frames be read that will be played next, where not all are held.

@@ -259,6 +259,7 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`].
     pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
-        Ok(self.current.joined.first_triangle(mesh.within(self.scene)?))
+        let joined = &self.current.joined;
+        Ok(joined.first_triangle(mesh.within(&joined.meshes)?))
     }
 }

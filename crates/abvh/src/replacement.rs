@@ -96,7 +96,7 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`]; [`Error::Device`] if no thread can be had.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let prepare = self.preparation(mesh.within(self.scene)?, with)?;
+        let prepare = self.preparation(mesh.within(&self.current.joined.meshes)?, with)?;
         let is_given_up = Arc::<AtomicBool>::default();
         let heard = Arc::clone(&is_given_up);
         let thread = thread::Builder::new().name("abvh-replace".into());
@@ -158,7 +158,8 @@ impl Tracer {
             // Steps to come use that memory again.
             drop(newest);
             let mut meshes = parts();
-            meshes[mesh] = with;
+            let number = meshes[mesh].number;
+            meshes[mesh] = Mesh { number, ..with };
             let update = builder.policy(&meshes);
             let backend = match another {
                 Some(open) => open().map_err(Error::of_backend)?,

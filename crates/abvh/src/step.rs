@@ -171,7 +171,7 @@ impl Step<'_> {
     }
 
     fn may_move(&self, mesh: MeshId) -> Result<usize> {
-        let index = mesh.within(self.tracer.scene)?;
+        let index = mesh.within(&self.tracer.current.joined.meshes)?;
         match self.queries {
             0 => Ok(index),
             _ => Err(Error::TooLate),

@@ -7,6 +7,7 @@ use backend::{Backend, DeviceKind, Method, Query};
 use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// How trees follow the motion. None of them changes a hit, only how fast it is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -130,11 +131,10 @@ impl Builder {
             current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
             former: Vec::new(),
             builder: self,
-            scene: scene.number,
             commits: 0,
             device,
             kind,
-            steps: 0,
+            steps: TRACERS.fetch_add(1, Ordering::Relaxed) << 40,
             last: None,
             disposal: Arc::default(),
         })
@@ -164,7 +164,8 @@ impl Builder {
     }
 
     pub(crate) fn open(&self, update: pipeline::Update) -> Result<Box<dyn Backend>> {
-        self.device.open(self.share(DeviceKind::Cpu, update).render)
+        self.device
+            .open(self.share(DeviceKind::Cpu, update)?.render)
     }
 
     /// Threads that build trees beside such a device.
@@ -174,7 +175,7 @@ impl Builder {
         update: pipeline::Update,
     ) -> Result<BuilderThreads> {
         let asked = self.threads.or(self.builder_threads);
-        let threads = match (asked, self.share(kind, update).build) {
+        let threads = match (asked, self.share(kind, update)?.build) {
             // With all of them steps wait for cores longer than they gain by trees.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
@@ -182,13 +183,21 @@ impl Builder {
         BuilderThreads::new(threads).map_err(Error::of_driver)
     }
 
-    fn share(&self, kind: DeviceKind, update: pipeline::Update) -> Threads {
+    fn share(&self, kind: DeviceKind, update: pipeline::Update) -> Result<Threads> {
         let asked = [self.threads, self.builder_threads];
-        Threads::share(host::cores(), kind, update, asked)
+        match asked.into_iter().flatten().max() {
+            Some(most) if most > MOST_THREADS => {
+                let why = format!("{most} threads are too many: {MOST_THREADS} may be asked for");
+                Err(Error::Unsupported(why))
+            }
+            _ => Ok(Threads::share(host::cores(), kind, update, asked)),
+        }
     }
 }
 
 pub(crate) fn moment(time: f64) -> f64 {
+    // Far beyond all key frames, and differences do not overflow.
+    let time = time.clamp(-1e100, 1e100);
     if time.is_nan() { 0.0 } else { time }
 }
 
@@ -216,17 +225,23 @@ pub struct Statistics {
     pub degenerate: u64,
 }
 
+/// Threads that may be asked for: many more would take minutes to start.
+const MOST_THREADS: usize = 4096;
+
+/// Tracers so far.
+static TRACERS: AtomicU64 = AtomicU64::new(0);
+
 /// A scene that rays are traced through.
 pub struct Tracer {
     pub(crate) current: Loaded,
     /// Before meshes were replaced, as long as there are results.
     pub(crate) former: Vec<Loaded>,
     pub(crate) builder: Builder,
-    pub(crate) scene: u64,
     /// Replacements so far.
     pub(crate) commits: u64,
     device: String,
     pub(crate) kind: DeviceKind,
+    /// Begun so far, counted from where no other tracer does.
     steps: u64,
     pub(crate) last: Option<Statistics>,
     /// Of this tracer and its replacements.
@@ -293,7 +308,6 @@ impl Tracer {
         Ok(Hits {
             found: found.map_err(Error::of_backend)?,
             joined: &loaded.joined,
-            scene: self.scene,
         })
     }
 

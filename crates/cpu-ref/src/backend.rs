@@ -244,6 +244,13 @@ impl Backend for CpuBackend {
     }
 
     fn trace(&mut self, query: Query<'_>) -> Result<()> {
+        let (camera, rays) = match query.rays {
+            Rays::Camera(camera) => (Some(*camera), None),
+            Rays::List(rays) => (None, Some(rays)),
+            Rays::OnDevice(_) => {
+                return Err(BackendError::no_rays_on_device(self.device.backend));
+            }
+        };
         let (count, hits) = (query.rays.count(), &mut self.next.hits);
         if query.kind != QueryKind::Any {
             reserve(&mut hits.closest, count, "hits")?;
@@ -257,13 +264,6 @@ impl Backend for CpuBackend {
         );
         assert!(!self.has_trace, "one submission holds at most one trace");
         self.has_trace = true;
-        let (camera, rays) = match query.rays {
-            Rays::Camera(camera) => (Some(*camera), None),
-            Rays::List(rays) => (None, Some(rays)),
-            Rays::OnDevice(_) => {
-                return Err(BackendError::no_rays_on_device(self.device.backend));
-            }
-        };
         self.commands.push(Command::Trace(camera, query.kind));
         if let Some(rays) = rays {
             self.carry_out(rays)?;

@@ -3,6 +3,7 @@
 use crate::key_frames::{KeyFrames, check_key};
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
+use crate::sizes::Sizes;
 use crate::survey::{Survey, check_triangles};
 use crate::triangle::corners;
 use crate::{
@@ -221,7 +222,7 @@ impl Animation {
     /// Live triangles that move: those whose leaves every frame must preprocess.
     pub fn moving_count(&self) -> usize {
         match &self.keys {
-            KeyFrames::Held(all) if all.len() == 1 => 0,
+            KeyFrames::Held(_) | KeyFrames::Streamed(_) if self.key_count() == 1 => 0,
             // A static triangle is finite in all key frames, and so live.
             _ => self.live_count() - self.static_parts().triangle_count(),
         }
@@ -300,6 +301,17 @@ impl Animation {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
             _ => Some(Range::at(&self.survey.ranges, pose)),
+        }
+    }
+
+    /// Takes the vertices at `pose` for those of a key frame that [arrived](Self::push) with others in their place, so far as they
+    /// reach.
+    pub fn look_at(&self, pose: Pose, vertices: &[Point]) {
+        if let KeyFrames::Live(live) = &self.keys {
+            let exponent = self.scale_exponent();
+            live.range(pose.key as usize, |_| {
+                Range::of(&Sizes::of(vertices), exponent)
+            });
         }
     }
 

@@ -4,6 +4,7 @@ use crate::key_frames::check_key;
 use crate::{KeyFrame, KeyFrameError, KeySource, lock};
 use std::collections::BTreeMap;
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Key frames that others may take while those to come are read.
@@ -89,7 +90,7 @@ impl KeyWindow {
 
     /// Has key frames be read, the first one first, as far as there is room for them.
     pub(crate) fn look_ahead(&self, keys: impl IntoIterator<Item = usize>) {
-        let mut upcoming = Vec::with_capacity(self.capacity);
+        let mut upcoming = Vec::new();
         for key in keys {
             if upcoming.len() == self.capacity {
                 break;
@@ -124,7 +125,14 @@ impl KeyWindow {
         let (vertices, capacity) = (self.first.len(), self.capacity);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
-            let read = (shared.source)(key).and_then(|frame| {
+            // What a caller's reader keeps is its own to look after.
+            let read = catch_unwind(AssertUnwindSafe(|| (shared.source)(key)));
+            let panicked = |_| {
+                Err(KeyFrameError(format!(
+                    "key frame {key}: its reader panicked"
+                )))
+            };
+            let read = read.unwrap_or_else(panicked).and_then(|frame| {
                 check_key(key, frame.len(), vertices)?;
                 Ok(Arc::new(frame.into()))
             });
@@ -215,6 +223,14 @@ mod tests {
         drop(window);
         let reads = source.load(Ordering::Relaxed);
         assert!(reads <= 80 + FEW, "{reads}");
+    }
+
+    #[test]
+    fn a_reader_that_panics_reads_nothing() {
+        let first = Arc::new(vec![[0.0; 3]].into());
+        let window = KeyWindow::new(Arc::new(|_| panic!("mine")), first, [9, FEW]).unwrap();
+        let said = window.get(3).unwrap_err().to_string();
+        assert_eq!(said, "key frame 3: its reader panicked");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The output of traces.
 
-use crate::{BufferTable, GpuDevice, LentRays};
+use crate::{BufferTable, GpuDevice, LentRays, refuse_above};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
 use geom::{Hit, Ray, copy_in_parallel};
@@ -46,6 +46,11 @@ impl<D: GpuDevice> Trace<D> {
             None => (BufferTable::new(gpu, [])?, Hits::default()),
         };
         let (count, kind) = (query.rays.count(), query.kind);
+        refuse_above(
+            || "rays of a query".to_owned(),
+            count as u64,
+            u32::MAX.into(),
+        )?;
         let mut lent = lent_rays(gpu, query)?;
         let room = lent.as_mut().and_then(|lent| lent.answers.as_mut());
         let has_room = room.is_some();
@@ -56,15 +61,14 @@ impl<D: GpuDevice> Trace<D> {
                 _ => gpu.write(answers, count, |_| Hit::MISS)?,
             }
         }
+        let bytes = |each: usize| (count * each) as u64;
         let mut extremes = lent.is_some();
         if has_tree && lent.is_none() && are_given(query) {
-            let bytes = (count * size_of::<Ray>()) as u64;
-            let rays = buffers.fit(gpu, BufferName::Rays, bytes)?;
+            let rays = buffers.fit(gpu, BufferName::Rays, bytes(size_of::<Ray>()))?;
             extremes = send(gpu, query.rays, rays, is_extreme)?;
         }
         if has_tree && kind != QueryKind::Any && !has_room {
-            let bytes = (count * size_of::<Hit>()) as u64;
-            buffers.fit(gpu, BufferName::Hits, bytes)?;
+            buffers.fit(gpu, BufferName::Hits, bytes(size_of::<Hit>()))?;
         }
         let occluded = match kind {
             QueryKind::Any => !has_room,

@@ -1,5 +1,6 @@
 //! The logical device and its queues.
 
+use crate::errors::failed;
 use crate::external;
 use crate::host_memory::Import;
 use crate::instance::Host;
@@ -10,6 +11,7 @@ use crate::queues::{QueueIndex, QueueSet, Queues};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
+use geom::lock;
 use gpu_common::{Options, device_door};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
@@ -52,6 +54,15 @@ pub const RAY_EXTENSIONS: [&CStr; 3] = [
 pub struct Queue {
     pub(crate) queue: Mutex<vk::Queue>,
     pub(crate) family: u32,
+}
+
+impl Queue {
+    /// Waits until all is done that any scene submitted.
+    pub(crate) fn wait_idle(&self, gpu: &Gpu) -> Result<()> {
+        let queue = lock(&self.queue);
+        // SAFETY: the queue belongs to the device, and nobody else uses it as long as it is locked.
+        unsafe { gpu.vk.queue_wait_idle(*queue) }.map_err(failed("waiting for a queue"))
+    }
 }
 
 impl Gpu {

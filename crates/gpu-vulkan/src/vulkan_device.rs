@@ -367,7 +367,11 @@ impl GpuDevice for VulkanDevice {
         self.done.wait(self.submitted)?;
         self.upload.wait()?;
         self.readback.wait()?;
-        self.lent.wait()
+        self.lent.wait()?;
+        if self.gpu.is_software() {
+            self.compute.wait_idle(&self.gpu)?;
+        }
+        Ok(())
     }
 
     fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {

@@ -156,11 +156,14 @@ impl Gpu {
         let probe = lock(probe);
         let refused = Arc::new(AtomicBool::new(false));
         let hears = Arc::clone(&refused);
+        // The probe itself may have been made too late.
+        let scope = self.device.push_error_scope(ErrorFilter::Validation);
         probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
             hears.store(mapped.is_err(), Ordering::Relaxed);
         });
         let lost = refused.load(Ordering::Relaxed);
-        !unmap(&self.device, &probe) || lost
+        let is_unmapped = unmap(&self.device, &probe);
+        lost || !is_unmapped || pollster::block_on(scope.pop()).is_some()
     }
 
     /// Commands to be recorded.

@@ -59,6 +59,16 @@ pub(crate) trait Sheets: Sized {
         let done = step.submit().unwrap();
         bits(self.traced().0.hits(done, query).unwrap())
     }
+
+    /// A picture in a step that moves them likewise.
+    fn shown(&mut self, moved: Moved) -> Vec<u8> {
+        let mut step = self.moved(moved);
+        let picture = step.render(&camera(), [3.0, 9.0, -4.0]).unwrap();
+        let done = step.submit().unwrap();
+        let mut rgba = Vec::new();
+        self.traced().0.pixels(done, picture, &mut rgba).unwrap();
+        rgba
+    }
 }
 
 /// Two sheets on the host's cores. All that moves them lies there, too.
@@ -103,11 +113,23 @@ const STEPS: [Moved; 10] = [
 
 /// Moved step by step, they see what is seen on the host.
 pub(crate) fn see_as_of_the_host<S: Sheets>() {
-    for update in [Update::Async, Update::Rebuild, Update::DeviceRebuild] {
+    for update in [
+        Update::Async,
+        Update::Rebuild,
+        Update::DeviceRebuild,
+        Update::Lockstep(1),
+    ] {
         let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
-        for moved in STEPS {
-            let is_same = found.see(moved) == expected.see(moved);
-            assert!(is_same, "{update:?} {moved:?}");
+        for (i, moved) in STEPS.into_iter().enumerate() {
+            // Shadows ask how far vertices reach; before others do, and after.
+            for moved in [moved, [None, None]] {
+                let is_same = match i % 2 {
+                    0 => found.shown(moved) == expected.shown(moved),
+                    _ => true,
+                };
+                let is_same = is_same && found.see(moved) == expected.see(moved);
+                assert!(is_same, "{update:?} {moved:?}");
+            }
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm, tree_at};
 use abvh::own_device::OwnDevice;
+use abvh::{Device, Scene, Tracer};
 use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
 use gpu_common::Options;
@@ -263,6 +264,8 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
         // wgpu gives destroyed buffers up when it is polled next.
         let _ = own.device.poll(wgpu::PollType::Poll);
         drop(held);
+        let another = Tracer::builder().device(Device::from(own.clone()));
+        assert!(another.build(Scene::new()).is_err());
         // And from then on for ever.
         for _ in 0..2 {
             let found = verb(&mut backend, &animation, &list);

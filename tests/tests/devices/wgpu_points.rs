@@ -86,6 +86,9 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     let traced = step.trace(&camera(), Query::Closest);
     let submitted = traced.and_then(|_| step.submit());
     assert!(said.is_err() || submitted.is_err());
+    // Where its vertices are nobody knows, until they come again.
+    let again = own.tracer.step(0.0).trace(&[], Query::Any);
+    assert!(matches!(again, Err(Error::Device(_))), "{again:?}");
     let hits = own.see([Some((0.5, true)), None]);
     assert!(hits == OnHost::open(Update::Auto).see([Some((0.5, false)), None]));
 }

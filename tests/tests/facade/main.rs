@@ -9,8 +9,8 @@ mod pool;
 mod replace;
 
 use abvh::{
-    Device, Error, Hit, Hits, Intersector, Mesh, MeshId, Point, Query, Ray, Replacement, Scene,
-    Source, Step, Tracer, Update,
+    Camera, Device, Error, Hit, Hits, Intersector, Mesh, MeshId, Point, Query, Ray, Rays,
+    Replacement, Scene, Source, Step, Tracer, Update,
 };
 use geom::Animation;
 use integration::stage::pixels;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 19] = [
+const LAWS: [(&str, Law); 20] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("vertices_go_anywhere", anywhere),
@@ -36,6 +36,10 @@ const LAWS: [(&str, Law); 19] = [
     ("unreadable_key_frames_are_errors", frames::unreadable),
     ("no_policy_changes_a_hit", frames::policies),
     ("misuse_is_an_error", misuse),
+    (
+        "nothing_moves_before_the_first_key_frame_or_after_the_last",
+        odd_times,
+    ),
     ("a_replaced_mesh_is_found_as_in_a_new_scene", replace::anew),
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
     ("results_outlive_a_step_and_a_commit", replace::results),
@@ -269,6 +273,29 @@ fn anywhere(device: &Device) {
     }
 }
 
+/// Before the first key frame and after the last nothing moves, however long before or after.
+fn odd_times(device: &Device) {
+    let (demo, keys) = (demo("demo:twist:300"), 3);
+    let motion = || Mesh::keyframes(demo.keys[..keys].to_vec(), &demo.triangles).unwrap();
+    let far = [1.0, -1.0].map(|sign| [f64::INFINITY, f64::MAX, 1e300].map(|t| sign * t));
+    for update in [
+        Update::Async,
+        Update::Refit,
+        Update::TSah,
+        Update::Lockstep(1),
+    ] {
+        let builder = Tracer::builder().update(update);
+        let mut tracer = pool::build(builder, scene_of([motion()]).0, device);
+        let ends = [keys as f64 - 1.0, 0.0].map(|time| still(&mut tracer, time, &demo.rays));
+        for i in 0..3 {
+            for (times, end) in far.iter().zip(&ends) {
+                let found = still(&mut tracer, times[i], &demo.rays);
+                assert!(found == *end, "{update:?} at {}", times[i]);
+            }
+        }
+    }
+}
+
 fn misuse(device: &Device) {
     let (points, triangle) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let made = [
@@ -278,7 +305,13 @@ fn misuse(device: &Device) {
     ];
     let meshes = made.map(Result::unwrap);
     let (_, [foreign, ..]) = scene_of(meshes.clone());
-    let (scene, [fixed, cloth, robot]) = scene_of(meshes);
+    let (scene, [fixed, cloth, robot]) = scene_of(meshes.clone());
+    // What a clone is given beyond its original is its own.
+    let later = scene.clone().add(meshes[0].clone());
+    let builder = Tracer::builder().device(device.clone());
+    let crowd = builder.builder_threads(usize::MAX).build(scene.clone());
+    assert!(matches!(crowd.map(drop), Err(Error::Unsupported(_))));
+    let mut other = tracer(scene.clone(), device);
     let mut tracer = tracer(scene, device);
     tracer.warm_up(f64::NAN).unwrap();
     let mut step = tracer.step(f64::NAN);
@@ -289,8 +322,10 @@ fn misuse(device: &Device) {
         expected,
         found,
     };
-    let refused = Err(Error::ForeignMesh(foreign));
-    assert_eq!(step.vertices(foreign, host), refused);
+    for foreign in [foreign, later] {
+        let refused = Err(Error::ForeignMesh(foreign));
+        assert_eq!(step.vertices(foreign, host), refused);
+    }
     for mesh in [fixed, robot] {
         let what = "vertices";
         assert_eq!(step.vertices(mesh, host), Err(Error::Motion { mesh, what }));
@@ -302,6 +337,28 @@ fn misuse(device: &Device) {
     assert_eq!(step.vertices(cloth, host), Err(Error::TooLate));
     let done = step.submit().unwrap();
     assert!(tracer.hits(done, query).unwrap().is_empty());
+    let mut step = other.step(0.0);
+    step.trace(&[], Query::Any).unwrap();
+    step.submit().unwrap();
+    let found = other.hits(done, query);
+    assert!(matches!(found.map(drop), Err(Error::NoResult)));
+    let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
+    let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [2, 2]).unwrap();
+    let camera = Camera {
+        width: u32::MAX,
+        height: u32::MAX,
+        ..camera
+    };
+    let mut step = tracer.step(0.0);
+    let traced = step.trace(&camera, Query::Closest);
+    let vast = traced.and_then(|_| step.submit());
+    assert!(matches!(
+        vast,
+        Err(Error::Unsupported(_) | Error::Device(_))
+    ));
+    let on_device = tracer.step(0.0).trace(Rays::OnDevice(1), Query::Any);
+    assert!(on_device.is_err() || *device != Device::Cpu);
+    tracer.step(0.0).trace(&[], Query::Any).unwrap();
     for made in [
         Mesh::fixed(&points, &[[0, 1, 3]]),
         Mesh::keyframes(Vec::new(), &[]),

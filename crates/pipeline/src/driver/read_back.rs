@@ -4,16 +4,56 @@
 use super::trees::bytes;
 use super::{Driver, PipelineError};
 use crate::builder_thread::BuildInput;
+use crate::frame::Submission;
+use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Vertices, pose_between};
 use backend::Snapshot;
+use geom::Pose;
+use std::time::Instant;
 
 /// Frames after which a scene is taken to be at rest.
 const AT_REST: u64 = 32;
 
 impl Driver {
-    /// Whether two frames' positions are read back for a tree.
+    /// Whether two frames' positions are read back for a tree. In lockstep it may be due before the second.
     fn observes(&self) -> bool {
-        !self.knows_key_frames && self.builds_ahead()
+        let is_free = self.options.update == Update::Async(Pace::Free);
+        is_free && !self.knows_key_frames && self.builds_ahead()
+    }
+
+    /// Has the animation know how far coordinates reach at `pose`, by which shadow rays are offset, if no host does.
+    pub(super) fn look(&mut self, pose: Pose) -> Result<(), PipelineError> {
+        let casts_shadows = self.light.is_some();
+        if !casts_shadows || self.knows_key_frames || self.animation.known_range(pose).is_some() {
+            return Ok(());
+        }
+        let positions = self.read_now(pose)?;
+        self.animation.look_at(pose, &positions);
+        // Whatever follows from positions comes with the frame.
+        self.pose = None;
+        Ok(())
+    }
+
+    /// Positions at `pose`, which a submission of its own brings while the frame waits.
+    pub(super) fn read_now(&mut self, pose: Pose) -> Result<Snapshot, PipelineError> {
+        self.backend.interpolate(pose)?;
+        self.backend.request_positions()?;
+        let handed_in = Instant::now();
+        let ticket = self.backend.submit()?;
+        let report = self.backend.wait(ticket)?;
+        self.record.fetched = Some(Submission {
+            handed_in,
+            seen: Instant::now(),
+            times: report.times,
+        });
+        self.record.report = report;
+        loop {
+            match self.backend.take_positions()? {
+                Some((t, positions)) if t == ticket => return Ok(positions),
+                Some((_, positions)) => self.take_read_back(positions)?,
+                None => std::thread::yield_now(),
+            }
+        }
     }
 
     /// Whether the builder needs the positions of the frame at hand.

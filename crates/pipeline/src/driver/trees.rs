@@ -2,7 +2,7 @@
 
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
-use crate::frame::{Adopted, Submission, TreeMoments, ms};
+use crate::frame::{Adopted, TreeMoments, ms};
 use crate::schedule::{FramePlan, Pace, Swap, Update};
 use crate::tree_builder::for_all::samples;
 use crate::tree_builder::{Built, Made, TreeBuilder, Vertices};
@@ -298,24 +298,8 @@ impl Driver {
         pending: &mut PendingBuild,
         halves: Option<[Pose; 2]>,
     ) -> Result<BuildResult<Built>, PipelineError> {
-        self.backend.interpolate(pending.pose)?;
+        let positions = self.read_now(pending.pose)?;
         self.pose = Some(pending.pose);
-        self.backend.request_positions()?;
-        let handed_in = Instant::now();
-        let ticket = self.backend.submit()?;
-        let report = self.backend.wait(ticket)?;
-        self.record.fetched = Some(Submission {
-            handed_in,
-            seen: Instant::now(),
-            times: report.times,
-        });
-        self.record.report = report;
-        let positions = loop {
-            match self.backend.take_positions()? {
-                Some((t, positions)) if t == ticket => break positions,
-                _ => std::thread::yield_now(),
-            }
-        };
         let read_back = bytes(positions.len());
         let from = (Vertices::ReadBack(positions), halves);
         Ok(

@@ -220,9 +220,13 @@ fn a_tree_for_all_times_is_built_once_without_the_device() {
 
 /// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
+    unknown_by(FREE, frames, moving)
+}
+
+fn unknown_by(by: Policy, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     let fake = Fake::new(Some(1));
     let log = Arc::clone(&fake.log);
-    let mut driver = driver(fake, &shuffled(65, 64), FREE).unwrap();
+    let mut driver = driver(fake, &shuffled(65, 64), by).unwrap();
     driver.forget_key_frames();
     let times = (0..frames).map(|index| index.min(moving) as f64 * 0.25);
     let records = play(&mut driver, times, |_| 1);
@@ -239,6 +243,20 @@ fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
     // The first tree is of its own frame alone.
     let asked = records.iter().filter(|r| r.asked.is_some()).count() - 1;
     assert!((2 * asked..=2 * asked + 1).contains(&log.requested));
+}
+
+#[test]
+fn in_lockstep_a_tree_of_such_vertices_waits_for_no_other_frame() {
+    for (k, moving) in [(1, 60), (3, 60), (3, 5)] {
+        let (records, _) = unknown_by((lockstep(k), true), 20, moving);
+        let trees = records[1..].iter().filter_map(|r| r.adopted);
+        let read: Vec<u64> = trees.map(|t| t.snapshot_bytes).collect();
+        let bytes = (64 * 3 * size_of::<Point>()) as u64;
+        assert!(
+            !read.is_empty() && read.iter().all(|&read| read == bytes),
+            "{k}"
+        );
+    }
 }
 
 #[test]
