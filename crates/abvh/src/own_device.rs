@@ -22,7 +22,8 @@ use std::any::Any;
 /// The version of wgpu that the library speaks.
 pub use wgpu;
 
-/// A device, its queue, and what its adapter says of itself.
+/// A device, its queue, and what its adapter says of itself. Buffers and encoders must be of the same wgpu instance: wgpu
+/// panics if they are not, or if the queue is another device's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OwnDevice {
     /// The device. Its handlers of errors and of its loss stay as they are.
@@ -210,7 +211,7 @@ impl Step<'_> {
     /// A step without queries brings the scene up to date for shaders of the program's ([`shader_module`](crate::shader_module)).
     ///
     /// Steps are submitted in their order, before [`Tracer::hits`] of them and before the second step after them: both fail
-    /// until then.
+    /// until then. So commands with a step must not be dropped.
     ///
     /// # Errors
     /// [`Error::TooLate`] if rays of the host's memory were traced in the step, or a picture rendered: they do not wait for

@@ -12,7 +12,8 @@ impl Step<'_> {
     /// Renders what a camera sees in the light of the sky and of one point, with shadows: meshes in their
     /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
     /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, in the caller's rayon
-    /// pool.
+    /// pool. How shadows keep clear of surfaces depends on how far vertices reach. So those that a device alone knows are read
+    /// back first, and the call waits for them.
     ///
     /// ```
     /// # use abvh::{Camera, Device, Mesh, Scene, Tracer};

@@ -123,8 +123,8 @@ pub(crate) fn see_as_of_the_host<S: Sheets>() {
         for (i, moved) in STEPS.into_iter().enumerate() {
             // Shadows ask how far vertices reach; before others do, and after.
             for moved in [moved, [None, None]] {
-                let is_same = match i % 2 {
-                    0 => found.shown(moved) == expected.shown(moved),
+                let is_same = match i % 3 {
+                    1 => found.shown(moved) == expected.shown(moved),
                     _ => true,
                 };
                 let is_same = is_same && found.see(moved) == expected.see(moved);
