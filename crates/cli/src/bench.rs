@@ -130,7 +130,7 @@ fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Opt
         let why = "is left out: it makes its trees itself, within each frame";
         return Some(format!("{name} with {policy} {why}"));
     }
-    let beyond = choose::beyond_drivers(method);
+    let beyond = choose::beyond_drivers(method, update);
     beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 

@@ -123,13 +123,14 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-/// What a method names that a driver with trees of its own does not have. The usual intersector, which nobody need
-/// name, stands for the driver's own.
-pub(crate) fn beyond_drivers(method: MethodArgs) -> Option<String> {
+/// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
+/// for the driver's own.
+pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
+    if update == UpdateName::DeviceRebuild {
+        return Some(format!("update policy '{}'", word(&update)));
+    }
     match method.intersector {
-        IntersectorName::Auto | IntersectorName::Watertight => {
-            layout(method.layout).map(|name| format!("layout '{name}'"))
-        }
+        IntersectorName::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
         other => Some(format!("intersector '{}'", word(&other))),
     }
 }

@@ -109,8 +109,9 @@ impl Earlier {
                 output::clear_run(&folder).map_err(Stop::bad)?;
             }
             own.write_to(&folder)?;
-            let (list, stats) = (numbers(list), stats.clone());
-            Journal::begin(&folder, shard, list, stats).map_err(Stop::bad)
+            let mut journal = Journal::open(&folder, shard).map_err(Stop::bad)?;
+            journal.begin(numbers(list), stats.clone())?;
+            Ok(journal)
         };
         self.folders.into_iter().map(begin).collect()
     }

@@ -162,9 +162,10 @@ fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     if !open::has_own_trees(ask.backend) {
         return Ok(*ask);
     }
-    if let Some(what) = choose::beyond_drivers(ask.method) {
+    if let Some(what) = choose::beyond_drivers(ask.method, ask.update) {
         return Err(Stop::bad(format!(
-            "a driver that makes its own trees has its own intersector and layout: it does not know {what}"
+            "a driver that makes its own trees rebuilds or refits them, and has its own intersector and layout: it does not know \
+             {what}"
         )));
     }
     Ok(Ask {

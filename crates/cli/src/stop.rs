@@ -119,7 +119,9 @@ pub(crate) fn heed_signals() {
 /// Has a thread of its own wait for signals, since a handler may do next to nothing.
 #[cfg(unix)]
 fn listen() -> std::io::Result<()> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+    // Whoever writes too large a file hears of it from the system's call.
+    signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())?;
     let (sender, receiver) = std::sync::mpsc::channel();
     // The thread comes first: handlers that nobody answers would swallow signals.
     std::thread::Builder::new().spawn(move || {
@@ -136,13 +138,28 @@ fn answer(mut signals: signal_hook::iterator::Signals) {
     for signal in signals.forever() {
         // A second one does not wait for what is asked to end.
         if CAME.swap(signal, Ordering::Relaxed) != WAITS {
-            let _held = output::remove_unfinished();
-            signal_hook::low_level::exit(128 + signal);
+            end_at_once(signal);
         }
+        let wait_and_end = move || {
+            std::thread::sleep(PATIENCE);
+            end_at_once(signal);
+        };
+        // Without it, only a second signal ends a run that is blocked.
+        let _ = std::thread::Builder::new().spawn(wait_and_end);
     }
 }
 
-/// From here on, the first signal waits for [`check_signals`].
+/// How long a run may take to see that a signal came. One that writes where nobody reads never does.
+#[cfg(unix)]
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(1);
+
+#[cfg(unix)]
+fn end_at_once(signal: i32) -> ! {
+    let _held = output::remove_unfinished();
+    signal_hook::low_level::exit(128 + signal)
+}
+
+/// From here on, the first signal waits for [`check_signals`], for a while.
 pub(crate) fn let_signals_wait() {
     CAME.store(WAITS, Ordering::Relaxed);
 }

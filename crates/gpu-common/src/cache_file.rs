@@ -2,11 +2,13 @@
 
 use sha2::{Digest, Sha256};
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Bytes of a digest.
 const DIGEST: usize = 32;
+/// The most bytes that a file of a cache is believed to have.
+const MOST: u64 = 256 << 20;
 
 /// A file of a cache: a SHA-256 digest, then the bytes that it is of. What is missing, damaged or cannot be written is
 /// as if nothing had been kept.
@@ -31,7 +33,7 @@ impl CacheFile {
     /// What was stored last, if it is whole.
     #[must_use]
     pub fn load(&mut self) -> Option<Vec<u8>> {
-        let mut bytes = fs::read(&self.path).ok()?;
+        let mut bytes = self.read().ok()?;
         if bytes.len() < DIGEST {
             return None;
         }
@@ -39,6 +41,16 @@ impl CacheFile {
         let is_whole = Sha256::digest(&data)[..] == bytes[..];
         self.loaded = if is_whole { data.len() } else { 0 };
         is_whole.then_some(data)
+    }
+
+    fn read(&self) -> io::Result<Vec<u8>> {
+        let file = host::open(&self.path)?;
+        if file.metadata()?.len() > MOST {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        let mut bytes = Vec::new();
+        file.take(MOST).read_to_end(&mut bytes)?;
+        Ok(bytes)
     }
 
     /// Stores bytes in place of what is there, if they are more than were loaded.
@@ -81,8 +93,25 @@ mod tests {
             fs::write(&file.path, damage).unwrap();
             assert_eq!(file.load(), None, "{} bytes", damage.len());
         }
+        fs::write(&file.path, &whole).unwrap();
+        let large = fs::File::options().write(true).open(&file.path).unwrap();
+        large.set_len(MOST + 1).unwrap();
+        assert_eq!(file.read().unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         let mut elsewhere = CacheFile::new(&file.path, "below-a-file");
         elsewhere.store(b"kernels");
         assert_eq!(elsewhere.load(), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_under_its_name_is_not_read_and_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut file = CacheFile::new(dir.path(), "card");
+        std::os::unix::fs::symlink("/dev/zero", &file.path).unwrap();
+        let refused = file.read().map_err(|e| e.kind());
+        assert_eq!(refused, Err(io::ErrorKind::InvalidInput));
+        file.store(b"kernels");
+        assert_eq!(file.load().unwrap(), b"kernels");
+        assert!(!file.path.is_symlink());
     }
 }

@@ -210,11 +210,13 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes a link that stands where a file is to be written, so that nothing is written where it leads.
-pub fn remove_link(path: &Path) -> Result<(), OutputError> {
-    match path.is_symlink() {
-        true => fs::remove_file(path).map_err(|e| OutputError::writing(path, e)),
-        false => Ok(()),
+/// Removes a link, a pipe or a device that stands where a file is to be written, so that nothing is written where it leads.
+pub fn remove_odd(path: &Path) -> Result<(), OutputError> {
+    match fs::symlink_metadata(path) {
+        Ok(about) if !about.is_file() && !about.is_dir() => {
+            fs::remove_file(path).map_err(|e| OutputError::writing(path, e))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -335,8 +337,8 @@ mod tests {
         write_whole(&link, b"new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
-        remove_link(&link).unwrap();
-        remove_link(&file).unwrap();
+        remove_odd(&link).unwrap();
+        remove_odd(&file).unwrap();
         write_whole(&link, b"newer").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();

@@ -4,7 +4,7 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::{FrameStats, OutputError, write_json};
+use crate::{FrameStats, OutputError, remove_odd, write_json};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -56,7 +56,9 @@ impl Manifest {
 
     /// Writes it into a folder.
     pub fn write_to(&self, folder: &Path) -> Result<(), OutputError> {
-        write_json(&folder.join(MANIFEST), self)
+        let file = folder.join(MANIFEST);
+        remove_odd(&file)?;
+        write_json(&file, self)
     }
 
     /// The first thing in which two runs differ.
@@ -271,27 +273,25 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Goes on with the journal of a folder, or of one shard of so many: what the run is to make, and its statistics. Fails
-    /// if another run is writing it.
-    pub fn begin(
-        folder: &Path,
-        shard: Option<[usize; 2]>,
-        list: Vec<u64>,
-        stats: Value,
-    ) -> Result<Self, OutputError> {
+    /// Takes hold of the journal of a folder, or of one shard of so many. Fails if another run is writing it.
+    pub fn open(folder: &Path, shard: Option<[usize; 2]>) -> Result<Self, OutputError> {
         let path = folder.join(match shard {
             Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
             None => "abvh-run.jsonl".to_owned(),
         });
-        let mut file = open_locked(&path)?;
+        let file = open_locked(&path)?;
+        Ok(Self { path, file })
+    }
+
+    /// Goes on with it: what the run is to make, and its statistics.
+    pub fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), OutputError> {
+        let path = &self.path;
         // The last line may have been cut short: nothing is to be added to it.
-        let text = host::read(&path).map_err(|e| OutputError::reading(&path, e))?;
+        let text = host::read(path).map_err(|e| OutputError::reading(path, e))?;
         if text.last().is_some_and(|&end| end != b'\n') {
-            (file.write_all(b"\n")).map_err(|e| OutputError::writing(&path, e))?;
+            (self.file.write_all(b"\n")).map_err(|e| OutputError::writing(path, e))?;
         }
-        let mut journal = Self { path, file };
-        journal.write(&JournalLine::Run { list, stats })?;
-        Ok(journal)
+        self.write(&JournalLine::Run { list, stats })
     }
 
     /// Says that these files of a frame are whole, with its row of the statistics.
@@ -327,11 +327,11 @@ mod tests {
     #[test]
     fn a_folder_has_one_writer_at_a_time() {
         let dir = tempfile::tempdir().unwrap();
-        let begin = || Journal::begin(dir.path(), None, vec![3, 4], Value::Null);
-        let first = begin().unwrap();
-        let again = begin().err().unwrap().to_string();
+        let open = || Journal::open(dir.path(), None);
+        let first = open().unwrap();
+        let again = open().err().unwrap().to_string();
         assert!(again.contains("another run"), "{again}");
         drop(first);
-        begin().unwrap();
+        open().unwrap();
     }
 }

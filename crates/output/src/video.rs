@@ -6,7 +6,7 @@ use crate::{OutputError, write_with};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, prelude::*};
 use std::iter;
 use std::path::{Path, PathBuf};
@@ -125,7 +125,7 @@ fn write<F: AsRef<Planes>>(
     let Ok(first) = frames.recv() else {
         return Ok(());
     };
-    let begin = |(out, sink): (Bytes, Sink)| Ok((sink.begin(out, header())?, sink));
+    let begin = |(out, mut sink): (Bytes, Sink)| Ok((sink.begin(out, header())?, sink));
     let mut sinks = sinks.into_iter().map(begin).collect::<Result<Vec<_>>>()?;
     let (mut next, mut early) = (0, BTreeMap::new());
     for frame in iter::once(first).chain(frames) {
@@ -178,32 +178,46 @@ impl Sink {
         Ok((out, sink))
     }
 
-    fn begin(&self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
+    fn begin(&mut self, out: Bytes, header: EncoderBuilder) -> Result<y4m::Encoder<Bytes>> {
         let colours = match self.encoder {
             Some(_) => Colorspace::C420jpeg,
             None => Colorspace::C444,
         };
         let begun = header.with_colorspace(colours).write_header(out);
-        begun.map_err(|e| OutputError::writing(&self.path, e))
+        begun.map_err(|e| self.failed(&e))
     }
 
     fn frame(&mut self, out: &mut y4m::Encoder<Bytes>, planes: &Planes) -> Result<()> {
         let written = out.write_frame(&planes.frame(self.encoder.is_some()));
-        written.map_err(|e| match self.encoder.take() {
-            Some(encoder) => encoder.failed(&e.to_string()),
-            None => OutputError::writing(&self.path, e),
-        })
+        written.map_err(|e| self.failed(&e))
+    }
+
+    fn failed(&mut self, why: &y4m::Error) -> OutputError {
+        match self.encoder.take() {
+            Some(encoder) => encoder.failed(&why.to_string()),
+            None => OutputError::writing(&self.path, why),
+        }
     }
 
     fn end(self, out: y4m::Encoder<Bytes>) -> Result<()> {
         drop(out);
+        let is_encoded = self.encoder.is_some();
         self.encoder.map_or(Ok(()), Encoder::end)?;
+        if is_encoded && self.file.as_ref().is_some_and(|file| !holds_any(file)) {
+            return Err(OutputError("--video: ffmpeg wrote no video".to_owned()));
+        }
         let ended = match self.file {
             Some(file) => file.finish(),
             None => io::stdout().flush(),
         };
         ended.map_err(|e| OutputError::writing(&self.path, e))
     }
+}
+
+/// Whether a file with bytes lies there. An encoder may have put another in the place of the one it was given.
+fn holds_any(file: &UnfinishedFile) -> bool {
+    let about = fs::symlink_metadata(file.path());
+    about.is_ok_and(|about| about.is_file() && about.len() > 0)
 }
 
 /// Endings of files, and `ffmpeg`'s names for their formats.

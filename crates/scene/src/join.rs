@@ -42,12 +42,17 @@ impl Placement {
 }
 
 /// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains. What follows
-/// an `@` must be a place.
-pub(crate) fn inputs<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
-    let (mut inputs, mut rest) = (Vec::new(), Some(spec));
+/// an `@` must be a place, and what is joined or placed must have a name.
+pub(crate) fn inputs<'a>(all: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
+    let (mut inputs, mut rest) = (Vec::new(), Some(all));
     while let Some(spec) = rest {
         let (first, after) = first_input(spec, exists);
-        inputs.push(input(first, exists)?);
+        let input = input(first, exists)?;
+        if input.spec.is_empty() && !all.is_empty() {
+            let cause = "an input of the joined scene has no name";
+            return Err(SceneError::unusable(all, cause));
+        }
+        inputs.push(input);
         rest = after;
     }
     Ok(inputs)
@@ -212,8 +217,11 @@ mod tests {
     /// An input, and where it stands with its scale.
     type Told<'a> = (&'a str, Option<(Point, f32)>);
 
+    fn exists(name: &str) -> bool {
+        THERE.contains(&name)
+    }
+
     fn told(spec: &str) -> Vec<Told<'_>> {
-        let exists = |name: &str| THERE.contains(&name);
         let inputs = inputs(spec, &exists).unwrap();
         let place = |p: Placement| (p.at, p.scale);
         let told = inputs.iter().map(|i| (i.spec, i.place.map(place)));
@@ -237,12 +245,13 @@ mod tests {
         assert_eq!(told("b@1,2,3@4,5,6+a.obj"), again);
         // What is not there is told of as it was written.
         assert_eq!(told("x.obj+y@z.obj"), [("x.obj", None), ("y@z.obj", None)]);
-        assert_eq!(told("a.obj+"), [("a.obj", None), ("", None)]);
+        for nameless in ["a.obj+", "+", "+a.obj", "a.obj++b.glb", "@1,2,3"] {
+            refused(inputs(nameless, &exists), &[nameless, "has no name"]);
+        }
     }
 
     #[test]
     fn a_place_is_three_numbers_and_a_scale() {
-        let exists = |name: &str| THERE.contains(&name);
         for bad in [
             "", "1,2", "1,2,3,4", "1,2,x", "1,2,3*0", "1,2,3*-1", "1,2,inf",
         ] {

@@ -73,7 +73,13 @@ trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 const OTHERS: &str = "
 paint demo:twist | paint
 bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast | nothing is left to measure | vulkan-rt | fast
+bench demo:twist:500 --backend vulkan-rt --update device-rebuild | nothing is left to measure | vulkan-rt | device-rebuild
+render demo:twist:100 --backend vulkan-rt --update device-rebuild | policy 'device-rebuild'
+render demo:twist:100 --backend vulkan-rt --intersector auto | intersector 'auto'
+render demo:twist:100 --backend vulkan-rt --tolerance 0 | intersector 'auto'
 render demo:twist:100 --backend vulkan --adapter none | vulkan
+inspect a.obj+ | a.obj+ | no name
+inspect + | no name
 render --size \u{1b}[31m8x | '\\u{1b}[31m8x'
 render --backend x\u{202e}y | 'x\\u{202e}y'
 render a\u{202e}jbo.\u{200b} | a\\u{202e}jbo.\\u{200b}

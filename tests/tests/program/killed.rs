@@ -24,6 +24,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         all.push(trial("killed::signals_end_with_their_codes", signals));
         let name = "killed::a_signal_leaves_no_half_file";
         all.push(trial(name, signal_while_writing));
+        #[cfg(unix)]
+        all.push(trial("killed::a_signal_ends_a_blocked_run", blocked));
     }
     all.push(on_disk());
     all
@@ -179,6 +181,32 @@ fn signal_while_writing(sandbox: &Sandbox) {
     panic!("the file was whole before the signal came, three times");
 }
 
+/// Nobody reads the video.
+#[cfg(unix)]
+fn blocked(sandbox: &Sandbox) {
+    let words =
+        "render demo:twist:500 --backend cpu --frames 20 --size 320x240 --quiet --no-images";
+    let path = crate::video::encoder(sandbox, "exec sleep 9");
+    for (video, signal, code) in [("--y4m -", "INT", 130), ("--video a.mp4", "TERM", 143)] {
+        let mut command = Command::new(abvh());
+        command.args(words.split(' ')).args(video.split(' '));
+        command.env("PATH", &path).current_dir(sandbox.path());
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let pipe = child.stdout.take().unwrap();
+        let reader = Command::new("sleep").arg("9").stdin(pipe).spawn();
+        let mut reader = reader.unwrap();
+        std::thread::sleep(Duration::from_secs(2));
+        let begun = Instant::now();
+        assert_eq!(signalled(&mut child, signal), Some(code), "{video}");
+        let took = begun.elapsed();
+        assert!(took < Duration::from_secs(5), "{video}: {took:?}");
+        let left = sandbox.files();
+        assert!(left.iter().all(|f| f.starts_with("bin")), "{left:?}");
+        reader.kill().unwrap();
+        reader.wait().unwrap();
+    }
+}
+
 /// A disk that fills up while files are written, in a namespace of its own, where this machine lets us have one.
 fn on_disk() -> Trial {
     let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
@@ -193,6 +221,8 @@ fn full_disk(sandbox: &Sandbox) {
         "--size 640x480 --frames 1 --out full",
         "--size 160x120 --frames 2 --no-images --hits full",
         "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
+        // So many that to list them takes more.
+        "--size 8x8 --frames 3000 --out full",
     ] {
         let words = format!("render demo:twist:500 --quiet {words}");
         let output = on_full_disk(sandbox.path(), abvh(), &words).unwrap();

@@ -10,6 +10,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("files::names_may_be_any_bytes", any_bytes),
         trial("files::meshes_beyond_memory_are_refused", beyond_memory),
+        trial("files::too_large_a_file_is_a_failure", too_large),
     ]
 }
 
@@ -35,6 +36,14 @@ fn any_bytes(sandbox: &Sandbox) {
     run("inspect", b"a\xfe.obj").fails(2, &["no such file"]);
 }
 
+/// The system allows files of few blocks.
+fn too_large(sandbox: &Sandbox) {
+    let words = format!("render demo:twist:100 --size 64x48 --frames 1 --quiet {CPU}");
+    let run = sandbox.run_within("-f 8", &format!("{words} --no-images --hits h"));
+    run.fails(1, &["h/hits_0000.npz: File too large"]);
+    assert!(sandbox.files().is_empty(), "{:?}", sandbox.files());
+}
+
 /// On one thread each.
 const CPU: &str = "--backend cpu --threads 1 --builder-threads 1";
 
@@ -55,14 +64,15 @@ fn beyond_memory(sandbox: &Sandbox) {
     for scene in ["a.obj", "a.ply"] {
         // So little that reading breaks down over it, and trees beyond.
         for kilobytes in [150_000, 250_000, 400_000] {
-            let run = sandbox.run_within(kilobytes, &format!("render {scene} {render}"));
+            let limit = format!("-v {kilobytes}");
+            let run = sandbox.run_within(&limit, &format!("render {scene} {render}"));
             run.fails(2, &says);
         }
     }
     // One face of many corners, and many rays.
     let face = "3000000".to_owned() + &" 0 1 2".repeat(1_000_000);
     sandbox.write("p.ply", ply("1", "int int vertex_indices", &face));
-    let run = sandbox.run_within(110_000, &format!("render p.ply {render}"));
+    let run = sandbox.run_within("-v 110000", &format!("render p.ply {render}"));
     run.fails(2, &["reading 3 vertices and 1 faces", "are needed"]);
     sandbox.write("s.obj", SQUARE);
     let ray = [0.25_f32, 0.25, 5.0, 0.0, 0.0, -1.0].map(f32::to_le_bytes);
@@ -72,7 +82,7 @@ fn beyond_memory(sandbox: &Sandbox) {
     // Least and greatest limit under which rays can be read, and not be traced.
     let trees = "1 key frame of 4 vertices, and trees over 2 triangles: ";
     for kilobytes in (150_000..600_000).step_by(30_000) {
-        let run = sandbox.run_within(kilobytes, &words);
+        let run = sandbox.run_within(&format!("-v {kilobytes}"), &words);
         if run.stderr.contains(trees) {
             return run.fails(2, &says);
         }

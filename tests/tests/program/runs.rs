@@ -16,6 +16,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("runs::a_shard_without_frames_is_merged", empty_shard),
         trial("runs::shards_of_statistics_alone_merge", stats_alone),
         trial("runs::nothing_outside_a_folder_is_touched", tampered),
+        #[cfg(unix)]
+        trial("runs::pipes_in_a_folder_are_replaced", pipes),
         trial("runs::outputs_never_eat_inputs_or_each_other", eaten),
         trial("runs::foreseen_failures_leave_no_folder", foreseen),
     ]
@@ -214,6 +216,22 @@ fn tampered(sandbox: &Sandbox) {
     sandbox.does("merge p");
     sandbox.remove("o/abvh-run.jsonl");
     sandbox.run("merge o").fails(1, &["no run has begun"]);
+}
+
+/// Whoever opens one to write to it waits for a reader.
+#[cfg(unix)]
+fn pipes(sandbox: &Sandbox) {
+    let all = ["o/frame_0000.png", "o/hits_0001.npz", "o/abvh-run.json"];
+    sandbox.write("o/mine", "");
+    let mut make = std::process::Command::new("mkfifo");
+    let made = make.args(all).current_dir(sandbox.path()).status();
+    assert!(made.unwrap().success());
+    let words = format!("{SMALL} --frames 2 --out o --hits o");
+    sandbox.refuses(&words, &["o/abvh-run.json", "pipe"]);
+    sandbox.does(&format!("{words} --overwrite"));
+    for name in all {
+        assert!(sandbox.path().join(name).is_file(), "{name}");
+    }
 }
 
 fn eaten(sandbox: &Sandbox) {

@@ -49,10 +49,10 @@ impl Sandbox {
         Run::of(&output, words)
     }
 
-    /// Likewise, within so many kilobytes of addresses.
+    /// Likewise, within a limit, such as `-v KILOBYTES` of addresses.
     #[cfg(target_os = "linux")]
-    pub(crate) fn run_within(&self, kilobytes: u32, words: &str) -> Run {
-        let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
+    pub(crate) fn run_within(&self, limit: &str, words: &str) -> Run {
+        let limited = format!("ulimit {limit}; exec \"$0\" \"$@\"");
         let mut command = Command::new("sh");
         command.args(["-c", &limited]).arg(program::abvh());
         // glibc reserves 64 MB of address space when a thread first asks for memory, which may be at any moment.

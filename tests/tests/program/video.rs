@@ -13,7 +13,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         #[cfg(unix)]
         trial("video::an_encoder_gets_all_frames_in_order", encoded),
         #[cfg(unix)]
-        trial("video::an_encoder_that_dies_leaves_no_video", dies),
+        trial("video::an_encoder_that_fails_leaves_no_video", fails),
     ]
 }
 
@@ -92,7 +92,7 @@ fn absent(sandbox: &Sandbox) {
 
 /// Stands in for `ffmpeg` on PATH.
 #[cfg(unix)]
-fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
+pub(crate) fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;
     let script = format!("#!/bin/sh\nfor last; do :; done\n{script}\n");
     sandbox.write("bin/ffmpeg", script);
@@ -138,11 +138,18 @@ fn is_halved(video: &[u8], full: &[u8]) {
 }
 
 #[cfg(unix)]
-fn dies(sandbox: &Sandbox) {
-    let script = "head -c 2000 > \"$last\"; echo no codec >&2; exit 3";
-    let path = encoder(sandbox, script);
-    let words = format!("{RUN} --no-images --video a.webm");
-    let run = sandbox.run_where(&words, &[("PATH", &path)]);
-    run.fails(1, &["ffmpeg ended early", "no codec"]);
-    assert!(sandbox.files().iter().all(|file| file.starts_with("bin")));
+fn fails(sandbox: &Sandbox) {
+    const EARLY: &str = "ffmpeg ended early: no codec";
+    for (script, says) in [
+        ("head -c 2000 > \"$last\"; echo no codec >&2; exit 3", EARLY),
+        ("exec <&-; echo no codec >&2; exit 1", EARLY),
+        ("cat", "ffmpeg wrote no video"),
+        ("cat; rm \"$last\"", "ffmpeg wrote no video"),
+    ] {
+        let path = encoder(sandbox, script);
+        let words = format!("{RUN} --no-images --video a.webm");
+        let run = sandbox.run_where(&words, &[("PATH", &path)]);
+        run.fails(1, &[says]);
+        assert!(sandbox.files().iter().all(|file| file.starts_with("bin")));
+    }
 }

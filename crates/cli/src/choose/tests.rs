@@ -44,14 +44,18 @@ fn names_mean_what_they_name_and_lockstep_is_async() {
 fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
     use IntersectorName as I;
     use LayoutName as L;
+    let usual = MethodArgs::of(I::Watertight, L::Auto);
+    let beyond = beyond_drivers(usual, UpdateName::DeviceRebuild);
+    assert_eq!(beyond.as_deref(), Some("update policy 'device-rebuild'"));
     for (intersector, layout, beyond) in [
-        (I::Auto, L::Auto, None),
+        (I::Auto, L::Auto, Some("intersector 'auto'")),
         (I::Watertight, L::Auto, None),
         (I::Woop, L::Auto, Some("intersector 'woop'")),
-        (I::Auto, L::Bvh2, Some("layout 'bvh2'")),
+        (I::Watertight, L::Bvh2, Some("layout 'bvh2'")),
     ] {
         let method = MethodArgs::of(intersector, layout);
-        assert_eq!(beyond_drivers(method).as_deref(), beyond);
+        let found = beyond_drivers(method, UpdateName::Rebuild);
+        assert_eq!(found.as_deref(), beyond);
     }
 }
 

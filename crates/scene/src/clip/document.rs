@@ -7,8 +7,10 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::validation::{Checked, Validate};
 use gltf::json::{self, Root};
-use gltf::{Document, buffer};
+use gltf::{Document, Glb, Gltf, buffer};
 use host::Folder;
+use serde_json::Value;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 pub(super) struct File {
@@ -51,9 +53,8 @@ impl File {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let malformed = |cause: &str| SceneError::malformed(path, None, cause);
         check_container(&bytes).map_err(|cause| malformed(&cause))?;
-        let read = gltf::Gltf::from_slice_without_validation(&bytes);
-        let gltf = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
-        let mut root = gltf.document.into_json();
+        let read = parse(&bytes).or_else(|e| without_idle_channels(&bytes).ok_or(e));
+        let (mut root, blob) = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
         make_safe(&mut root).map_err(|cause| malformed(&cause))?;
         let document = Document::from_json_without_validation(root);
         let mut file = Self {
@@ -61,7 +62,7 @@ impl File {
             document,
             buffers: Vec::new(),
         };
-        file.buffers = file.load(gltf.blob, &Folder::of(path, allow_outside))?;
+        file.buffers = file.load(blob, &Folder::of(path, allow_outside))?;
         Ok(file)
     }
 
@@ -104,6 +105,30 @@ fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
     let name = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
     let read = folder.read(&name);
     read.map_err(|e| format!("cannot read {}: {e}", folder.path(&name).display()))
+}
+
+/// A document, and the binary chunk that may come with it.
+type Parsed = (Root, Option<Vec<u8>>);
+
+fn parse(bytes: &[u8]) -> Result<Parsed, gltf::Error> {
+    let gltf = Gltf::from_slice_without_validation(bytes)?;
+    Ok((gltf.document.into_json(), gltf.blob))
+}
+
+/// Likewise, less all channels that move no node: the specification has them ignored, and `gltf` 1.4 takes none.
+fn without_idle_channels(bytes: &[u8]) -> Option<Parsed> {
+    let (text, blob) = match bytes.starts_with(b"glTF") {
+        true => Glb::from_slice(bytes).map(|glb| (glb.json, glb.bin)).ok()?,
+        false => (bytes.into(), None),
+    };
+    let mut root: Value = serde_json::from_slice(&text).ok()?;
+    for animation in root.get_mut("animations")?.as_array_mut()? {
+        let channels = animation.get_mut("channels")?.as_array_mut()?;
+        let moves = |target: &Value| target.get("node").is_some();
+        channels.retain(|channel| channel.get("target").is_none_or(moves));
+    }
+    let root = serde_json::from_value(root).ok()?;
+    Some((root, blob.map(Cow::into_owned)))
 }
 
 /// The `gltf` crate subtracts from a GLB's length before it looks at it.

@@ -141,6 +141,21 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
 }
 
 #[test]
+fn channels_that_move_no_node_are_ignored() {
+    let (bin, rest) = moving();
+    let idle = r#""channels":[{"sampler":0,"target":{"path":"pointer"}},"#;
+    let with = rest.replace(r#""channels":["#, idle);
+    assert_ne!(with, rest);
+    let last = |rest: &str| {
+        let keys = read(&bin, rest).unwrap().animation.all_keys().unwrap();
+        (keys.len(), keys[2].to_vec())
+    };
+    assert_eq!(last(&with), last(&rest));
+    let targetless = rest.replace(r#""channels":["#, r#""channels":[{"sampler":0},"#);
+    refused(read(&bin, &targetless), &["missing field `target`"]);
+}
+
+#[test]
 fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     let (bin, rest) = moving();
     let none = rest.replace(r#""animations""#, r#""extras""#);
