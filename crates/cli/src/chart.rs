@@ -77,7 +77,7 @@ fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
     ] {
         let path = args.out.join(name);
         let content = content.map_err(Stop::failed)?;
-        output::remove_odd(&path)?;
+        output::remove_special_file(&path)?;
         output::write_whole(&path, content.as_bytes())?;
         text += &format!("{}\n", path.display());
     }

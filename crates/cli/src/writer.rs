@@ -293,11 +293,11 @@ impl Outputs {
     ) -> Result<(), Stop> {
         if let Some(file) = self.hits(frame) {
             let shape = [height, width].map(u64::from);
-            output::remove_odd(&file)?;
+            output::remove_special_file(&file)?;
             output::write_hits(&file, &shape, &hits.closest, Some(&hits.blocked))?;
         }
         if let Some(file) = self.image(frame) {
-            output::remove_odd(&file)?;
+            output::remove_special_file(&file)?;
             output::write_png(&file, [width, height], rgb)?;
         }
         Ok(())

@@ -211,7 +211,7 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
 }
 
 /// Removes a link, a pipe or a device that stands where a file is to be written, so that nothing is written where it leads.
-pub fn remove_odd(path: &Path) -> Result<(), OutputError> {
+pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
     match fs::symlink_metadata(path) {
         Ok(about) if !about.is_file() && !about.is_dir() => {
             fs::remove_file(path).map_err(|e| OutputError::writing(path, e))
@@ -337,8 +337,8 @@ mod tests {
         write_whole(&link, b"new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
-        remove_odd(&link).unwrap();
-        remove_odd(&file).unwrap();
+        remove_special_file(&link).unwrap();
+        remove_special_file(&file).unwrap();
         write_whole(&link, b"newer").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         let mode = fs::metadata(&file).unwrap().permissions().mode();

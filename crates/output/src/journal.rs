@@ -4,7 +4,7 @@
 //! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
 //! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
 
-use crate::{FrameStats, OutputError, remove_odd, write_json};
+use crate::{FrameStats, OutputError, remove_special_file, write_json};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -57,7 +57,7 @@ impl Manifest {
     /// Writes it into a folder.
     pub fn write_to(&self, folder: &Path) -> Result<(), OutputError> {
         let file = folder.join(MANIFEST);
-        remove_odd(&file)?;
+        remove_special_file(&file)?;
         write_json(&file, self)
     }
 

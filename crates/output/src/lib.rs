@@ -14,7 +14,7 @@ mod timeline;
 mod video;
 
 pub use atomic::{
-    OutputError, check_dir, check_writable, prepare_dir, remove_odd, remove_unfinished,
+    OutputError, check_dir, check_writable, prepare_dir, remove_special_file, remove_unfinished,
     write_whole, write_with,
 };
 pub use hits::{write_found, write_hits};
