@@ -9,7 +9,7 @@
 //! `Watertight` follows Woop, Benthin and Wald (2013). With `Exact`, triangles include their edges, and a ray in a
 //! triangle's plane misses it. In both, `t`, `u` and `v` are rounded to single precision.
 //! Rays are *extreme* that start so far away, or where some vertex is so far away, that single precision does not bound its
-//! own error. Both answer these in exact arithmetic, slowly: such a ray tries all triangles.
+//! own error. Both answer these in exact arithmetic, slowly: from very far away a ray tries all triangles.
 //!
 //! Where the largest coordinate of all key frames, or of what meshes begin with, lies outside `2^-10..=2^30`, all are scaled
 //! by a power of two, and what is then below `2^-64` counts as 0. So coordinates of one scene should not differ by 18 orders of magnitude. Scenes that
