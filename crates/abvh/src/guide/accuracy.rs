@@ -11,9 +11,10 @@
 //! Rays are *extreme* that start so far away, or where some vertex is so far away, that single precision does not bound its
 //! own error. Both answer these in exact arithmetic, slowly: from very far away a ray tries all triangles.
 //!
-//! Where the largest coordinate of all key frames, or of what meshes begin with, lies outside `2^-10..=2^30`, all are scaled
-//! by a power of two, and what is then below `2^-64` counts as 0. So coordinates of one scene should not differ by 18 orders of magnitude. Scenes that
-//! are scaled otherwise may round the last bits of `t`, `u` and `v` otherwise.
+//! Where the largest coordinate of all key frames, or of what meshes begin with, lies outside `2^-10..=2^30`, all are
+//! scaled by a power of two, and what is then below `2^-64` counts as 0. So coordinates of one scene should not
+//! differ by 18 orders of magnitude. Scenes that are scaled otherwise may round the last bits of `t`, `u` and `v`
+//! otherwise.
 //!
 //! No hit depends on a tree: not on its age, on [`Update`](crate::Update) or on [`Layout`](crate::Layout).
 //! So a run can be repeated, with another number of threads too.
