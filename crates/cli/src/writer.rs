@@ -237,14 +237,10 @@ impl Outputs {
             Some(hits) if is_same(hits) => images.clone(),
             hits => hits.clone(),
         };
-        let video = Chroma {
-            halved: args.video.is_some(),
-            full: args.y4m.is_some(),
-        };
         Self {
             images,
             hits,
-            video,
+            video: args.chroma(),
         }
     }
 

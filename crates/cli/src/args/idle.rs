@@ -53,7 +53,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
         Command::Render(args) => {
             let update = args.update;
             let writes = !args.no_images || args.hits.is_some();
-            let clips = may_have_clip(&args.scene) || args.makes_video();
+            let clips = may_have_clip(&args.scene) || args.chroma().any();
             vec![
                 ("lockstep", may_be_async(update), ASYNC),
                 ("predict", may_be_async(update), ASYNC),

@@ -4,6 +4,7 @@ use super::{DeviceArgs, MethodArgs, SourceArgs, ToleranceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
 use geom::Point;
+use output::Chroma;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
@@ -100,8 +101,11 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// Whether all frames go to one video.
-    pub(crate) fn makes_video(&self) -> bool {
-        self.video.is_some() || self.y4m.is_some()
+    /// What all frames are in videos: an encoder takes half of the chroma.
+    pub(crate) fn chroma(&self) -> Chroma {
+        Chroma {
+            halved: self.video.is_some(),
+            full: self.y4m.is_some(),
+        }
     }
 }
