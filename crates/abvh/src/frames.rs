@@ -62,10 +62,11 @@ impl Tracer {
             true => current.host_colours()?,
             false => None,
         };
+        let query = shading::query(shot);
         let most = match colours.is_some() && current.joined.is_arriving() {
             // Later frames would take its vertices away.
             true => 1,
-            false => current.driver.most_under_way(),
+            false => current.driver.most_under_way(&[query]),
         };
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
@@ -81,7 +82,7 @@ impl Tracer {
         for (i, &frame) in frames.iter().enumerate() {
             let times = frames[i..].iter().map(|frame| moment(frame.time));
             current.joined.look_ahead(times.take(LOOK_AHEAD));
-            current.start(moment(frame.time), &[shading::query(shot)])?;
+            current.start(moment(frame.time), &[query])?;
             if let Some(oldest) = (i + 1).checked_sub(most) {
                 finish(current, frames[oldest])?;
             }

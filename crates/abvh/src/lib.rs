@@ -29,6 +29,8 @@
 //! [accuracy](guide::accuracy), and the calls of [other libraries](guide::migration).
 
 mod device;
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+mod device_vertices;
 mod doctor;
 mod error;
 #[cfg(feature = "vulkan")]

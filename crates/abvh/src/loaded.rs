@@ -125,7 +125,7 @@ impl Loaded {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
             return each.try_for_each(|one| self.begin(time, one, last));
         }
-        while self.under_way.len() >= self.driver.most_under_way() {
+        while self.under_way.len() >= self.driver.most_under_way(queries) {
             self.finish(last)?;
         }
         let ticket = self.start(time, queries)?;
@@ -150,7 +150,7 @@ impl Loaded {
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         {
-            self.joined.check_lost()?;
+            self.joined.on_device.check()?;
             self.release_points();
         }
         let backend = self.driver.backend();
@@ -162,7 +162,7 @@ impl Loaded {
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         if matches!(begun, Err(Error::Device(_))) {
-            self.joined.lose_device_vertices();
+            self.joined.on_device.lose();
         }
         begun
     }
@@ -170,7 +170,7 @@ impl Loaded {
     /// Has vertices come from the host again that did not.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     fn release_points(&mut self) {
-        let returned = std::mem::take(&mut self.joined.returned);
+        let returned = self.joined.on_device.take_returned();
         #[cfg(feature = "vulkan")]
         if let Some(gpu) = self.vulkan() {
             returned.iter().for_each(|run| gpu.release_points(run));

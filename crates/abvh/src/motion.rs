@@ -1,12 +1,12 @@
 //! How meshes move, and where all of a scene's vertices are at one moment.
 
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+use crate::device_vertices::DeviceVertices;
 use crate::mesh::Colour;
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
 use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
 use rayon::prelude::*;
-#[cfg(any(feature = "vulkan", feature = "wgpu"))]
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -82,14 +82,8 @@ pub(crate) struct Joined {
     next: PointBuffer,
     /// Meshes whose vertices in there are the newest.
     is_fresh: Vec<bool>,
-    /// Where vertices came to lie there that a device had of its own before.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    pub(crate) returned: Vec<Range<usize>>,
-    /// Meshes whose newest vertices a device has alone; of these, those that a step which failed may have lost.
-    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    on_device: BTreeSet<usize>,
-    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    lost: BTreeSet<usize>,
+    pub(crate) on_device: DeviceVertices,
     /// Whether the animation knows them all.
     is_told: bool,
     /// The time of the last step.
@@ -138,11 +132,7 @@ impl Joined {
             next: PointBuffer::default(),
             is_fresh: vec![true; meshes.len()],
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-            returned: Vec::new(),
-            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-            on_device: BTreeSet::new(),
-            #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-            lost: BTreeSet::new(),
+            on_device: DeviceVertices::default(),
             meshes,
             is_told: true,
             time: 0.0,
@@ -229,11 +219,7 @@ impl Joined {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        {
-            self.returned.push(range.clone());
-            self.on_device.remove(&mesh);
-            self.lost.remove(&mesh);
-        }
+        self.on_device.leave(mesh, &range);
         &mut self.next[range]
     }
 
@@ -242,26 +228,7 @@ impl Joined {
     pub(crate) fn is_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
-        self.returned.retain(|other| *other != range);
-        self.on_device.insert(mesh);
-        self.lost.remove(&mesh);
-    }
-
-    /// A step failed: nobody knows how far vertices came that are on the device alone.
-    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    pub(crate) fn lose_device_vertices(&mut self) {
-        self.lost.extend(&self.on_device);
-    }
-
-    /// Refuses steps as long as vertices that were lost have not come again.
-    #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-    pub(crate) fn check_lost(&self) -> Result<()> {
-        let Some(mesh) = self.lost.first() else {
-            return Ok(());
-        };
-        Err(Error::Device(format!(
-            "a step failed that had vertices of mesh {mesh} on the device: they have to come again"
-        )))
+        self.on_device.come(mesh, &range);
     }
 
     /// Has key frames be read that will be played next, where not all are held.

@@ -38,10 +38,6 @@ impl Step<'_> {
         let (id, shot) = (self.next_id(), (camera, light));
         let Tracer { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
-        if !current.driver.knows_key_frames() {
-            // They are read back first, in a submission of their own.
-            current.finish_all(last)?;
-        }
         current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
         let answer = current.results.back();
         let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {

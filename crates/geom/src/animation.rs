@@ -304,13 +304,12 @@ impl Animation {
         }
     }
 
-    /// Takes the vertices at `pose` for those of a key frame that [arrived](Self::push) with others in their place, so far as they
-    /// reach.
-    pub fn look_at(&self, pose: Pose, vertices: &[Point]) {
+    /// Has [`Self::range`] go by these vertices, for a key frame that [arrived](Self::push) without all of them.
+    pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Live(live) = &self.keys {
-            let exponent = self.scale_exponent();
+            let sizes = Sizes::of(vertices);
             live.range(pose.key as usize, |_| {
-                Range::of(&Sizes::of(vertices), exponent)
+                Range::of(&sizes, self.scale_exponent())
             });
         }
     }

@@ -179,11 +179,6 @@ impl Driver {
         self.knows_key_frames = false;
     }
 
-    /// Whether the animation has all positions.
-    pub fn knows_key_frames(&self) -> bool {
-        self.knows_key_frames
-    }
-
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
@@ -225,7 +220,7 @@ impl Driver {
         self.light = queries[0].kind.light();
         self.predictor.frame(frame.time, begun);
         self.poll_builder()?;
-        self.look(pose)?;
+        self.look(pose, queries)?;
         let stale = if self.makes_trees() {
             self.record_own_tree(pose)?
         } else {

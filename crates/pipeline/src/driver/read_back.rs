@@ -7,7 +7,7 @@ use crate::builder_thread::BuildInput;
 use crate::frame::Submission;
 use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Vertices, pose_between};
-use backend::Snapshot;
+use backend::{Query, Snapshot};
 use geom::Pose;
 use std::time::Instant;
 
@@ -21,14 +21,19 @@ impl Driver {
         is_free && !self.knows_key_frames && self.builds_ahead()
     }
 
-    /// Has the animation know how far coordinates reach at `pose`, by which shadow rays are offset, if no host does.
-    pub(super) fn look(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let casts_shadows = self.light.is_some();
-        if !casts_shadows || self.knows_key_frames || self.animation.known_range(pose).is_some() {
+    /// Whether the host has to know how far coordinates reach, by which shadow rays are offset, of vertices that it does not.
+    pub(super) fn needs_look(&self, queries: &[Query<'_>]) -> bool {
+        let casts_shadows = || queries.iter().any(|query| query.kind.light().is_some());
+        !self.knows_key_frames && casts_shadows()
+    }
+
+    /// Reads positions at `pose` back for that, unless somebody looked at them.
+    pub(super) fn look(&mut self, pose: Pose, queries: &[Query<'_>]) -> Result<(), PipelineError> {
+        if !self.needs_look(queries) || self.animation.known_range(pose).is_some() {
             return Ok(());
         }
         let positions = self.read_now(pose)?;
-        self.animation.look_at(pose, &positions);
+        self.animation.measure(pose, &positions);
         // Whatever follows from positions comes with the frame.
         self.pose = None;
         Ok(())

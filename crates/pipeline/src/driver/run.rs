@@ -54,7 +54,7 @@ impl Driver {
         mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut answers = Answers::default();
-        let under_way = self.most_under_way();
+        let under_way = self.most_under_way(&[query]);
         let frames: Vec<Frame> = frames.into_iter().collect();
         let mut finish = |driver: &mut Self| -> Result<bool, E> {
             match driver.finish(wanted, &mut answers)? {
@@ -103,10 +103,11 @@ impl Driver {
         Ok(Some(record))
     }
 
-    /// Frames that may be under way when another is [begun](Self::begin), that one included.
-    pub fn most_under_way(&self) -> usize {
-        // A frame that waits for its own tree takes two submissions, so none may be left open before it.
-        match self.schedule.waits_at_once() && !self.makes_trees() {
+    /// Frames that may be under way when another of such queries is [begun](Self::begin), that one included.
+    pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
+        // A frame that waits for its own tree or positions takes two submissions, so none may be left open before it.
+        let waits_for_tree = self.schedule.waits_at_once() && !self.makes_trees();
+        match waits_for_tree || self.needs_look(queries) {
             true => 1,
             false => FRAMES_IN_FLIGHT,
         }
