@@ -1,10 +1,10 @@
-//! Every property a record must have.
+//! A record is checked by making it again.
 
 use crate::Topology;
 use bvh_build::MAX_DEPTH;
 use geom::Animation;
 
-/// What is wrong with a record, and where. Words, levels, nodes and leaves count from 0.
+/// What is wrong with a record, and where. Words count from 0.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct RecordError(String);
@@ -39,133 +39,76 @@ impl Header {
     }
 }
 
-/// Checks everything. Each check relies on those before it, and only on them.
+/// Compares a record with the one that its scene, leaf bits and triangles make.
+/// What it allocates is no larger than the words, whatever they say.
 pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
-    let header = check_header(words)?;
-    let (table, body) = words[Topology::HEADER_WORDS..].split_at(header.levels as usize);
-    let (bits, body) = body.split_at(header.bit_words());
-    let (ranks, leaf_triangles) = body.split_at(header.bit_words());
-    check_levels(header, table, bits)?;
-    let used = header.node_count() % 32;
-    let past = bits
-        .last()
-        .filter(|_| used > 0)
-        .map_or(0, |bits| bits >> used);
-    ensure(past == 0, || {
-        let last = header.node_count() - 1;
-        format!("bits past the last node {last} must be 0, they are {past:#x}")
-    })?;
-    check_ranks(bits, ranks)?;
-    check_triangles(leaf_triangles, header.triangles)
-}
-
-fn ensure(holds: bool, cause: impl FnOnce() -> String) -> Result<(), RecordError> {
-    match holds {
-        true => Ok(()),
-        false => Err(RecordError(cause())),
-    }
-}
-
-fn check_header(words: &[u32]) -> Result<Header, RecordError> {
-    let found = words.len();
-    let of_length = |holds, expected: usize| {
-        ensure(holds, || {
-            format!("the record has {found} words, its header asks for {expected}")
-        })
-    };
-    of_length(found >= Topology::HEADER_WORDS, Topology::HEADER_WORDS)?;
-    let (magic, version) = (Topology::MAGIC, Topology::VERSION);
-    ensure(words[0] == magic, || {
-        let found = words[0];
-        format!("word 0 is {found:#010x}, a record begins with {magic:#010x}")
-    })?;
-    ensure(words[1] == version, || {
-        let found = words[1];
-        format!("word 1 gives layout version {found}, only {version} is known")
-    })?;
-    let reserved = &words[5..Topology::HEADER_WORDS];
-    ensure(reserved.iter().all(|&word| word == 0), || {
-        format!("words 5 to 7 are {reserved:?}, they are reserved and must be 0")
-    })?;
-    let header = Header {
-        triangles: words[2],
-        leaves: words[3],
-        levels: words[4],
-    };
-    check_sizes(header)?;
-    of_length(found == header.record_words(), header.record_words())?;
-    Ok(header)
-}
-
-fn check_sizes(header: Header) -> Result<(), RecordError> {
-    let (limit, most) = (Animation::MAX_TRIANGLES, MAX_DEPTH + 1);
-    let [triangles, leaves, levels] = [header.triangles, header.leaves, header.levels];
-    ensure(triangles as usize <= limit, || {
-        format!("word 2 gives {triangles} triangles, the limit is {limit}")
-    })?;
-    ensure(leaves <= triangles, || {
-        format!("word 3 gives {leaves} leaves, the scene has {triangles} triangles")
-    })?;
-    ensure(levels <= most, || {
-        format!("word 4 gives {levels} levels, the limit is {most}")
+    let expected = remake(words)?;
+    let differs = words.iter().zip(&expected).position(|(a, b)| a != b);
+    differs.map_or(Ok(()), |at| {
+        let (found, expected) = (words[at], expected[at]);
+        let cause = format!("word {at} is {found:#x}, its tree makes it {expected:#x}");
+        Err(RecordError(cause))
     })
 }
 
-/// The bits of each level tell its inner nodes, whose children are the next level.
-fn check_levels(header: Header, table: &[u32], bits: &[u32]) -> Result<(), RecordError> {
-    let all = header.node_count();
-    let (mut first, mut nodes) = (0, all.min(1));
-    for (level, &found) in table.iter().enumerate() {
-        let (end, left) = (first + nodes, all - first);
-        ensure((1..=left).contains(&nodes), || {
-            format!("level {level} has {nodes} nodes, {left} are left")
-        })?;
-        let inner = nodes - count_ones(bits, first, end);
-        ensure(found as usize == inner, || {
-            format!("level {level} has {found} inner nodes, its bits have {inner}")
-        })?;
-        (first, nodes) = (end, 2 * inner);
+fn remake(words: &[u32]) -> Result<Vec<u32>, RecordError> {
+    let mut header = match words {
+        &[_, _, triangles, leaves, levels, _, _, _, ..] => Header {
+            triangles,
+            leaves,
+            levels,
+        },
+        _ => Header::default(),
+    };
+    let (found, expected) = (words.len(), header.record_words());
+    let cause = format!("the record has {found} words, its header asks for {expected}");
+    ensure(found == expected, cause)?;
+    let body = &words[Topology::HEADER_WORDS + header.levels as usize..];
+    let (bits, rest) = body.split_at(header.bit_words());
+    let leaf_triangles = &rest[header.bit_words()..];
+    check_triangles(leaf_triangles, header.triangles)?;
+    let levels = inner_per_level(bits, header.node_count())?;
+    header.levels = levels.len() as u32;
+    let mut bits = bits.to_vec();
+    if let Some(last) = bits.last_mut() {
+        *last &= u32::MAX >> (31 - (header.node_count() - 1) % 32);
     }
-    let (leaves, levels) = (header.leaves, header.levels);
-    ensure((first, nodes) == (all, 0), || {
-        format!("{levels} levels have {first} nodes, {leaves} leaves make {all}")
-    })
+    let ranks = bits.iter().scan(0, |leaves, word| {
+        *leaves += word.count_ones();
+        Some(*leaves - word.count_ones())
+    });
+    let ranks: Vec<u32> = ranks.collect();
+    Ok([&header.words(), &levels[..], &bits, &ranks, leaf_triangles].concat())
 }
 
-/// Ones among the bits `first..end`, where `first < end`.
-fn count_ones(bits: &[u32], first: usize, end: usize) -> usize {
-    let words = &bits[first / 32..=(end - 1) / 32];
-    let all: u32 = words.iter().map(|word| word.count_ones()).sum();
-    let before = words[0] & !(u32::MAX << (first % 32));
-    let after = words[words.len() - 1] & (u32::MAX << 1 << ((end - 1) % 32));
-    (all - before.count_ones() - after.count_ones()) as usize
-}
-
-fn check_ranks(bits: &[u32], ranks: &[u32]) -> Result<(), RecordError> {
-    let mut expected = 0;
-    for (node, (bits, &found)) in (0_usize..).step_by(32).zip(bits.iter().zip(ranks)) {
-        ensure(found == expected, || {
-            format!("{found} leaves are counted before node {node}, there are {expected}")
-        })?;
-        expected += bits.count_ones();
-    }
-    Ok(())
+fn ensure(holds: bool, cause: String) -> Result<(), RecordError> {
+    holds.then_some(()).ok_or(RecordError(cause))
 }
 
 /// Leaves name triangles of the scene, each at most once.
-fn check_triangles(leaf_triangles: &[u32], triangles: u32) -> Result<(), RecordError> {
-    let mut seen = vec![0_u64; (triangles as usize).div_ceil(64)];
-    for (leaf, &triangle) in leaf_triangles.iter().enumerate() {
-        ensure(triangle < triangles, || {
-            format!("leaf {leaf} names triangle {triangle}, the scene has {triangles}")
-        })?;
-        let (word, bit) = (triangle as usize / 64, 1 << (triangle % 64));
-        ensure(seen[word] & bit == 0, || {
-            let first = leaf_triangles.iter().position(|&t| t == triangle);
-            let first = first.unwrap_or(leaf);
-            format!("leaves {first} and {leaf} both name triangle {triangle}")
-        })?;
-        seen[word] |= bit;
+fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), RecordError> {
+    let limit = Animation::MAX_TRIANGLES;
+    let cause = format!("word 2 gives {scene} triangles, the limit is {limit}");
+    ensure(scene as usize <= limit, cause)?;
+    let mut sorted = leaf_triangles.to_vec();
+    sorted.sort_unstable();
+    let is_distinct = sorted.windows(2).all(|pair| pair[0] < pair[1]);
+    let is_below = sorted.last().is_none_or(|&last| last < scene);
+    let cause = format!("leaves name a triangle twice, or one that is not of {scene}");
+    ensure(is_distinct && is_below, cause)
+}
+
+/// The bits of each level tell its inner nodes, whose children are the next level.
+fn inner_per_level(bits: &[u32], all: usize) -> Result<Vec<u32>, RecordError> {
+    let (mut levels, mut nodes) = (Vec::new(), 0..all.min(1));
+    while !nodes.is_empty() && nodes.end <= all {
+        let is_inner = |&node: &usize| bits[node / 32] >> (node % 32) & 1 == 0;
+        let inner = nodes.clone().filter(is_inner).count();
+        levels.push(inner as u32);
+        nodes = nodes.end..nodes.end + 2 * inner;
     }
-    Ok(())
+    let (found, most) = (levels.len(), MAX_DEPTH as usize + 1);
+    let cause = format!("its bits make no tree of {all} nodes and at most {most} levels");
+    ensure(nodes.end == all && found <= most, cause)?;
+    Ok(levels)
 }

@@ -109,7 +109,7 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
 }
 
 /// A breadth-first record back to a depth-first tree.
-pub(super) fn depth_first(topology: &Topology) -> BinaryTree {
+pub(crate) fn depth_first(topology: &Topology) -> BinaryTree {
     let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
     let sizes = topology.bottom_up(0_u32, |_| 1, |a, b| a + b);
     let leaves = |node: NodeRank| match node.leaf() {

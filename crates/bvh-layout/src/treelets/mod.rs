@@ -8,6 +8,7 @@ use crate::{Moving, Topology};
 use bvh_build::BinaryTree;
 use bytemuck::{Pod, Zeroable};
 use cut::Cut;
+pub(crate) use cut::depth_first;
 use geom::StaticParts;
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
@@ -150,7 +151,7 @@ impl Treelets {
     /// [`crate::Converter::convert_with_treelets`] instead.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
-        Self::of_tree(&cut::depth_first(topology))
+        Self::of_tree(&depth_first(topology))
     }
 
     /// Of a binary tree; in parallel, in the rayon pool that the caller installed.
