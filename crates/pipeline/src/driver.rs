@@ -8,7 +8,7 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Schedule, Update};
+use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Forms, Made};
 use backend::{
     Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
@@ -75,7 +75,8 @@ pub struct Driver {
     tree: Option<Tree>,
     /// The build in flight; at most one.
     build: Option<PendingBuild>,
-    schedule: Schedule,
+    /// The last tree that was asked for; generations only rise.
+    newest: Generation,
     /// What came of the last build, until its boundary.
     finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
@@ -136,7 +137,7 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             build: None,
-            schedule: Schedule::new(options.update, FIRST),
+            newest: FIRST,
             finished: None,
             spare: Spare::default(),
             has_best_for: None,
@@ -266,11 +267,11 @@ impl Driver {
             return self.first_tree(pose);
         };
         let newest = self.build.as_ref().map_or(tree.pose, |f| f.pose);
-        self.review_finished()?;
+        let in_flight = self.in_flight()?;
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        let plan = self.schedule.begin_frame(self.frames, outdated);
+        let plan = self.options.update.plan(self.frames, in_flight, outdated);
         self.follow(plan, wanted)
     }
 

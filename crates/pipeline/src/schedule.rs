@@ -1,6 +1,4 @@
-//! When to ask for a tree and when to swap: a function of events, without a thread or a clock.
-
-use backend::Generation;
+//! When to ask for a tree and when to swap: a pure function, without a thread or a clock.
 
 /// How trees follow the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,144 +38,87 @@ pub enum Pace {
     Lockstep(u32),
 }
 
+/// A build in flight, as far as the schedule needs to know it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InFlight {
+    /// The frame that asked for it.
+    pub(crate) asked_at: u64,
+    /// Whether its tree is finished and may be used from now on.
+    pub(crate) is_ripe: bool,
+}
+
 /// What a frame has to do about trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FramePlan {
-    /// Swap to this tree before anything else.
-    pub(crate) swap: Option<Swap>,
-    /// Ask for this tree, to be built from this frame's vertices.
-    pub(crate) ask: Option<Generation>,
-}
-
-/// A swap at a frame boundary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Swap {
-    /// The tree to take.
-    pub(crate) generation: Generation,
-    /// Whether it may still be under way, so that the driver has to wait for it.
+    /// Swap to the tree in flight before anything else.
+    pub(crate) swap: bool,
+    /// That tree may still be under way, so that the driver has to wait for it.
     pub(crate) wait: bool,
+    /// Ask for a tree, to be built from this frame's vertices.
+    pub(crate) ask: bool,
 }
 
-/// Decides when to ask and when to swap. At most one build is in flight, and generations only rise.
-#[derive(Clone, Debug)]
-pub(crate) struct Schedule {
-    update: Update,
-    newest: Generation,
-    pending: Option<PendingBuild>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct PendingBuild {
-    generation: Generation,
-    asked_at: u64,
-    finished: bool,
-}
-
-impl Schedule {
-    /// A schedule for a scene whose first tree has generation `first`.
-    pub(crate) fn new(update: Update, first: Generation) -> Self {
-        Self {
-            update,
-            newest: first,
-            pending: None,
-        }
-    }
-
-    /// The `frame`-th frame begins. `outdated` says whether the newest tree
+impl Update {
+    /// When to ask and when to swap: at most one build is in flight. `outdated` says whether the newest tree
     /// was built from other positions than this frame's.
-    pub(crate) fn begin_frame(&mut self, frame: u64, outdated: bool) -> FramePlan {
-        let swap = self.swap_due(frame);
-        if swap.is_some() {
-            self.pending = None;
-        }
-        // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
-        let ask = if outdated { self.ask(frame) } else { None };
-        FramePlan { swap, ask }
-    }
-
-    /// The builder has finished `generation`.
-    pub(crate) fn finished(&mut self, generation: Generation) {
-        if let Some(pending) = self.pending.as_mut().filter(|f| f.generation == generation) {
-            pending.finished = true;
-        }
-    }
-
-    /// No swap of `generation` is due any more: its build came to nothing, and the tree in use stays, or it was
-    /// swapped in at once, within the frame that requested it.
-    pub(crate) fn forget(&mut self, generation: Generation) {
-        self.pending.take_if(|f| f.generation == generation);
-    }
-
-    fn swap_due(&self, frame: u64) -> Option<Swap> {
-        let pending = self.pending?;
-        let (is_due, wait) = match self.update {
-            Update::Async(Pace::Lockstep(k)) => {
-                let due = pending.asked_at + u64::from(k);
-                (frame >= due, !pending.finished)
+    pub(crate) fn plan(self, frame: u64, build: Option<InFlight>, outdated: bool) -> FramePlan {
+        let is_ripe = build.is_some_and(|build| build.is_ripe);
+        let swap = match self {
+            Self::Async(Pace::Lockstep(k)) => {
+                build.is_some_and(|build| frame >= build.asked_at + u64::from(k))
             }
-            _ => (pending.finished, false),
+            _ => is_ripe,
         };
-        let generation = pending.generation;
-        is_due.then_some(Swap { generation, wait })
-    }
-
-    fn ask(&mut self, frame: u64) -> Option<Generation> {
-        let is_built = matches!(self.update, Update::Rebuild | Update::Async(_));
-        if self.pending.is_some() || !is_built {
-            return None;
+        let is_built = matches!(self, Self::Rebuild | Self::Async(_));
+        FramePlan {
+            swap,
+            wait: swap && !is_ripe,
+            // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
+            ask: is_built && outdated && (swap || build.is_none()),
         }
-        self.newest = Generation(self.newest.0 + 1);
-        let generation = self.newest;
-        self.pending = Some(PendingBuild {
-            generation,
-            asked_at: frame,
-            finished: false,
-        });
-        Some(generation)
     }
 
     /// Whether every new tree is swapped in before the frame that asked for it is traced.
-    pub(crate) fn waits_at_once(&self) -> bool {
-        matches!(
-            self.update,
-            Update::Rebuild | Update::Async(Pace::Lockstep(0))
-        )
+    pub(crate) fn waits_at_once(self) -> bool {
+        matches!(self, Self::Rebuild | Self::Async(Pace::Lockstep(0)))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
-    const FIRST: Generation = Generation(1);
+    const FREE: Update = Update::Async(Pace::Free);
+    const LOCKSTEP: Update = Update::Async(Pace::Lockstep(3));
 
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(200))]
+    /// The plan of a frame whose newest tree is outdated, by letters: swap, wait, ask. A build was asked for in frame 5.
+    fn plan(update: Update, frame: u64, is_ripe: Option<bool>) -> String {
+        let build = is_ripe.map(|is_ripe| InFlight {
+            asked_at: 5,
+            is_ripe,
+        });
+        let plan = update.plan(frame, build, true);
+        let current = update.plan(frame, build, false);
+        assert_eq!(current, FramePlan { ask: false, ..plan });
+        let letters = [(plan.swap, 's'), (plan.wait, 'w'), (plan.ask, 'a')];
+        letters.iter().filter(|l| l.0).map(|l| l.1).collect()
+    }
 
-        /// Whatever happens, in whatever order: one build at a time, generations rise, only finished trees are taken.
-        #[test]
-        fn generations_rise_and_flights_do_not_overlap(events in proptest::collection::vec(0_u8..4, 1..200)) {
-            let mut s = Schedule::new(Update::Async(Pace::Free), FIRST);
-            let (mut newest, mut flying, mut done, mut frame) = (FIRST, None, false, 0);
-            for e in events {
-                match (e, flying) {
-                    (0, Some(g)) => { s.finished(g); done = true; }
-                    (1, Some(g)) if !done => { s.forget(g); flying = None; }
-                    _ => {
-                        let plan = s.begin_frame(frame, e != 2);
-                        frame += 1;
-                        if let Some(swap) = plan.swap {
-                            prop_assert!(done && flying == Some(swap.generation) && !swap.wait);
-                            (flying, done) = (None, false);
-                        }
-                        if let Some(g) = plan.ask {
-                            prop_assert!(flying.is_none() && g > newest);
-                            (newest, flying) = (g, Some(g));
-                        }
-                    }
-                }
-            }
+    #[test]
+    fn one_build_is_in_flight_and_swapped_to_once_it_is_finished_or_due() {
+        for (update, frame, [none, under_way, ripe]) in [
+            (FREE, 6, ["a", "", "sa"]),
+            (FREE, 99, ["a", "", "sa"]),
+            (LOCKSTEP, 7, ["a", "", ""]),
+            (LOCKSTEP, 8, ["a", "swa", "sa"]),
+            (LOCKSTEP, 9, ["a", "swa", "sa"]),
+            (Update::Rebuild, 6, ["a", "", "sa"]),
+            (Update::Refit, 6, ["", "", "s"]),
+            (Update::TSah, 6, ["", "", "s"]),
+            (Update::DeviceRebuild, 6, ["", "", "s"]),
+        ] {
+            let found = [None, Some(false), Some(true)].map(|ripe| plan(update, frame, ripe));
+            assert_eq!(found, [none, under_way, ripe], "{update:?} {frame}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
-use crate::schedule::{FramePlan, Pace, Swap, Update};
+use crate::schedule::{FramePlan, InFlight, Pace, Update};
 use crate::tree_builder::for_all::samples;
 use crate::tree_builder::{Built, Made, TreeBuilder, Vertices};
 use backend::{Generation, Snapshot};
@@ -83,15 +83,24 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Tells the predictor how long a finished tree took, and the schedule when to swap to it: at once, but for trees
+    /// The build in flight, for the schedule.
+    pub(super) fn in_flight(&mut self) -> Result<Option<InFlight>, PipelineError> {
+        let is_ripe = self.review_finished()?;
+        Ok(self.build.as_ref().map(|build| InFlight {
+            asked_at: build.frame,
+            is_ripe,
+        }))
+    }
+
+    /// Tells the predictor how long a finished tree took. Says whether to swap to it: at once, but for trees
     /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
-    pub(super) fn review_finished(&mut self) -> Result<(), PipelineError> {
+    fn review_finished(&mut self) -> Result<bool, PipelineError> {
         if !self.bring_finished()? {
-            return Ok(());
+            return Ok(false);
         }
         let ahead = self.predicts() && self.may_reject();
         let (Some(made), Some(pending)) = (&self.finished, &mut self.build) else {
-            return Ok(());
+            return Ok(false);
         };
         if pending.latency.is_none() {
             let frames = self.frames - pending.frame;
@@ -104,15 +113,13 @@ impl Driver {
         let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
         let should_adopt =
             matches!(made, Made::NoBetter) || self.predictor.should_adopt(last, pending.middle);
-        let generation = pending.generation;
         if ahead && !should_adopt {
             if !self.predictor.newer_tree_due_first(last, pending.middle) {
-                return Ok(());
+                return Ok(false);
             }
             self.leave_finished();
         }
-        self.schedule.finished(generation);
-        Ok(())
+        Ok(true)
     }
 
     /// Has a finished tree never be used.
@@ -139,21 +146,21 @@ impl Driver {
 
     /// Whether trees are for moments to come.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.schedule.waits_at_once()
+        self.options.predict && !self.options.update.waits_at_once()
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
     pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
-        if let Some(swap) = plan.swap {
-            self.swap(swap)?;
+        if plan.swap {
+            self.swap(plan.wait)?;
         }
-        let Some(generation) = plan.ask else {
+        if !plan.ask {
             return Ok(());
-        };
-        let mut pending = self.ask(generation, pose);
-        if self.schedule.waits_at_once() {
+        }
+        self.newest.0 += 1;
+        let mut pending = self.ask(self.newest, pose);
+        if self.options.update.waits_at_once() {
             let built = self.build_now(&mut pending, None)?;
-            self.schedule.forget(generation);
             return built.map_or(Ok(()), |built| self.adopt(built, &pending));
         }
         self.build = Some(pending);
@@ -236,7 +243,7 @@ impl Driver {
             writer,
         };
         if self.builder_thread.start(job).is_err() {
-            self.give_up();
+            self.build = None;
         }
         Ok(())
     }
@@ -245,19 +252,13 @@ impl Driver {
     fn file(&mut self, result: BuildResult<Made>) {
         match result {
             Ok(made) => self.finished = Some(made),
-            Err(_) => self.give_up(),
-        }
-    }
-
-    fn give_up(&mut self) {
-        if let Some(pending) = self.build.take() {
-            self.schedule.forget(pending.generation);
+            Err(_) => self.build = None,
         }
     }
 
     /// Swaps to a finished tree, waiting for it only where the plan says so.
-    fn swap(&mut self, swap: Swap) -> Result<(), PipelineError> {
-        if swap.wait {
+    fn swap(&mut self, wait: bool) -> Result<(), PipelineError> {
+        if wait {
             let start = Instant::now();
             self.wait_for_builder()?;
             self.record.build_wait_ms += ms(start.elapsed());
