@@ -1,8 +1,8 @@
 //! Trees for what comes: built ahead, built for all times, and left where they are no better.
 
 use super::*;
-use crate::builder_thread::BuildInput;
 use crate::frame::Adopted;
+use crate::tree_builder::BuildStrategy;
 
 /// Positions never arrive, and nobody asks for them but the first frame.
 fn foreseen(update: Update) -> Run {
@@ -41,89 +41,58 @@ fn lockstep(k: u32) -> Update {
     Update::Async(Pace::Lockstep(k))
 }
 
-/// Frames at every half key, the first of which come faster than others, so trees come before their time.
-fn early(triangles: u32, rest: fn(u64) -> u64) -> Run {
-    let animation = shuffled(65, triangles);
-    let times = evenly(128, &animation);
-    render(Fake::new(None), (&animation, FREE), times, rest)
-}
-
 /// The moment that a tree was built for.
 fn moment(adopted: &Adopted) -> f64 {
     f64::from(adopted.built_for.key) + f64::from(adopted.built_for.alpha)
 }
 
-#[test]
-fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
-    let waited = (0..40).any(|_| {
-        // The first is built for the key frame to come.
-        let (mut last, mut asked, mut waited) = (0.5, 0, false);
-        let run = early(1 << 16, |frame| if frame < 4 { 1 } else { 3 });
-        for record in &run.records[1..] {
-            if let Some(adopted) = record.adopted {
-                let (now, new) = (record.frame.time, moment(&adopted));
-                if new > now {
-                    assert!(new - now <= (now - last).abs() + 1e-6, "{last} {now} {new}");
-                }
-                last = new;
-                waited |= record.frame.index - asked > adopted.latency_frames;
-            }
-            if record.asked.is_some() {
-                asked = record.frame.index;
-            }
+/// Four frames, at every half key. From one on, trees seem to take so many frames, and are there before the next.
+fn early(from: u64, latency: u64) -> Run {
+    let fake = Fake::new(None);
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &shuffled(65, 1 << 13), FREE).unwrap();
+    let frame = |index: u64| {
+        if index == from {
+            let predictor = &mut driver.predictor;
+            predictor.observe_latency(latency, BuildStrategy::Scratch);
         }
-        waited
-    });
-    assert!(waited, "no tree came before its time");
-}
-
-/// The tree asked for in the frame that `left` the second one, which nobody used: of groups of the first.
-fn made_after(left: &FrameRecord) -> Vec<u32> {
-    let animation = shuffled(65, 1 << 13);
-    let (mut builder, cancel) = (TreeBuilder::default(), Cancel::new());
-    let pose = |time| animation.pose(time);
-    let halves = Some([0.25, 0.75].map(pose));
-    let first = builder.build(&animation, (at(&animation, 0.0), halves), &cancel);
-    first.unwrap();
-    let rebuild = |builder: &mut TreeBuilder, pose, halves| {
-        let input = BuildInput {
-            vertices: Vertices::KeyFrames(pose),
-            halves,
-            rival_at: Some(pose),
-            observed: None,
-        };
-        builder.rebuild(&animation, input, &cancel).unwrap()
+        let time = index as f64 * 0.5;
+        let queries = [query(QueryKind::Closest)];
+        driver.begin(Frame { index, time }, &queries).unwrap();
+        while driver.is_building() && driver.finished.is_none() {
+            driver.poll_builder().unwrap();
+        }
+        let record = driver.finish(Wanted::default(), &mut Answers::default());
+        record.unwrap().unwrap()
     };
-    rebuild(&mut builder, pose(30.0), None);
-    builder.revert();
-    // Asked for in the fourth frame, it told how long trees take.
-    let took = left.frame.index as f64 - 3.0;
-    let at = |share: f64| pose(left.frame.time + 0.5 * (took + share * (took - 1.0)));
-    match rebuild(&mut builder, at(0.5), Some([0.25, 0.75].map(at))) {
-        Made::Tree(tree) => tree.topology.words().to_vec(),
-        Made::NoBetter => Vec::new(),
+    let records = (0..4).map(frame).collect();
+    let built = driver.builder_thread.is_open();
+    drop(driver);
+    let log = read(log);
+    Run {
+        records,
+        log,
+        built,
     }
 }
 
 #[test]
+fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
+    let records = early(1, 2).records;
+    assert!(records[1].asked.is_some());
+    assert!(records[2].adopted.is_none() && records[2].rejected.is_none());
+    let adopted = records[3].adopted.unwrap();
+    // The first tree was built for the key frame to come.
+    assert_eq!((adopted.latency_frames, moment(&adopted)), (1, 1.75));
+}
+
+#[test]
 fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
-    let gave_way = (0..40).any(|_| {
-        // After the first ones a frame takes as long as a tree, where a hundred seemed to go by.
-        let run = early(1 << 13, |frame| if frame < 4 { 0 } else { 3 });
-        let mut left = run.records.iter().filter(|r| r.rejected.is_some());
-        let Some(left) = left.next().filter(|r| r.frame.index < 12) else {
-            return false;
-        };
-        assert!(left.asked.is_some() && left.adopted.is_none());
-        let rest = &run.records[left.frame.index as usize + 1..];
-        let next = rest.iter().find_map(|r| Some((r.frame, r.adopted?)));
-        next.is_some_and(|(frame, tree)| {
-            let soon = frame.index < left.frame.index + 8;
-            let near = (moment(&tree) - frame.time).abs() < 4.0;
-            soon && near && run.log.trees[1] == made_after(left)
-        })
-    });
-    assert!(gave_way, "no tree came far too early");
+    let run = early(1, 20);
+    assert!(run.records[2].rejected.is_some() && run.records[2].asked.is_some());
+    assert_eq!(moment(&run.records[3].adopted.unwrap()), 1.5);
+    // It is made of groups of the tree in use.
+    assert!(run.log.trees[1] == early(2, 1).log.trees[1]);
 }
 
 #[test]
@@ -144,7 +113,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
 
 #[test]
 fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
-    let run = early(1 << 13, |_| 1);
+    let run = run_scene(&shuffled(65, 1 << 13), 128, FREE, None);
     let asked = run.records[1..].iter().find(|r| r.asked.is_some()).unwrap();
     assert_eq!(asked.frame.index, 3);
     let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
