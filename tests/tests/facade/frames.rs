@@ -9,8 +9,21 @@ use integration::stage::{camera, colours};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// To and fro, between key frames, twice the same, and beyond the ends.
-const TIMES: [f64; 8] = [0.0, 0.5, 1.25, 1.25, 7.0, 2.5, -1.0, 1e9];
+/// To and fro, between key frames, twice the same, and beyond the ends, however far.
+const TIMES: [f64; 12] = [
+    0.0,
+    0.5,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+    1.25,
+    1.25,
+    7.0,
+    2.5,
+    -1.0,
+    1e9,
+    f64::MIN,
+    f64::MAX,
+];
 
 /// Key frames of a demo, read when they are wanted.
 fn sequence(demo: &Demo) -> Mesh {
@@ -146,24 +159,34 @@ pub(crate) fn unreadable(device: &Device) {
     }
 }
 
-/// Nor does a range of time that is odd, or threads without end.
+/// Nor does a range of time that is odd, a light, or threads without end. Beyond its ends motion stands still.
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
+    let camera = camera(&demo.animation, [40, 30]);
     let mut usual = of_keys(&demo, device);
-    let expected = TIMES.map(|time| still(&mut usual, time, &demo.rays));
+    let within = TIMES.map(|time| time.clamp(0.0, demo.animation.end()));
+    let expected = within.map(|time| still(&mut usual, time, &demo.rays));
+    let pictures = within.map(|time| shown(&mut usual, time, &camera));
     for update in [
         Update::Lockstep(0),
         Update::Lockstep(2),
+        Update::Lockstep(5),
+        Update::Async,
+        Update::Refit,
         Update::TSah,
         Update::Rebuild,
     ] {
-        for time_range in [[0.0, f64::INFINITY], [f64::NAN, -7.0]] {
+        for (time_range, predict) in [
+            ([0.0, f64::INFINITY], true),
+            ([-7.0, f64::NAN], false),
+            ([f64::NAN, -7.0], false),
+        ] {
             let mesh = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
             let (mut scene, _) = scene_of([mesh]);
             let streamed = Mesh::streamed(&sail(-900.0), &[[0, 1, 2]]).unwrap();
             let sail_id = time_range[0].is_nan().then(|| scene.add(streamed));
             let builder = Tracer::builder().update(update).builder_threads(1);
-            let builder = builder.predict(false).time_range(time_range);
+            let builder = builder.predict(predict).time_range(time_range);
             let mut tracer = pool::build(builder, scene, device);
             for (time, expected) in TIMES.into_iter().zip(&expected) {
                 let found = seen(&mut tracer, time, &demo.rays, |step| {
@@ -171,8 +194,18 @@ pub(crate) fn policies(device: &Device) {
                 });
                 assert!(found == *expected, "{update:?} at {time}");
             }
+            // How long shadow rays are offset depends on the sail, too.
+            let pictures = pictures.iter().filter(|_| sail_id.is_none());
+            for (time, picture) in TIMES.into_iter().zip(pictures) {
+                let found = shown(&mut tracer, time, &camera);
+                assert!(found == *picture, "{update:?} at {time}");
+            }
             let trees = tracer.statistics().unwrap().generation;
-            assert_eq!(trees > 1, update != Update::TSah, "{update:?}");
+            let is_one = matches!(update, Update::Refit | Update::TSah);
+            // When other trees come is the builder's to say.
+            if update != Update::Async {
+                assert_eq!(trees == 1, is_one, "{update:?}");
+            }
         }
     }
 }
