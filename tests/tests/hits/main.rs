@@ -1,8 +1,7 @@
-//! What rays hit: by every intersector on whole scenes, against exact answers, and under every schedule.
+//! What rays hit: by every intersector on whole scenes, against exact answers.
 
 mod exact;
 mod hard;
-mod schedule;
 mod watertight;
 
 use integration::scenes::{DEMOS, REAL};
@@ -19,7 +18,6 @@ fn main() -> ExitCode {
         trials.push(scene.trial("every_pixel_and_rays_at_edges_and_vertices", exact::rays));
     }
     trials.extend(hard::trials());
-    trials.extend(schedule::trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));
     let soups = "soup::every_answer_can_be_explained";
     trials.push(trial(soups, watertight::soups));

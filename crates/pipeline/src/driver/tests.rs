@@ -346,7 +346,10 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
         Update::Async(Pace::Lockstep(3)),
     ] {
         let records = run(60, 50, update, Some(2)).records;
+        let mut newest = Generation(0);
         for (i, r) in records.iter().enumerate() {
+            let before = std::mem::replace(&mut newest, r.tree_generation);
+            assert_eq!(newest > before, r.adopted.is_some(), "{update:?} {i}");
             let m = r.moments;
             let host = [m.begun, m.submitted, m.waited, m.seen, m.read];
             assert!(host.is_sorted(), "{update:?} {i}");
