@@ -7,6 +7,7 @@ use bytemuck::Pod;
 use geom::Point;
 use gpu_common::refuse_above;
 use std::ops::{Deref, Range};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -38,14 +39,13 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
         usage,
         mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
     };
-    gpu.count(|t| t.buffers += 1);
+    gpu.buffers_made.fetch_add(1, Ordering::Relaxed);
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
 }
 
 /// Writes at a byte offset, before all that is submitted later.
 pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
-    gpu.count(|t| t.uploads += 1);
     gpu.guard("an upload", bytes.len() as u64, || {
         gpu.queue.write_buffer(to, at, bytes);
     })

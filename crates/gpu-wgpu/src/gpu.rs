@@ -11,7 +11,7 @@ use gpu_common::{Options, Validation, device_door};
 use shaders::Packets;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
@@ -28,7 +28,8 @@ pub struct Gpu {
     /// Nanoseconds a tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    call_counts: Mutex<CallCounts>,
+    /// Buffers made, or lent by a program in place of others.
+    pub(crate) buffers_made: AtomicU64,
     /// Compiled kernels of earlier runs, where they are kept.
     pub(crate) cache: Option<PipelineCache>,
     /// Nothing but to ask whether the device is still there.
@@ -83,7 +84,7 @@ impl Gpu {
             checks_kernels: false,
             is_validated: false,
             faults: Arc::default(),
-            call_counts: Mutex::default(),
+            buffers_made: AtomicU64::new(0),
             cache: None,
             probe: None,
         };
@@ -115,15 +116,6 @@ impl Gpu {
         let has_subgroups = self.takes_spirv() && self.features.contains(Features::SUBGROUP);
         let is_software = kind(&self.info) == DeviceKind::Software;
         Packets::for_device(has_subgroups.then_some(sizes), is_software)
-    }
-
-    /// Counts a call.
-    pub(crate) fn count(&self, add: impl FnOnce(&mut CallCounts)) {
-        add(&mut lock(&self.call_counts));
-    }
-
-    pub(crate) fn call_counts(&self) -> CallCounts {
-        *lock(&self.call_counts)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.
@@ -177,7 +169,6 @@ impl Gpu {
         &self,
         encoders: impl IntoIterator<Item = wgpu::CommandEncoder>,
     ) -> Result<SubmissionIndex> {
-        self.count(|t| t.submissions += 1);
         let all = encoders.into_iter().map(wgpu::CommandEncoder::finish);
         self.guard("a submission", 0, || self.queue.submit(all))
     }
@@ -239,42 +230,5 @@ impl Drop for OpenDevice {
     fn drop(&mut self) {
         let _door = device_door();
         self.0 = None;
-    }
-}
-
-/// Calls to wgpu since the backend was opened.
-///
-/// A steady frame makes no buffer and no bind group, uploads one page of parameters (64 dispatches; rays given one by one
-/// are a second upload, or beyond a megabyte submissions of their own), and is one submission. It has a pass for geometry
-/// and one for rays (one a stage where passes take no timestamps between dispatches), and one dispatch a kernel but for
-/// refit, which has one a level (of treelets, with layout `fast`) and one for the tree's cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CallCounts {
-    /// Buffers made, or lent by a program in place of others.
-    pub buffers: u64,
-    /// Bind groups made.
-    pub bind_groups: u64,
-    /// Writes to buffers through the queue; wgpu takes a staging buffer for each.
-    pub uploads: u64,
-    /// Compute passes recorded.
-    pub passes: u64,
-    /// Dispatches recorded.
-    pub dispatches: u64,
-    /// Submissions to the queue.
-    pub submissions: u64,
-}
-
-impl std::ops::Sub for CallCounts {
-    type Output = Self;
-
-    fn sub(self, before: Self) -> Self {
-        Self {
-            buffers: self.buffers - before.buffers,
-            bind_groups: self.bind_groups - before.bind_groups,
-            uploads: self.uploads - before.uploads,
-            passes: self.passes - before.passes,
-            dispatches: self.dispatches - before.dispatches,
-            submissions: self.submissions - before.submissions,
-        }
     }
 }

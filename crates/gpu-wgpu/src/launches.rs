@@ -10,6 +10,7 @@ use gpu_common::{Dispatch, Find};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
 use std::num::NonZeroU64;
+use std::sync::atomic::Ordering;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
@@ -143,7 +144,7 @@ struct Groups {
 impl Groups {
     /// Drops all if a buffer was made since the last call.
     fn refresh(&mut self, gpu: &Gpu) {
-        let now = gpu.call_counts().buffers;
+        let now = gpu.buffers_made.load(Ordering::Relaxed);
         if self.buffers_made != now {
             self.made.clear();
             self.buffers_made = now;
@@ -191,7 +192,6 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup>
         layout: &pipeline.layout,
         entries: &entries,
     };
-    gpu.count(|t| t.bind_groups += 1);
     gpu.guard(pipeline.kernel.name, 0, || {
         gpu.device.create_bind_group(&desc)
     })

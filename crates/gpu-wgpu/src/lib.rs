@@ -26,7 +26,6 @@ mod staging;
 mod wgpu_device;
 
 pub use adapters::adapters;
-pub use gpu::CallCounts;
 pub use gpu_common::LentRays;
 pub use lent::{TracedScene, traced_scene};
 pub use limits::{required_features, required_limits, useful_features};

@@ -130,7 +130,6 @@ impl Slot {
         let stages = parts.iter().map(|(stage, _)| *stage);
         let first = self.marks.as_mut().and_then(|marks| marks.take(stages));
         let timed = self.marks.as_ref().zip(first);
-        self.gpu.count(|t| t.passes += 1);
         self.gpu.guard(label, 0, || {
             let desc = ComputePassDescriptor {
                 label: Some(label),
@@ -221,7 +220,6 @@ impl GpuSlot<WgpuDevice> for Slot {
         }
         let counts = &self.counts[..self.places];
         let launches = self.launches.make(gpu, counts, all, find)?;
-        gpu.count(|t| t.dispatches += all.len() as u64);
         self.waiting.extend(launches);
         Ok(())
     }

@@ -3,7 +3,7 @@
 use crate::adapters::{driver, kind};
 use crate::buffers::{Arrived, HostCopy, STORAGE, make, unmap, unreadable, upload, write};
 use crate::faults::layer_messages;
-use crate::gpu::{CallCounts, Gpu};
+use crate::gpu::Gpu;
 use crate::lent::{DevicePoints, DeviceRays};
 use crate::lent_encoder::LentEncoder;
 use crate::limits::{LEAST_OF_64_BITS, check_kernels};
@@ -19,6 +19,7 @@ use gpu_common::{
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use wgpu::Buffer;
 
 /// The backend that computes through wgpu.
@@ -67,12 +68,6 @@ impl WgpuDevice {
             module: None,
             gpu,
         }
-    }
-
-    /// What was asked of wgpu since the device was opened.
-    #[must_use]
-    pub fn call_counts(&self) -> CallCounts {
-        self.gpu.call_counts()
     }
 }
 
@@ -137,7 +132,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn buffers_made(&self) -> u64 {
-        self.call_counts().buffers
+        self.gpu.buffers_made.load(Ordering::Relaxed)
     }
 
     /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole. Where the layer

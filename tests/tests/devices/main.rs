@@ -18,7 +18,6 @@ mod queues;
 mod rebuild;
 mod scenes;
 mod together;
-mod wgpu_calls;
 mod wgpu_encode;
 mod wgpu_lent;
 mod wgpu_module;
@@ -132,7 +131,6 @@ const OF_DRIVERS_TREES: &[(&str, fn())] = named![
     rebuild::triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves,
 ];
 const OF_WGPU: &[(&str, fn())] = named![
-    wgpu_calls::a_steady_frame_makes_no_buffer_and_no_bind_group,
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
     wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
     wgpu_lent::a_device_with_too_few_buffers_is_refused,

@@ -168,13 +168,9 @@ pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
         let features = own.device.features();
         let mut backend = lent(&own).unwrap();
         open(&mut backend, &animation);
-        let before = backend.gpu().call_counts();
         stand(&mut backend, &animation, 0.7);
         let ticket = go(&mut backend, Rays::Camera(&camera), SHADOWED);
-        let (times, spent) = (
-            backend.wait(ticket).unwrap().times,
-            backend.gpu().call_counts() - before,
-        );
+        let times = backend.wait(ticket).unwrap().times;
         let is_timed = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         assert_eq!(times.begun_ms.is_some(), is_timed);
         let stages = [
@@ -187,8 +183,6 @@ pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
         assert!(stages.iter().all(is_right), "{times:?}");
         let all: f64 = stages.iter().flatten().sum();
         assert!(all <= times.device_ms, "{times:?}");
-        let shares = !is_timed || features.contains(within);
-        assert_eq!(spent.passes, if shares { 2 } else { 4 });
     }
 }
 
