@@ -99,13 +99,12 @@ const OF_KERNELS: &[Test] = named![
     together::triangles_find_the_rays_that_find_them,
     together::each_ray_goes_by_itself_where_triangles_cover_too_much,
     rebuild::trees_of_any_size_are_whole,
-    rebuild::two_triangles_in_a_row_share_a_leaf_if_a_ray_can_hit_both,
+    rebuild::two_triangles_in_a_row_share_a_leaf,
     rebuild::no_tree_is_too_deep_for_the_traversal,
     rebuild::extreme_and_equal_coordinates_make_a_tree,
     rebuild::triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order,
     rebuild::a_tree_made_here_costs_hardly_more_than_the_hosts,
     together::rays_together_find_what_each_finds_by_itself,
-    together::what_lies_beside_the_picture_covers_none_of_it,
 ];
 
 /// What ends with the device.

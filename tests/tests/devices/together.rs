@@ -8,7 +8,7 @@ use crate::scenes::{
 use backend::{Generation, Layout, Rays};
 use bvh_layout::Topology;
 use conformance::record;
-use geom::{Animation, Camera, Point};
+use geom::{Animation, Point};
 use shaders::BufferName;
 use std::sync::Arc;
 
@@ -58,52 +58,6 @@ pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Sub
             assert!(generation > 1 || grown >= 32 * animation.live_count() as u64);
         }
     }
-}
-
-/// Columns and rows of what covers all of the picture: see cover.wgsl.
-const EVERYWHERE: u32 = 0xffff_0000;
-
-/// How many lanes of the wide tree, and how many triangles, cover all of the last picture.
-fn everywhere(backend: &mut dyn Subject, animation: &Animation, tree: &Topology) -> [usize; 2] {
-    let treelets = tree.to_treelets(animation.static_parts());
-    let lanes = treelets.wide.as_ref().unwrap().lanes;
-    let words = backend.words(BufferName::Covers, 4 * (lanes + 2 * tree.leaf_count()));
-    let rows: Vec<_> = words.chunks_exact(4).collect();
-    let count = |rows: &[&[u32]], step| {
-        let covers = |row: &&&[u32]| row[0] == EVERYWHERE && row[1] == EVERYWHERE;
-        rows.iter().step_by(step).filter(covers).count()
-    };
-    [count(&rows[..lanes], 1), count(&rows[lanes..], 2)]
-}
-
-pub(crate) fn what_lies_beside_the_picture_covers_none_of_it(backend: &mut dyn Subject) {
-    let animation = swarm(4000);
-    let tree = tree_at(&animation, 0.0);
-    open_laid(backend, &animation, Layout::Fast);
-    // A few of those astride the eye's plane reach into what is seen from amid; past all of them none does.
-    let amid = cameras(SQUARE)[1];
-    let past = look([0.0, 3.0, 0.0], [0.0, 3.0, -5.0], (40.0, SQUARE));
-    check_picture(backend, (&animation, 0.0), &amid);
-    let [_, triangles] = everywhere(backend, &animation, &tree);
-    assert!((1..astride(&animation, &amid) / 8).contains(&triangles));
-    check_picture(backend, (&animation, 0.0), &past);
-    assert!(astride(&animation, &past) > 100);
-    assert_eq!(everywhere(backend, &animation, &tree), [0, 0]);
-}
-
-/// Triangles with corners before and behind the eye.
-fn astride(animation: &Animation, camera: &Camera) -> usize {
-    let vertices = positions(animation, 0.0);
-    let ahead = camera.ray(camera.width / 2, camera.height / 2).direction;
-    let depth = |v: &u32| -> f32 {
-        let p = vertices[*v as usize];
-        (0..3).map(|i| (p[i] - camera.eye[i]) * ahead[i]).sum()
-    };
-    let is_astride = |corners: &&[u32; 3]| {
-        let depths = corners.each_ref().map(depth);
-        depths.iter().any(|&d| d < 0.0) && depths.iter().any(|&d| d > 0.0)
-    };
-    animation.triangles().iter().filter(is_astride).count()
 }
 
 /// Of each camera's picture.
