@@ -266,3 +266,17 @@ pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn S
     let keys = scene / (12 * streamed.vertex_count() as u64);
     assert!(keys < 8 + 2 + 3, "room for {keys} times all vertices");
 }
+
+pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {
+    let (animation, camera) = (swarm(50), camera());
+    open_laid(backend, &animation, Layout::Bvh2);
+    stand(backend, &animation, 0.0);
+    let query = Query {
+        rays: Rays::Camera(&camera),
+        kind: SHADOWED,
+    };
+    backend.trace(query).unwrap();
+    backend.shade(query).unwrap();
+    let ticket = backend.submit().unwrap();
+    assert!(!backend.pixels(ticket, &mut vec![1]).unwrap());
+}

@@ -13,7 +13,6 @@ mod geometry;
 mod lent;
 #[cfg(target_os = "linux")]
 mod other_device;
-mod pictures;
 mod queues;
 mod rebuild;
 mod scenes;
@@ -88,8 +87,7 @@ const SHARED: &[Test] = named![
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::a_cost_stands_until_the_next_refit,
     geometry::layouts_differ_in_memory_alone,
-    pictures::a_device_shades_as_the_host_does,
-    pictures::nothing_is_shaded_without_a_palette,
+    frames::nothing_is_shaded_without_a_palette,
     geometry::large_trees_have_the_references_boxes,
 ];
 

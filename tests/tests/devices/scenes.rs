@@ -137,7 +137,7 @@ pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> C
 pub(crate) const SQUARE: [u32; 2] = [130, 126];
 
 /// From outside, from amid the triangles, past them, closely, and from far away.
-pub(crate) fn cameras(size: [u32; 2]) -> [Camera; 5] {
+pub(crate) fn cameras() -> [Camera; 5] {
     [
         ([0.3, 0.2, 3.0], [0.0; 3], 50.0),
         ([0.1, 0.0, -0.1], [0.4, 0.3, 0.2], 120.0),
@@ -145,7 +145,7 @@ pub(crate) fn cameras(size: [u32; 2]) -> [Camera; 5] {
         ([2.0, 1.0, 3.0], [0.1, 0.2, 0.0], 4.0),
         ([300.0, 200.0, 3e3], [0.0; 3], 0.1),
     ]
-    .map(|(eye, target, fov)| look(eye, target, (fov, size)))
+    .map(|(eye, target, fov)| look(eye, target, (fov, SQUARE)))
 }
 
 /// Waits for the oldest positions that were asked for.

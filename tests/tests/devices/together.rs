@@ -50,7 +50,7 @@ pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Sub
             };
             backend.adopt(&tree, Generation(generation)).unwrap();
             let before = backend.device_bytes().unwrap().tree;
-            for camera in cameras(SQUARE) {
+            for camera in cameras() {
                 check_picture(backend, (&animation, time), &camera);
             }
             // What is covered takes room from the first time on, so packets were there.
@@ -130,7 +130,7 @@ pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) 
     let dust = dust();
     open_laid(backend, &dust, Layout::Fast);
     let before = backend.device_bytes().unwrap().tree;
-    for camera in cameras(SQUARE) {
+    for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
         assert!(told_all(backend), "{camera:?}");
     }
@@ -145,10 +145,7 @@ pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) 
     let swarm = swarm(9000);
     open_laid(backend, &swarm, Layout::Fast);
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
-    for (time, camera) in [0.0, 0.3, 1.0]
-        .into_iter()
-        .zip([&far, &far, &cameras(SQUARE)[0]])
-    {
+    for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
     }
 }
@@ -160,7 +157,7 @@ pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &m
     let others = [splinters(800), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
         open_laid(backend, &animation, Layout::Fast);
-        check_picture(backend, (&animation, 0.0), &cameras(SQUARE)[0]);
+        check_picture(backend, (&animation, 0.0), &cameras()[0]);
         let triangles = animation.triangle_count();
         assert!(!told_all(backend), "{triangles} triangles");
     }
@@ -175,6 +172,6 @@ pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &m
     // Of another scene, at once.
     let dust = dust();
     open_laid(backend, &dust, Layout::Fast);
-    check_picture(backend, (&dust, 0.0), &cameras(SQUARE)[0]);
+    check_picture(backend, (&dust, 0.0), &cameras()[0]);
     assert!(told_all(backend));
 }

@@ -62,7 +62,7 @@ pub(crate) fn as_steps(device: &Device) {
             step.vertices(sail_id, Source::Host(&sail(0.4))).unwrap();
             step.submit().unwrap();
         }
-        let expected = TIMES.map(|time| shown(&mut tracer, time, &camera));
+        let expected = TIMES.map(|time| shown(&mut tracer, (time, LAMP), &camera));
         assert!(expected[0] != expected[1]);
         let mut step = tracer.step(0.0);
         let query = step.trace(&demo.rays, Query::Closest).unwrap();
@@ -83,7 +83,7 @@ pub(crate) fn as_steps(device: &Device) {
             });
             assert_eq!(ended, given_up);
             assert!(found == expected[..most], "alone: {is_alone}");
-            assert!(shown(&mut tracer, TIMES[1], &camera) == expected[1]);
+            assert!(shown(&mut tracer, (TIMES[1], LAMP), &camera) == expected[1]);
         }
         let dropped = tracer.hits(before, query).err();
         assert_eq!(dropped, Some(Error::NoResult));
@@ -166,7 +166,7 @@ pub(crate) fn policies(device: &Device) {
     let mut usual = of_keys(&demo, device);
     let within = TIMES.map(|time| time.clamp(0.0, demo.animation.end()));
     let expected = within.map(|time| still(&mut usual, time, &demo.rays));
-    let pictures = within.map(|time| shown(&mut usual, time, &camera));
+    let pictures = within.map(|time| shown(&mut usual, (time, LAMP), &camera));
     for update in [
         Update::Lockstep(0),
         Update::Lockstep(2),
@@ -197,7 +197,7 @@ pub(crate) fn policies(device: &Device) {
             // How long shadow rays are offset depends on the sail, too.
             let pictures = pictures.iter().filter(|_| sail_id.is_none());
             for (time, picture) in TIMES.into_iter().zip(pictures) {
-                let found = shown(&mut tracer, time, &camera);
+                let found = shown(&mut tracer, (time, LAMP), &camera);
                 assert!(found == *picture, "{update:?} at {time}");
             }
             let trees = tracer.statistics().unwrap().generation;

@@ -21,13 +21,14 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 18] = [
+const LAWS: [(&str, Law); 19] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
     ("cameras_of_a_step_find_what_each_does", pictures::together),
     ("every_exact_answer_is_right", oracle::exact),
     ("pictures_are_the_hosts_byte_for_byte", pictures::shaded),
+    ("pictures_of_any_size_are_the_hosts", pictures::of_any_size),
     ("meshes_keep_their_colours", pictures::replaced),
     ("odd_pictures_are_no_panic", pictures::odd),
     ("frames_are_the_pictures_of_steps", frames::as_steps),

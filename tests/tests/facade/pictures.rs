@@ -17,22 +17,33 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     let all = [&FLOOR, vertices].concat();
     let triangles = cloth.triangles.iter().map(|t| t.map(|v| v + 3));
     let triangles = std::iter::once([0, 1, 2]).chain(triangles).collect();
-    let animation = Arc::new(Animation::new(vec![all], triangles).unwrap());
-    let mut stage = Stage::new(&animation, Intersector::Watertight, 1);
-    stage.plant(0.0);
-    let kind = QueryKind::ClosestAndShadow { light: LAMP };
-    let hits = stage.trace(0.0, Rays::Camera(camera), kind);
+    let animation = Animation::new(vec![all], triangles).unwrap();
     let own = colours(cloth.triangles.len());
+    let own = [&[FLOOR_COLOUR][..], &own].concat();
+    let (rgba, hits) = by_host(&Arc::new(animation), &own, (camera, LAMP));
+    assert!(hits.blocked.contains(&1) && hits.blocked.contains(&0));
+    rgba
+}
+
+/// What the host finds at rest, and how it shades that.
+fn by_host(
+    animation: &Arc<Animation>,
+    colours: &[[u8; 3]],
+    (camera, light): (&Camera, Point),
+) -> (Vec<u8>, backend::Hits) {
+    let mut stage = Stage::new(animation, Intersector::Watertight, 1);
+    stage.plant(0.0);
+    let kind = QueryKind::ClosestAndShadow { light };
+    let hits = stage.trace(0.0, Rays::Camera(camera), kind);
     let shot = Shot {
         moment: animation.at(0.0).unwrap(),
-        colours: &[&[FLOOR_COLOUR][..], &own].concat(),
+        colours,
         camera,
-        light: LAMP,
+        light,
     };
     let mut rgba = Vec::new();
     shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
-    assert!(hits.blocked.contains(&1) && hits.blocked.contains(&0));
-    rgba
+    (rgba, hits)
 }
 
 fn floor() -> Mesh {
@@ -86,6 +97,40 @@ pub(crate) fn shaded(device: &Device) {
     }
 }
 
+/// Scenes of any size, and triangles that no single scale serves, wherever the lamp is.
+pub(crate) fn of_any_size(device: &Device) {
+    let demo = demo("demo:twist:300");
+    let [looks, amid] = [([0.3, 0.2, 3.0], 50.0), ([0.1, 0.0, -0.1], 120.0)];
+    for by in [1e-36, 1e-12, 1.0, 1e9, 1e30] {
+        let scaled = |p: Point| p.map(|x| x * by);
+        let vertices = demo.keys[1].iter().map(|&p| scaled(p)).collect();
+        let lights = [scaled(looks.0), [f32::MAX, 0.0, 1.0], [1e-40, -1e-38, 0.0]];
+        let shots = [looks, amid].map(|(eye, fov)| lights.map(|light| (scaled(eye), fov, light)));
+        still(device, (vertices, &demo.triangles), &shots.concat());
+    }
+    let corners = |s: f32| [[-s, -s, -s], [s, -s, 0.5 * s], [0.1 * s, s, -s]];
+    let mixed = [1.0, 1e-30, 1e30, 1e-3].map(corners).concat();
+    let shots = [3e-30, 3.0, 3e3, 3e30].map(|far| ([0.0, 0.1 * far, far], 60.0, LAMP));
+    let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]];
+    still(device, (mixed, &triangles), &shots);
+}
+
+/// A mesh at rest, from an eye of such a field of view and under a lamp each.
+fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32, Point)]) {
+    let (vertices, triangles) = mesh;
+    let own = colours(triangles.len());
+    let mesh = Mesh::fixed(&vertices, triangles).unwrap();
+    let mut tracer = pool::tracer(scene_of([mesh.with_colours(&own).unwrap()]).0, device);
+    let animation = Arc::new(Animation::new(vec![vertices], triangles.to_vec()).unwrap());
+    for &(eye, fov, light) in shots {
+        let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], fov, [66, 62]).unwrap();
+        let (expected, hits) = by_host(&animation, &own, (&camera, light));
+        assert!(hits.closest.iter().any(|hit| hit.is_hit()), "{eye:?}");
+        let found = shown(&mut tracer, (0.0, light), &camera).0;
+        assert!(found == expected, "from {eye:?} under {light:?}");
+    }
+}
+
 /// Colours stay with a mesh when others are replaced, and a new one brings its own.
 pub(crate) fn replaced(device: &Device) {
     let demo = demo("demo:twist:300");
@@ -103,13 +148,17 @@ pub(crate) fn replaced(device: &Device) {
 }
 
 fn picture(tracer: &mut Tracer, camera: &Camera) -> Vec<u8> {
-    shown(tracer, 0.0, camera).0
+    shown(tracer, (0.0, LAMP), camera).0
 }
 
 /// The picture of a step, and the triangles that are hit in it.
-pub(crate) fn shown(tracer: &mut Tracer, time: f64, camera: &Camera) -> (Vec<u8>, Vec<u32>) {
+pub(crate) fn shown(
+    tracer: &mut Tracer,
+    (time, light): (f64, Point),
+    camera: &Camera,
+) -> (Vec<u8>, Vec<u32>) {
     let mut step = tracer.step(time);
-    let picture = step.render(camera, LAMP).unwrap();
+    let picture = step.render(camera, light).unwrap();
     let done = step.submit().unwrap();
     let mut rgba = Vec::new();
     tracer.pixels(done, picture, &mut rgba).unwrap();
