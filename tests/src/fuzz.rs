@@ -118,7 +118,7 @@ fn command(path: &Path) -> Result<(), String> {
 }
 
 /// Whether all that the program complains of is one line of plain text.
-pub fn is_refusal(output: &Output) -> bool {
+fn is_refusal(output: &Output) -> bool {
     let line = output.stderr.strip_suffix(b"\n").unwrap_or_default();
     let line = std::str::from_utf8(line).unwrap_or_default();
     line.starts_with("abvh: ") && !line.contains(char::is_control)
