@@ -2,7 +2,6 @@
 
 mod exact;
 mod hard;
-mod watertight;
 
 use integration::scenes::{DEMOS, REAL};
 use integration::trial;
@@ -19,7 +18,5 @@ fn main() -> ExitCode {
     }
     trials.extend(hard::trials());
     trials.push(trial("odd_scenes", exact::odd_scenes));
-    let soups = "soup::every_answer_can_be_explained";
-    trials.push(trial(soups, watertight::soups));
     libtest_mimic::run(&arguments, trials).exit_code()
 }
