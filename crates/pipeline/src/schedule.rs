@@ -44,7 +44,7 @@ pub(crate) struct InFlight {
     /// The frame that asked for it.
     pub(crate) asked_at: u64,
     /// Whether its tree is finished and may be used from now on.
-    pub(crate) is_ripe: bool,
+    pub(crate) is_adoptable: bool,
 }
 
 /// What a frame has to do about trees.
@@ -62,17 +62,17 @@ impl Update {
     /// When to ask and when to swap: at most one build is in flight. `outdated` says whether the newest tree
     /// was built from other positions than this frame's.
     pub(crate) fn plan(self, frame: u64, build: Option<InFlight>, outdated: bool) -> FramePlan {
-        let is_ripe = build.is_some_and(|build| build.is_ripe);
+        let is_adoptable = build.is_some_and(|build| build.is_adoptable);
         let swap = match self {
             Self::Async(Pace::Lockstep(k)) => {
                 build.is_some_and(|build| frame >= build.asked_at + u64::from(k))
             }
-            _ => is_ripe,
+            _ => is_adoptable,
         };
         let is_built = matches!(self, Self::Rebuild | Self::Async(_));
         FramePlan {
             swap,
-            wait: swap && !is_ripe,
+            wait: swap && !is_adoptable,
             // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
             ask: is_built && outdated && (swap || build.is_none()),
         }
@@ -92,10 +92,10 @@ mod tests {
     const LOCKSTEP: Update = Update::Async(Pace::Lockstep(3));
 
     /// The plan of a frame whose newest tree is outdated, by letters: swap, wait, ask. A build was asked for in frame 5.
-    fn plan(update: Update, frame: u64, is_ripe: Option<bool>) -> String {
-        let build = is_ripe.map(|is_ripe| InFlight {
+    fn plan(update: Update, frame: u64, is_adoptable: Option<bool>) -> String {
+        let build = is_adoptable.map(|is_adoptable| InFlight {
             asked_at: 5,
-            is_ripe,
+            is_adoptable,
         });
         let plan = update.plan(frame, build, true);
         let current = update.plan(frame, build, false);

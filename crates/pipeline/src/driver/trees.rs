@@ -85,10 +85,10 @@ impl Driver {
 
     /// The build in flight, for the schedule.
     pub(super) fn in_flight(&mut self) -> Result<Option<InFlight>, PipelineError> {
-        let is_ripe = self.review_finished()?;
+        let is_adoptable = self.review_finished()?;
         Ok(self.build.as_ref().map(|build| InFlight {
             asked_at: build.frame,
-            is_ripe,
+            is_adoptable,
         }))
     }
 
