@@ -7,7 +7,6 @@ use bytemuck::Pod;
 use geom::Point;
 use gpu_common::refuse_above;
 use std::ops::{Deref, Range};
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -39,7 +38,7 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
         usage,
         mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
     };
-    gpu.buffers_made.fetch_add(1, Ordering::Relaxed);
+    gpu.count_buffer();
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
 }
 

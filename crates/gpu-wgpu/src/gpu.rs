@@ -29,7 +29,7 @@ pub struct Gpu {
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
     /// Buffers made, or lent by a program in place of others.
-    pub(crate) buffers_made: AtomicU64,
+    buffers_made: AtomicU64,
     /// Compiled kernels of earlier runs, where they are kept.
     pub(crate) cache: Option<PipelineCache>,
     /// Nothing but to ask whether the device is still there.
@@ -116,6 +116,15 @@ impl Gpu {
         let has_subgroups = self.takes_spirv() && self.features.contains(Features::SUBGROUP);
         let is_software = kind(&self.info) == DeviceKind::Software;
         Packets::for_device(has_subgroups.then_some(sizes), is_software)
+    }
+
+    /// Notes that a buffer was made or lent.
+    pub(crate) fn count_buffer(&self) {
+        self.buffers_made.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(crate) fn buffers_made(&self) -> u64 {
+        self.buffers_made.load(Ordering::Relaxed)
     }
 
     /// Runs `work` and returns the first error that wgpu found in it. `work` must not panic.

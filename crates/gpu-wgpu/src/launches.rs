@@ -10,7 +10,6 @@ use gpu_common::{Dispatch, Find};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
 use std::num::NonZeroU64;
-use std::sync::atomic::Ordering;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
 /// Rows of parameters in one buffer; more dispatches take more buffers.
@@ -144,7 +143,7 @@ struct Groups {
 impl Groups {
     /// Drops all if a buffer was made since the last call.
     fn refresh(&mut self, gpu: &Gpu) {
-        let now = gpu.buffers_made.load(Ordering::Relaxed);
+        let now = gpu.buffers_made();
         if self.buffers_made != now {
             self.made.clear();
             self.buffers_made = now;

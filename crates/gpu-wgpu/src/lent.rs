@@ -10,7 +10,6 @@ use gpu_common::{LentRays, without};
 use shaders::Params;
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder};
 
 const POINT: u64 = size_of::<Point>() as u64;
@@ -126,7 +125,7 @@ impl WgpuDevice {
     pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays.lent != rays {
             // Groups keep the others alive until they are made anew.
-            self.gpu.buffers_made.fetch_add(1, Ordering::Relaxed);
+            self.gpu.count_buffer();
         }
         self.scene.rays.due = rays.iter().cloned().collect();
         self.scene.rays.lent = rays;

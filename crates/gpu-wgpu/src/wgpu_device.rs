@@ -19,7 +19,6 @@ use gpu_common::{
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use wgpu::Buffer;
 
 /// The backend that computes through wgpu.
@@ -132,7 +131,7 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn buffers_made(&self) -> u64 {
-        self.gpu.buffers_made.load(Ordering::Relaxed)
+        self.gpu.buffers_made()
     }
 
     /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole. Where the layer

@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn one_build_is_in_flight_and_swapped_to_once_it_is_finished_or_due() {
-        for (update, frame, [none, under_way, ripe]) in [
+        for (update, frame, [none, under_way, adoptable]) in [
             (FREE, 6, ["a", "", "sa"]),
             (FREE, 99, ["a", "", "sa"]),
             (LOCKSTEP, 7, ["a", "", ""]),
@@ -117,8 +117,9 @@ mod tests {
             (Update::TSah, 6, ["", "", "s"]),
             (Update::DeviceRebuild, 6, ["", "", "s"]),
         ] {
-            let found = [None, Some(false), Some(true)].map(|ripe| plan(update, frame, ripe));
-            assert_eq!(found, [none, under_way, ripe], "{update:?} {frame}");
+            let found =
+                [None, Some(false), Some(true)].map(|adoptable| plan(update, frame, adoptable));
+            assert_eq!(found, [none, under_way, adoptable], "{update:?} {frame}");
         }
     }
 }

@@ -84,10 +84,10 @@ const SHARED: &[Test] = named![
     frames::a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once,
     frames::a_moment_is_measured_after_a_query_was_refused,
     frames::scenes_that_share_a_device_are_traced_at_once,
+    frames::nothing_is_shaded_without_a_palette,
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::a_cost_stands_until_the_next_refit,
     geometry::layouts_differ_in_memory_alone,
-    frames::nothing_is_shaded_without_a_palette,
     geometry::large_trees_have_the_references_boxes,
 ];
 
