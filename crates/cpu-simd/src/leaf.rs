@@ -84,9 +84,6 @@ impl<L: Lanes> TriangleRay<L> {
         let [x, y, along] = shear(corners, &self.shear);
         let edges = edges(&x, &y);
         let open = L::bits(without_conflict(&edges));
-        if open == 0 {
-            return None;
-        }
         let spans = self.spans_of(corners, best);
         let mut lanes = open & spans.lanes;
         if lanes == 0 {

@@ -14,8 +14,9 @@ pub(crate) const MOST_RAYS: usize = 16;
 /// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-/// Biased exponents of directions that are prepared here; the rest is left to [`PreparedRay`].
-const USUAL: std::ops::RangeInclusive<u32> = 127 - 60..=127 + 60;
+/// `2^e` of directions that are prepared here, `2^-60` to `2^60`; the rest is left to [`PreparedRay`].
+const USUAL: [f32; 2] = [1.0 / TWO_TO_60, TWO_TO_60];
+const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 
 /// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and the reference's box test do. Axes in their own order.
 pub(crate) struct Group<L: Lanes> {
@@ -31,7 +32,7 @@ pub(crate) struct Group<L: Lanes> {
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
     pub(crate) shear: [L::Array; 3],
     /// `kz`.
-    main: [u8; MOST_RAYS],
+    main: [u32; MOST_RAYS],
     pub(crate) limits: [L::Array; 2],
     /// Brings distances to the units of the given ray.
     pub(crate) back: L::Array,
@@ -102,16 +103,10 @@ impl<L: Lanes> Given<L> {
 /// `2^e` and `2^-e` by the exponent `e` of each lane's longest component, and lanes whose exponent is usual.
 #[inline(always)]
 fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> ([L; 2], u32) {
-    let mut up = x.abs().max(y.abs()).max(z.abs()).store();
-    let (mut down, mut usual) = (up, 0);
-    let both = up.as_mut().iter_mut().zip(down.as_mut());
-    for (lane, (up, down)) in both.enumerate() {
-        let biased = up.to_bits() >> 23;
-        usual |= u32::from(USUAL.contains(&biased)) << lane;
-        *up = f32::from_bits(biased << 23);
-        *down = f32::from_bits(254_u32.wrapping_sub(biased) << 23);
-    }
-    ([L::load(&up), L::load(&down)], usual)
+    let [least, most] = USUAL.map(L::splat);
+    let up = x.abs().max(y.abs()).max(z.abs()).power();
+    let usual = L::both(least.at_most(up), up.at_most(most));
+    ([up, L::splat(1.0).div(up)], L::bits(usual))
 }
 
 impl<L: Lanes> Group<L> {
@@ -156,7 +151,7 @@ impl<L: Lanes> Group<L> {
             let wide = inverse[i].mul(wide);
             [from.sub(wide).store(), from.add(wide).store()]
         });
-        let (main, shear) = turned(d);
+        let (main, shear) = turned(d, &signed);
         Self {
             ready: L::ALL,
             origin: each!(i => origin[i].store()),
@@ -175,8 +170,10 @@ impl<L: Lanes> Group<L> {
     pub(crate) fn main_of_all(&self) -> Option<usize> {
         let main = self.main[0];
         let lanes = &self.main[..L::ALL.count_ones() as usize];
-        let same = self.ready == L::ALL && lanes.iter().all(|&kz| kz == main);
-        same.then_some(usize::from(main))
+        let same = lanes
+            .iter()
+            .fold(self.ready == L::ALL, |same, &kz| same & (kz == main));
+        same.then_some(main as usize)
     }
 }
 
@@ -209,7 +206,7 @@ impl<L: Lanes> OneRay<'_, L> {
     /// `kz`.
     #[inline(always)]
     pub(crate) fn main(&self) -> usize {
-        usize::from(self.group.main[self.lane])
+        self.group.main[self.lane] as usize
     }
 
     #[inline(always)]
@@ -237,27 +234,22 @@ fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     farthest
 }
 
-/// Lanes whose `kz` is x, and is y: the axis of the largest component, the first of equals.
+/// `kz` of each lane, the axis of its largest component, the first of equals; and its shear, from `r`.
 #[inline(always)]
-fn main_axes<L: Lanes>([x, y, z]: &[L; 3]) -> [u32; 2] {
-    let [x, y, z] = [x.abs(), y.abs(), z.abs()];
-    let is_x = L::bits(L::both(y.at_most(x), z.at_most(x)));
-    [is_x, L::bits(z.at_most(y)) & !is_x]
-}
-
-/// `kz` and the shear of each lane.
-#[inline(always)]
-fn turned<L: Lanes>(d: &[L; 3]) -> ([u8; MOST_RAYS], [L; 3]) {
-    let [is_x, is_y] = main_axes(d);
-    let (along_x, along_y) = (L::mask(is_x), L::mask(is_y));
-    let of = each!(i => d[(i + 3) % 3].replace(along_x, d[(i + 1) % 3]).replace(along_y, d[(i + 2) % 3]));
-    let mut main = [0; MOST_RAYS];
-    for (lane, main) in main.iter_mut().enumerate() {
-        let is_z = !(is_x | is_y) >> lane & 1;
-        *main = (2 * is_z + (is_y >> lane & 1)) as u8;
-    }
-    let shear = [of[0].div(of[2]), of[1].div(of[2]), L::splat(1.0).div(of[2])];
-    (main, shear)
+fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
+    let [x, y, z] = each!(i => d[i].abs());
+    let along_x = L::both(y.at_most(x), z.at_most(x));
+    let along_y = z.at_most(y);
+    let mut main = [2; MOST_RAYS];
+    L::put(&mut main, along_y, 1);
+    L::put(&mut main, along_x, 0);
+    // Of x, y and z in this order, those for the three axes that `kz` may be.
+    let of = |x: &[L; 3], i: usize| {
+        x[i].replace(along_y, x[(i + 2) % 3])
+            .replace(along_x, x[(i + 1) % 3])
+    };
+    let along = of(d, 2);
+    (main, [of(d, 0).div(along), of(d, 1).div(along), of(r, 2)])
 }
 
 /// Columns of a cell of pixels; its rows follow from the lanes.

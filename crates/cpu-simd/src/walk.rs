@@ -2,16 +2,33 @@
 
 use crate::leaf::{Meetings, TriangleRay};
 use crate::rays::OneRay;
-use crate::simd::{Isa, Lanes, each, prefetch};
+use crate::simd::{Eight, Isa, Lanes, each, prefetch};
 use crate::tree::{Block, LANES, Link, NOWHERE, Node, Planes, Wide, place};
 use bvh_build::MAX_DEPTH;
 use geom::Hit;
 
-/// A node or block still to visit.
-#[derive(Clone, Copy, Debug)]
-struct Waiting {
-    link: Link,
-    entry: f32,
+/// A node or block still to visit: bits of where its box is entered, then of its link. So one comparison, without a
+/// branch, tells which is farther. Where entries are negative, the order is another, and still all are visited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Waiting(u64);
+
+impl Waiting {
+    const UNUSED: Self = Self(0);
+
+    #[inline(always)]
+    fn new(link: Link, entry: f32) -> Self {
+        Self(u64::from(entry.to_bits()) << 32 | u64::from(link.bits()))
+    }
+
+    #[inline(always)]
+    fn link(self) -> Link {
+        Link::from_bits(self.0 as u32)
+    }
+
+    #[inline(always)]
+    fn entry(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
 }
 
 /// Each level of the binary tree leaves at most one behind, and one more node may be split up.
@@ -26,12 +43,8 @@ pub(crate) struct Stack {
 
 impl Default for Stack {
     fn default() -> Self {
-        let unused = Waiting {
-            link: Link::ROOT,
-            entry: 0.0,
-        };
         Self {
-            waiting: [unused; DEEPEST],
+            waiting: [Waiting::UNUSED; DEEPEST],
             links: [Link::ROOT; DEEPEST + LANES],
         }
     }
@@ -78,7 +91,7 @@ impl<L: Lanes> NodeRay<L> {
     }
 }
 
-impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
+impl<L: Eight> BoxTest<L> for NodeRay<L> {
     #[inline(always)]
     fn meet(&self, planes: &Planes, best: f32) -> (u32, L) {
         let at = each!(axis => {
@@ -92,8 +105,8 @@ impl<L: Lanes<Array = [f32; LANES]>> BoxTest<L> for NodeRay<L> {
             let starts = self.starts[axis];
             [near.about(r, starts[n]), far.about(r, starts[f])]
         });
-        let entry = self.t_min.max(t[0][n]).max(t[1][n].max(t[2][n]));
-        let exit = L::splat(best).min(t[0][f]).min(t[1][f].min(t[2][f]));
+        let entry = self.t_min.maxi(t[0][n]).maxi(t[1][n].maxi(t[2][n]));
+        let exit = L::splat(best).mini(t[0][f]).mini(t[1][f].mini(t[2][f]));
         (L::bits(entry.at_most(exit)), entry)
     }
 }
@@ -133,8 +146,8 @@ pub(crate) fn walk<I: Isa>(
             }
             len -= 1;
             let next = stack.waiting[len % DEEPEST];
-            if next.entry <= bound {
-                link = next.link;
+            if next.entry() <= bound {
+                link = next.link();
                 break;
             }
         }
@@ -153,24 +166,22 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     let waiting = &mut stack.waiting;
     let base = *len;
     let mut next = node.waiting(lanes.trailing_zeros(), &entries);
-    tree.prefetch(next.link);
+    tree.prefetch(next.link());
     let mut rest = lanes & (lanes - 1);
     while rest != 0 {
-        let mut other = node.waiting(rest.trailing_zeros(), &entries);
-        tree.prefetch(other.link);
+        let other = node.waiting(rest.trailing_zeros(), &entries);
+        tree.prefetch(other.link());
         rest &= rest - 1;
-        if other.entry < next.entry {
-            std::mem::swap(&mut other, &mut next);
+        let mut later = next.max(other);
+        next = next.min(other);
+        for place in base..*len {
+            let at = &mut waiting[place % DEEPEST];
+            (*at, later) = ((*at).max(later), (*at).min(later));
         }
-        let mut place = *len;
+        waiting[*len % DEEPEST] = later;
         *len += 1;
-        while place > base && waiting[(place - 1) % DEEPEST].entry < other.entry {
-            waiting[place % DEEPEST] = waiting[(place - 1) % DEEPEST];
-            place -= 1;
-        }
-        waiting[place % DEEPEST] = other;
     }
-    next.link
+    next.link()
 }
 
 /// A hit, and where its triangle lies in the tree: the block's number times [`LANES`], and the lane.
@@ -299,10 +310,8 @@ fn hits<I: Isa>(block: &Block, ray: &OneRay<'_, impl Lanes>, skipped: u32) -> bo
 impl Node {
     #[inline(always)]
     fn waiting(&self, lane: u32, entries: &[f32; LANES]) -> Waiting {
-        Waiting {
-            link: self.links[lane as usize % LANES],
-            entry: entries[lane as usize % LANES],
-        }
+        let lane = lane as usize % LANES;
+        Waiting::new(self.links[lane], entries[lane])
     }
 }
 

@@ -35,7 +35,8 @@ impl Range {
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);
-        self.extreme || farthest.is_nan() || farthest >= FAR || (self.tiny && farthest < NEAR)
+        // Without a branch: it is asked of every ray of a list.
+        self.extreme | farthest.is_nan() | (farthest >= FAR) | (self.tiny & (farthest < NEAR))
     }
 
     /// Vertices of a key frame from which its typical size is found, at most.

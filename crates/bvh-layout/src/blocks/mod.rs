@@ -100,6 +100,18 @@ impl Link {
         Self(index as u32 | Self::BLOCK)
     }
 
+    /// It as a number.
+    #[inline(always)]
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The reverse of [`Link::bits`].
+    #[inline(always)]
+    pub const fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
     /// Whether it leads to a block.
     #[inline(always)]
     pub const fn is_block(self) -> bool {

@@ -64,6 +64,11 @@ impl<const N: usize> Lanes for Plain<N> {
         Self(self.0.map(f32::abs))
     }
     #[inline(always)]
+    fn power(self) -> Self {
+        let exponent = f32::INFINITY.to_bits();
+        Self(self.0.map(|x| f32::from_bits(x.to_bits() & exponent)))
+    }
+    #[inline(always)]
     fn neg(self) -> Self {
         Self(self.0.map(|x| -x))
     }

@@ -118,6 +118,7 @@ macro_rules! vector {
                 div(self, b: Self) -> Self = Self($div(self.0, b.0));
                 about(self, by: Self, plus: Self) -> Self = Self($fma(self.0, by.0, plus.0));
                 abs(self) -> Self = Self($and(self.0, $splat(f32::from_bits(0x7fff_ffff))));
+                power(self) -> Self = Self($and(self.0, $splat(f32::INFINITY)));
                 neg(self) -> Self = Self($xor(self.0, $splat(-0.0)));
                 store(self) -> [f32; $count] = {
                     let mut to = [0.0; $count];
@@ -175,7 +176,21 @@ fn permuted(x: __m256, lanes: &[u8; 8]) -> __m256 {
     _mm256_permutevar8x32_ps(x, _mm256_cvtepu8_epi32(lanes))
 }
 
-/// Both kinds of eight numbers move alike.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn maxi(a: __m256, b: __m256) -> __m256 {
+    let (a, b) = (_mm256_castps_si256(a), _mm256_castps_si256(b));
+    _mm256_castsi256_ps(_mm256_max_epi32(a, b))
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn mini(a: __m256, b: __m256) -> __m256 {
+    let (a, b) = (_mm256_castps_si256(a), _mm256_castps_si256(b));
+    _mm256_castsi256_ps(_mm256_min_epi32(a, b))
+}
+
+/// What both kinds of eight numbers do alike.
 macro_rules! eight {
     ($name:ident) => {
         impl Eight for $name {
@@ -184,6 +199,8 @@ macro_rules! eight {
                     let [x, y, z] = coordinates(points);
                     [Self(x), Self(y), Self(z)]
                 };
+                maxi(self, b: Self) -> Self = Self(maxi(self.0, b.0));
+                mini(self, b: Self) -> Self = Self(mini(self.0, b.0));
                 permuted(self, lanes: &[u8; 8]) -> Self = Self(permuted(self.0, lanes));
             }
         }
