@@ -168,6 +168,8 @@ pub struct Counts {
     pub tests: u32,
     /// 1 if that left it to `resolve` to find hits: see [`crate::RasterBackoff`].
     pub untold: u32,
+    /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
+    pub left: u32,
 }
 
 impl Counts {

@@ -164,7 +164,7 @@ pub fn trace(
     };
     if how != Extremes::None {
         let last = trace.shadow.as_mut().unwrap_or(&mut trace.primary);
-        last.extend(extremes::work(method, params, rays, kind));
+        last.extend(extremes::work(method, params, (rays, how), kind));
     }
     trace
 }

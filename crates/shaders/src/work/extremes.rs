@@ -1,6 +1,6 @@
 //! Rays that are answered in exact arithmetic: see "Extreme rays" in `docs/design/hits.md`.
 
-use super::{Rays, Trace, Work};
+use super::{Groups, Rays, Trace, Work};
 use crate::{Kernel, Params, common};
 use backend::{Intersector, Method, QueryKind};
 use geom::Range;
@@ -13,6 +13,9 @@ pub(super) enum Extremes {
     Some,
     All,
 }
+
+/// Invocations that look for extreme rays where most are none.
+const SEEKERS: u32 = 1 << 16;
 
 /// Whether extreme rays are answered otherwise than the rest.
 fn has_extremes(method: Method) -> bool {
@@ -41,7 +44,7 @@ impl Extremes {
 pub(super) fn work(
     method: Method,
     mut params: Params,
-    rays: Rays<'_>,
+    (rays, how): (Rays<'_>, Extremes),
     kind: QueryKind,
 ) -> Vec<Work> {
     params.rule = (method.intersector == Intersector::Watertight).into();
@@ -51,7 +54,14 @@ pub(super) fn work(
         Rays::Camera(camera) if params.is_extreme(camera.eye) => params.known().through(camera),
         Rays::Camera(camera) => params.through(camera),
     };
-    let over = |entry, params| Work::linear(common(entry), params, rays.count());
+    let sharers = match how {
+        Extremes::All => rays.count(),
+        _ => rays.count().min(SEEKERS),
+    };
+    let over = |entry, params| Work {
+        groups: Groups::Linear(sharers),
+        ..Work::linear(common(entry), params, rays.count())
+    };
     let hits = over("extreme_rays", params);
     match kind {
         QueryKind::Any | QueryKind::Closest => vec![hits],

@@ -4,7 +4,7 @@ import package::geometry::ray::{FARTHEST, Prepared, Root, prepare, root_from};
 import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_point};
 import package::intersect::intersector::LEAVES_EXTREMES;
 import package::intersect::line::set_line;
-import package::lib::buffers::rays;
+import package::lib::buffers::{counts, rays};
 import package::lib::ieee::{add, mul};
 import package::lib::params::params;
 
@@ -83,13 +83,18 @@ fn is_void_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
     return is_void_way(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
 }
 
+// Where it is told that a ray is left to `extreme_*`.
+const LEFT_AT: u32 = 16u;
+
 // Likewise, and those that are left to other kernels; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
     let first = rays[2u * i];
-    let is_void = is_void_ray(first, rays[2u * i + 1u]);
+    if is_void_ray(first, rays[2u * i + 1u]) { return true; }
     let origin = scaled_point(first.xyz);
-    if LEAVES_EXTREMES { return is_void || is_extreme(origin); }
-    return is_void || !is_finite_point(origin);
+    if !LEAVES_EXTREMES { return !is_finite_point(origin); }
+    let is_left = is_extreme(origin);
+    if is_left { atomicStore(&counts[LEFT_AT], 1u); }
+    return is_left;
 }
 
 // Rays by number, for kernels that settle what others left open: a camera's, or given one by one where there is no picture.

@@ -24,6 +24,10 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
     return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u);
 }
 
+// Whether other rays are than where nothing special is known.
+@if(extreme_rays)
+fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
+
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;

@@ -1,8 +1,8 @@
 // The kernels for extreme rays.
 
-import package::geometry::queries::{asked, is_void_ray, set_line_of};
+import package::geometry::queries::{LEFT_AT, asked, is_void_ray, set_line_of};
 import package::geometry::ray::MISS;
-import package::geometry::range::is_measured_extreme;
+import package::geometry::range::{is_measured_extreme, is_measured_unusual};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
 import package::geometry::units::{is_extreme, scale_bits};
@@ -102,8 +102,19 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme(hit.w);
 }
 
+// Whether any ray may be left to these kernels. Of those given one by one, the search has told.
+fn may_be_left() -> bool {
+    return params.width > 0u || params.extreme == 1u || is_range_unusual() || atomicLoad(&counts[LEFT_AT]) > 0u;
+}
+
 // Whether a ray is left to these kernels: of a camera's all are.
 fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(asked(i).origin); }
+
+// Whether the search could not tell, since it knew of no range.
+@if(extreme_rays)
+fn is_range_unusual() -> bool { return params.extreme == 2u && is_measured_unusual(); }
+@else
+fn is_range_unusual() -> bool { return false; }
 
 @if(extreme_rays)
 fn is_left(i: u32) -> bool {
@@ -133,10 +144,7 @@ fn answer(i: u32, hit: vec4<u32>) {
     for (var word = 0u; word < 4u; word += 1u) { answers[4u * i + word] = hit[word]; }
 }
 
-@compute @workgroup_size(64)
-fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 64u);
-    if i >= params.count || !is_left(i) { return; }
+fn answer_ray(i: u32) {
     discount_hit(i);
     var hit = MISS;
     let ray = asked(i);
@@ -147,17 +155,30 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
     answer(i, hit);
 }
 
+@compute @workgroup_size(64)
+fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    if !may_be_left() { return; }
+    for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
+        if is_left(i) { answer_ray(i); }
+    }
+}
+
 // The shadows of the hits of those rays that are extreme.
 
-@compute @workgroup_size(64)
-fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let i = element(id, groups, 64u);
-    if i >= params.count || !is_left(i) { return; }
+fn answer_shadow(i: u32) {
     occluded[i] = 0u;
     if hits[i].w == NO_TRIANGLE { return; }
     let ray = asked(i);
     if is_in_extreme_shadow(ray.first.xyz, ray.second.xyz, hits[i]) {
         occluded[i] = 1u;
         atomicAdd(&counts[3], 1u);
+    }
+}
+
+@compute @workgroup_size(64)
+fn extreme_shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    if !may_be_left() { return; }
+    for (var i = element(id, groups, 64u); i < params.count; i += 64u * groups.x * groups.y) {
+        if is_left(i) { answer_shadow(i); }
     }
 }
