@@ -2,10 +2,11 @@
 
 use crate::leaf::{flushed, scaled};
 use crate::simd::{Lanes, Plain, Vector, each};
+use cpu_ref::Geometry;
 use cpu_ref::scale::{LEAST_COMPONENT, PreparedRay, Scale};
 use cpu_ref::slab::{CALM, FARTHEST, PAD, SMALLEST};
 use cpu_ref::tiles::Tiles;
-use geom::{Aabb, Camera, Ray};
+use geom::{Aabb, Camera, Range, Ray};
 
 /// Rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
@@ -84,6 +85,18 @@ impl<L: Lanes> Given<L> {
     #[inline(always)]
     pub(crate) fn scaled_origin(&self, scale: Scale) -> [L; 3] {
         each!(i => scaled(scale, self.origin[i]))
+    }
+
+    /// Lanes whose rays are extreme at a moment that is not ([`geom::Range::is_extreme`]).
+    #[inline(always)]
+    pub(crate) fn extreme(&self, geometry: &Geometry<'_>) -> u32 {
+        let origin = self.scaled_origin(geometry.scale);
+        let [x, y, z] = each!(i => origin[i].abs());
+        let size = x.max(y).max(z);
+        let number = x.add(y).add(z).at_most(L::splat(f32::INFINITY));
+        let usual = L::bits(L::both(number, size.less(L::splat(Range::FAR))));
+        let near = L::bits(size.less(L::splat(Range::NEAR)));
+        !usual | if geometry.range.tiny { near } else { 0 }
     }
 
     /// Lanes whose numbers are finite, but for the limits, and in order.

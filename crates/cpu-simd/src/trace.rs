@@ -183,18 +183,15 @@ impl TilesTask<'_, '_> {
         let list = &list[first..first + self.tiles.columns()];
         for (i, rays) in list.chunks(lanes).enumerate() {
             let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
+            let given = Given::listed(rays);
             let geometry = &tracer.0.task.geometry;
-            // All of them: a branch for each would take longer.
-            let extreme = rays
-                .iter()
-                .fold(false, |any, ray| any | geometry.is_extreme(ray));
-            let found = if extreme {
+            let found = if given.extreme(geometry) & asked != 0 {
                 let indices = first + begin..first + begin + rays.len();
                 tracer.singly(indices, &mut state.stack)
             } else {
                 I::outlined(Answers {
                     tracer,
-                    rays: &Given::listed(rays),
+                    rays: &given,
                     asked,
                     state: &mut state,
                 })

@@ -31,12 +31,17 @@ impl Range {
         clearance: f32::INFINITY,
     };
 
+    /// Rays from here on, `2^40` scaled units, are extreme.
+    pub const FAR: f32 = 1_099_511_627_776.0;
+    /// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
+    pub const NEAR: f32 = 1.0 / 16_777_216.0;
+
     /// Whether a ray from `origin`, in scaled units, is answered in exact arithmetic.
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);
-        // Without a branch: it is asked of every ray of a list.
-        self.extreme | farthest.is_nan() | (farthest >= FAR) | (self.tiny & (farthest < NEAR))
+        let is_near = self.tiny && farthest < Self::NEAR;
+        self.extreme || farthest.is_nan() || farthest >= Self::FAR || is_near
     }
 
     /// Vertices of a key frame from which its typical size is found, at most.
@@ -81,11 +86,6 @@ impl Range {
         }
     }
 }
-
-/// Rays from here on, `2^40` scaled units, are extreme.
-const FAR: f32 = 1_099_511_627_776.0;
-/// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
-const NEAR: f32 = 1.0 / 16_777_216.0;
 
 fn is_outlying(sizes: &Sizes) -> bool {
     sizes.largest > sizes.typical * OUTLYING

@@ -196,7 +196,6 @@ fn insert([a, b, c]: [f32; 3], new: f32) -> [f32; 3] {
 }
 
 /// The largest `|coordinate|`; a NaN if one is.
-#[inline]
 pub(crate) fn size(p: Point) -> f32 {
     let [x, y, z] = p.map(f32::abs);
     let sum = x + y + z;
