@@ -256,13 +256,9 @@ fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
     let mut main = [2; MOST_RAYS];
     L::put(&mut main, along_y, 1);
     L::put(&mut main, along_x, 0);
-    // Of x, y and z in this order, those for the three axes that `kz` may be.
-    let of = |x: &[L; 3], i: usize| {
-        x[i].replace(along_y, x[(i + 2) % 3])
-            .replace(along_x, x[(i + 1) % 3])
-    };
-    let along = of(d, 2);
-    (main, [of(d, 0).div(along), of(d, 1).div(along), of(r, 2)])
+    let of = each!(i => d[i].replace(along_y, d[(i + 2) % 3]).replace(along_x, d[(i + 1) % 3]));
+    let inverse = r[2].replace(along_y, r[1]).replace(along_x, r[0]);
+    (main, [of[0].div(of[2]), of[1].div(of[2]), inverse])
 }
 
 /// Columns of a cell of pixels; its rows follow from the lanes.
