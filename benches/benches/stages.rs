@@ -144,9 +144,7 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
 fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "refit", mesh);
     for threads in thread_counts() {
-        let ours = built(mesh, &pool(threads));
-        let mut tracer = Tracer::new(mesh, Method::default(), threads);
-        tracer.adopt(ours.record());
+        let mut tracer = Tracer::ready(mesh, Method::default(), threads);
         tracer.pose(mesh.middle());
         group.bench_function(BenchmarkId::new("abvh", threads), |b| {
             b.iter(|| tracer.refit());

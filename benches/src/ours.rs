@@ -2,7 +2,7 @@
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
-use bvh_build::{BinaryTree, Boxes, Builder, Cancel};
+use bvh_build::{BinaryTree, BlockSize, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
@@ -45,8 +45,10 @@ impl Ours {
         &self.record
     }
 
-    /// The record with its eight-wide form, as a builder hands it to layout `fast`, in the caller's pool. Leaves no record behind.
-    pub fn take_record_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
+    /// Builds a tree for layout `fast`: a record with its eight-wide form, in the caller's pool. Leaves no record behind.
+    pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
+        self.builder.block_size = BlockSize::Eight;
+        self.make(mesh, positions);
         let boxes = (&*mesh.animation, positions);
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
@@ -81,11 +83,9 @@ impl Tracer {
 
     /// Likewise, with a fresh tree.
     pub fn ready(mesh: &Mesh, method: Method, threads: usize) -> Self {
-        let pool = pool(threads);
-        let mut ours = built(mesh, &pool);
-        let positions = mesh.positions(mesh.start());
+        let (pool, positions) = (pool(threads), mesh.positions(mesh.start()));
         let mut tracer = Self::new(mesh, method, threads);
-        tracer.adopt(&pool.install(|| ours.take_record_with_blocks(mesh, &positions)));
+        tracer.adopt(&pool.install(|| Ours::default().make_with_blocks(mesh, &positions)));
         tracer.refit();
         tracer
     }

@@ -57,10 +57,7 @@ fn traceable<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Conten
     let mut ours = Ours::default();
     let mut tracer = Tracer::new(mesh, METHOD, threads);
     Contender::new("abvh, build to rays", threads, move || {
-        let record = pool.install(|| {
-            ours.make(mesh, &positions);
-            ours.take_record_with_blocks(mesh, &positions)
-        });
+        let record = pool.install(|| ours.make_with_blocks(mesh, &positions));
         tracer.adopt(&record);
         tracer.refit();
         0

@@ -3,7 +3,7 @@
 use crate::gather::gather;
 use crate::node::{self, BuildTask, Node};
 use crate::prim::Prim;
-use crate::{BinaryTree, Boxes};
+use crate::{BinaryTree, BlockSize, Boxes};
 use geom::Point;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -51,6 +51,8 @@ pub struct Builder {
     /// [`crate::order_toward`], which costs nothing here. So rays to that point find sooner what blocks them. The trees
     /// are the same otherwise.
     pub toward: Option<Point>,
+    /// What the heuristic takes a leaf to be. Trees have one triangle a leaf all the same.
+    pub block_size: BlockSize,
 }
 
 impl Builder {
@@ -67,13 +69,13 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        self.build_below(0, boxes, cancel, tree)
+        self.build_below((0, self.block_size), boxes, cancel, tree)
     }
 
     /// Likewise, as if the root lay at `depth`: so many levels fewer.
     pub(crate) fn build_below<B: Boxes + ?Sized>(
         &mut self,
-        depth: u32,
+        (depth, block_size): (u32, BlockSize),
         boxes: &B,
         cancel: &Cancel,
         tree: &mut BinaryTree,
@@ -98,7 +100,12 @@ impl Builder {
                 depth,
             };
             let toward = self.toward.map(|point| point.map(|x| x * factor));
-            node::build(root, BuildTask { cancel, toward })
+            let task = BuildTask {
+                cancel,
+                toward,
+                block_size,
+            };
+            node::build(root, task)
         })
     }
 }

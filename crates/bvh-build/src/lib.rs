@@ -19,6 +19,7 @@ mod temporal;
 mod tiny;
 mod tree;
 
+pub use bins::BlockSize;
 pub use builder::{BuildError, Builder, Cancel};
 pub use cost::sah_cost;
 pub use gather::Boxes;

@@ -1,6 +1,6 @@
 //! The recursion: one node, its plane, its two children.
 
-use crate::bins::{Bins, CHUNK, Counts, Grid, Plane};
+use crate::bins::{Bins, BlockSize, CHUNK, Counts, Grid, Plane};
 use crate::occluder_first::reach;
 use crate::prim::{Bounds, Extents, Prim};
 use crate::tree::SubtreeSlot;
@@ -40,6 +40,7 @@ pub(crate) struct BuildTask<'a> {
     pub(crate) cancel: &'a Cancel,
     /// Where rays go for which the order of children counts.
     pub(crate) toward: Option<Point>,
+    pub(crate) block_size: BlockSize,
 }
 
 impl BuildTask<'_> {
@@ -78,7 +79,7 @@ pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildErro
 fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
-        small::build(node.prims, node.slot, node.depth, task.toward);
+        small::build(node.prims, node.slot, node.depth, task);
         return Ok(());
     }
     if leaves > PARALLEL_CHILDREN && task.cancel.is_cancelled() {
@@ -94,14 +95,14 @@ fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> 
 }
 
 fn divide<'a>(node: Node<'a>, task: BuildTask<'_>) -> [Node<'a>; 2] {
-    match find_split(&node) {
+    match find_split(&node, task.block_size) {
         Some(split) => divide_by(node, &split, task.right_first(split.boxes)),
         None => halve(node),
     }
 }
 
 /// The best plane, unless it would make a child too large for the levels that are left.
-fn find_split(node: &Node<'_>) -> Option<Split> {
+fn find_split(node: &Node<'_>, block_size: BlockSize) -> Option<Split> {
     let n = node.prims.len();
     let grid = Grid::new(&node.extents.centers, n);
     let mut chunks = Vec::new();
@@ -112,7 +113,7 @@ fn find_split(node: &Node<'_>) -> Option<Split> {
     } else {
         bins.add(node.prims, &grid);
     }
-    let plane = bins.best_plane(&node.extents.boxes, &grid)?;
+    let plane = bins.best_plane(&node.extents.boxes, &grid, block_size)?;
     let left = plane.left_of(&bins.counts);
     fits(left.max(n - left), node.depth + 1).then(|| Split {
         plane,
@@ -249,7 +250,9 @@ mod tests {
         let mut counts = vec![Bins::NO_COUNTS; n.div_ceil(CHUNK)];
         let mut bins = Bins::EMPTY;
         bins.add_parallel(&prims, &grid, &mut counts);
-        let plane = bins.best_plane(&extents.boxes, &grid).unwrap();
+        let plane = bins
+            .best_plane(&extents.boxes, &grid, BlockSize::One)
+            .unwrap();
         let left = plane.left_of(&bins.counts);
         assert!(left > 0 && left < n);
         let mut moved = vec![Prim::default(); n];

@@ -1,7 +1,7 @@
 //! Subtrees of few triangles: every plane between two neighbours along an axis is weighed (a full sweep).
 
-use crate::bins::{cuts, least_axis};
-use crate::node::fits;
+use crate::bins::{BlockSize, cuts, least_axis};
+use crate::node::{BuildTask, fits};
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
 use crate::tree::SubtreeSlot;
@@ -19,21 +19,22 @@ struct Sorted {
     prims: [Prim; MOST],
     order: [[u8; MOST]; 3],
     toward: Option<Point>,
+    block_size: BlockSize,
 }
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth, for rays that end at a point.
 #[inline(never)]
-pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32, toward: Option<Point>) {
+pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32, task: BuildTask<'_>) {
     if prims.len() <= tiny::MOST {
         return tiny::build(prims, slot, depth);
     }
-    let mut sorted = Sorted::new(prims, toward);
+    let mut sorted = Sorted::new(prims, task);
     sorted.build([0, prims.len()], slot, depth);
 }
 
 impl Sorted {
     #[inline(never)]
-    fn new(from: &[Prim], toward: Option<Point>) -> Self {
+    fn new(from: &[Prim], task: BuildTask<'_>) -> Self {
         let mut prims = [Prim::default(); MOST];
         let mut centers = [[f32::INFINITY; MOST]; 3];
         for (i, prim) in from.iter().enumerate() {
@@ -47,7 +48,8 @@ impl Sorted {
         Self {
             prims,
             order: centers.map(|c| sort(&c, n)),
-            toward,
+            toward: task.toward,
+            block_size: task.block_size,
         }
     }
 
@@ -105,7 +107,13 @@ impl Sorted {
                 Vec4::ONE,
             )
         };
-        let (costs, best, best_left) = cuts::<MOST>(end - start, column, Ruler::new(&node));
+        // Within a block, there is nothing else to go by.
+        let block_size = match end - start <= self.block_size.triangles() {
+            true => BlockSize::One,
+            false => self.block_size,
+        };
+        let measure = (Ruler::new(&node), block_size);
+        let (costs, best, best_left) = cuts::<MOST>(end - start, column, measure);
         let axis = least_axis(best).unwrap_or(0);
         let half = (end - start) / 2;
         if costs[half % MOST][axis] <= best[axis] * NEARLY {
@@ -154,6 +162,7 @@ fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Cancel;
     use crate::builder::tests::sized;
     use geom::Aabb;
     use proptest::prelude::*;
@@ -175,16 +184,22 @@ mod tests {
         #[test]
         fn the_cut_is_the_cheapest_between_neighbours(
             corners in prop::collection::vec(prop::array::uniform6(0_u8..50), 5..=MOST),
+            block_size in prop::sample::select(vec![BlockSize::One, BlockSize::Eight]),
         ) {
             let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
-            let sorted = Sorted::new(&prims, None);
+            let task = BuildTask { cancel: &Cancel::new(), toward: None, block_size };
+            let sorted = Sorted::new(&prims, task);
             let n = prims.len();
+            let blocks = |triangles: usize| match n <= block_size.triangles() {
+                true => triangles as f64,
+                false => triangles.div_ceil(block_size.triangles()) as f64,
+            };
             let cost = |axis: usize, left: usize| {
                 let area = |places: std::ops::Range<usize>| {
                     let boxes = places.map(|place| sorted.at(axis, place).bounds.aabb());
                     boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
                 };
-                area(0..left) * left as f64 + area(left..n) * (n - left) as f64
+                area(0..left) * blocks(left) + area(left..n) * blocks(n - left)
             };
             let all = (0..3).flat_map(|axis| (1..n).map(move |left| (axis, left)));
             let best = all.map(|(axis, left)| cost(axis, left)).fold(f64::MAX, f64::min);

@@ -9,7 +9,9 @@
 mod groups;
 
 use crate::tree::SubtreeSlot;
-use crate::{BinaryTree, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost};
+use crate::{
+    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost,
+};
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
 
@@ -54,7 +56,12 @@ impl SubtreeRebuilder {
     ) -> Result<Costs, BuildError> {
         tree.fill(cancel, |tree| {
             let areas = self.groups.find(last, boxes);
-            builder.build_below(LEVELS, &self.groups.boxes[..], cancel, &mut self.above)?;
+            builder.build_below(
+                (LEVELS, BlockSize::One),
+                &self.groups.boxes[..],
+                cancel,
+                &mut self.above,
+            )?;
             self.count();
             let slot = tree.slot(last.leaf_count());
             if let Some(root) = self.above.root() {

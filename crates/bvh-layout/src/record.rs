@@ -251,7 +251,9 @@ impl Topology {
         leaf: impl Fn(u32) -> T + Sync,
         join: impl Fn(T, T) -> T + Sync,
     ) -> Vec<T> {
-        let mut all = vec![none; self.leaf_count().saturating_sub(1)];
+        let mut all = Vec::new();
+        let inner = self.leaf_count().saturating_sub(1);
+        rayon::iter::repeat_n(none, inner).collect_into_vec(&mut all);
         let ranks = self.ranks();
         let levels: Vec<_> = self.levels().collect();
         for level in levels.iter().rev() {
@@ -277,6 +279,12 @@ pub struct NodeRank(u32);
 
 impl NodeRank {
     const LEAF: u32 = 1 << 31;
+
+    /// The inner node of that rank.
+    #[inline]
+    pub(crate) fn inner(rank: usize) -> Self {
+        Self(rank as u32)
+    }
 
     /// A leaf's rank; `None` for an inner node.
     #[inline]

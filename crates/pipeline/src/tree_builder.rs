@@ -7,7 +7,7 @@ mod moments;
 use crate::builder_thread::{BuildInput, Job};
 use backend::Snapshot;
 use bvh_build::{
-    BinaryTree, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
+    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
 };
 use bvh_layout::{Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
@@ -96,10 +96,14 @@ const ROUNDING: f64 = 1e-9;
 impl TreeBuilder {
     /// One whose records carry these forms too.
     pub(crate) fn with_forms(forms: Forms) -> Self {
-        Self {
+        let mut made = Self {
             forms,
             ..Self::default()
+        };
+        if forms.blocks {
+            made.builder.block_size = BlockSize::Eight;
         }
+        made
     }
 
     /// Takes an old record's memory for the next one.

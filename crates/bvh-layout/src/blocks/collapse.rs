@@ -1,51 +1,40 @@
 //! Binary record in, shape of the wide tree out: in parallel, level by level.
 
-use super::{Block, BlockTree, First, LANES, Link, Ranges, WideNode};
-use crate::{NodeRank, NodeRanks, Topology};
+use super::costs::WeighedTree;
+use super::{Block, BlockTree, First, LANES, Link, RUN, Ranges, WideNode};
+use crate::{NodeRank, Topology};
 use geom::Aabb;
 use rayon::prelude::*;
-
-/// Wide nodes or blocks that one task handles.
-const RUN: usize = 2048;
 
 impl BlockTree {
     /// Of a record, in the rayon pool that the caller installed; `triangles` are the scene's, three vertices each.
     ///
-    /// With a box for each triangle in `boxes`, the subtree of the largest area is opened first, else (if there are
-    /// none) the one of most triangles. `first` says which of two is asked first where any hit will do.
+    /// With a box for each triangle, areas of all nodes and blocks add up to the least that can be, else (if there are
+    /// none) their triangles do. And which of two is asked first where any hit will do.
     ///
     /// # Panics
     /// If the record is not one of these triangles.
     #[must_use]
-    pub fn of(tree: &Topology, triangles: &[[u32; 3]], (boxes, first): (&[Aabb], First)) -> Self {
-        let sizes = tree.bottom_up(0_u32, |_| 1, |a, b| a + b);
-        let areas = areas(tree, boxes);
-        let shape = SizedTree {
-            sizes: &sizes,
-            areas: areas.as_deref(),
-            ranks: tree.ranks(),
-            first,
-        };
-        let (mut all, roots) = Self::nodes_of(shape, tree.leaf_count() == 0);
+    pub fn of(tree: &Topology, triangles: &[[u32; 3]], with: (&[Aabb], First)) -> Self {
+        let weighed = &WeighedTree::of(tree, with);
+        let (mut all, roots) =
+            Self::nodes_of(weighed, (tree.leaf_count() > 0).then(|| tree.ranks().of(0)));
         let leaves = tree.leaf_triangles();
         roots
             .into_par_iter()
             .with_min_len(RUN / 8)
-            .map(|root| of_leaves(&shape.open_block(root), leaves, triangles))
+            .map(|root| of_leaves(&weighed.open_block(root), leaves, triangles))
             .collect_into_vec(&mut all.blocks);
         all
     }
 
     /// All nodes, and the binary nodes that the blocks are to stand for.
-    fn nodes_of(shape: SizedTree<'_>, is_empty: bool) -> (Self, Vec<NodeRank>) {
+    fn nodes_of(tree: &WeighedTree<'_>, root: Option<NodeRank>) -> (Self, Vec<NodeRank>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
-        let mut level = Vec::new();
-        if !is_empty {
-            level.push(shape.ranks.of(0));
-        }
+        let mut level = Vec::from_iter(root);
         while !level.is_empty() {
-            level = all.add_level(shape, &level, &mut roots);
+            level = all.add_level(tree, &level, &mut roots);
         }
         if all.nodes.is_empty() {
             all.nodes.push(WideNode::EMPTY);
@@ -61,12 +50,12 @@ impl BlockTree {
     /// Makes the nodes of one level, and tells the binary nodes of the next.
     fn add_level(
         &mut self,
-        shape: SizedTree<'_>,
+        tree: &WeighedTree<'_>,
         level: &[NodeRank],
         roots: &mut Vec<NodeRank>,
     ) -> Vec<NodeRank> {
         let opened = level.par_iter().with_min_len(RUN / 8);
-        let opened: Vec<Opened> = opened.map(|&root| shape.open_node(root)).collect();
+        let opened: Vec<Opened> = opened.map(|&root| tree.open_node(root)).collect();
         let (start, end) = (self.nodes.len(), self.nodes.len() + opened.len());
         let mut next = Vec::new();
         for opened in &opened {
@@ -74,7 +63,7 @@ impl BlockTree {
             self.first_children.push((end + next.len()) as u32);
             let mut links = [Link::ROOT; LANES];
             for (link, &lane) in links.iter_mut().zip(opened.lanes()) {
-                if shape.size(lane) as usize <= LANES {
+                if tree.size(lane) as usize <= LANES {
                     *link = Link::block(roots.len());
                     roots.push(lane);
                 } else {
@@ -88,18 +77,6 @@ impl BlockTree {
         self.levels.push(start..end);
         next
     }
-}
-
-/// Half areas of all inner nodes, if there is a box for each triangle.
-fn areas(tree: &Topology, boxes: &[Aabb]) -> Option<Vec<f32>> {
-    if boxes.len() != tree.triangle_count() {
-        return None;
-    }
-    let triangles = tree.leaf_triangles();
-    let leaf = |rank: u32| boxes[triangles[rank as usize] as usize];
-    let inner = tree.bottom_up(Aabb::EMPTY, leaf, Aabb::union);
-    let areas = inner.par_iter().with_min_len(RUN);
-    Some(areas.map(|b| b.half_area() as f32).collect())
 }
 
 fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) -> Block {
@@ -164,59 +141,34 @@ impl Opened {
     }
 }
 
-/// A binary record with the size of each subtree.
-#[derive(Clone, Copy)]
-struct SizedTree<'a> {
-    ranks: NodeRanks<'a>,
-    sizes: &'a [u32],
-    /// Half areas of inner nodes, if boxes are known.
-    areas: Option<&'a [f32]>,
-    first: First,
-}
-
-impl SizedTree<'_> {
-    #[inline]
-    fn size(&self, node: NodeRank) -> u32 {
-        match node.leaf() {
-            Some(_) => 1,
-            None => self.sizes[node.rank() as usize],
-        }
-    }
-
-    /// The subtrees of one node: the largest is opened until there are enough.
+impl WeighedTree<'_> {
+    /// The subtrees of one node.
     fn open_node(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);
-        while opened.count < LANES {
-            let lanes = opened.lanes().iter().enumerate();
-            let large = lanes.filter(|(_, node)| self.size(**node) as usize > LANES);
-            let Some((largest, _)) =
-                large.max_by(|a, b| self.extent(*a.1).total_cmp(&self.extent(*b.1)))
-            else {
-                break;
-            };
-            opened.open(largest, self.first_last(opened.lanes[largest]));
+        if self.size(root) as usize > LANES {
+            self.open(&mut opened, 0, LANES);
         }
         opened
     }
 
-    /// The children of an inner node, that which is asked first in the later lane.
-    fn first_last(&self, inner: NodeRank) -> [NodeRank; 2] {
-        let [left, right] = self.ranks.children(inner);
-        // A leaf's area is not at hand: none is less than any.
-        match self.first == First::Larger && self.area(left) < self.area(right) {
-            true => [left, right],
-            false => [right, left],
+    /// Puts the cheapest so many subtrees in the place of the one in `lane`.
+    fn open(&self, opened: &mut Opened, lane: usize, lanes: usize) {
+        let children = self.first_last(opened.lanes[lane]);
+        let [a, b] = children.map(|child| self.costs(child));
+        let cost = |share: &usize| a[share - 1] + b[lanes - share - 1];
+        let least = (1..lanes).min_by(|x, y| cost(x).total_cmp(&cost(y)));
+        let share = least.unwrap_or(1);
+        opened.open(lane, children);
+        // The later one first, while the other still lies where it did.
+        for (lane, costs, share) in [(lane + 1, b, lanes - share), (lane, a, share)] {
+            let enough = costs[..share]
+                .iter()
+                .position(|&cost| cost <= costs[share - 1]);
+            match enough {
+                Some(0) | None => {}
+                Some(less) => self.open(opened, lane, less + 1),
+            }
         }
-    }
-
-    fn area(&self, node: NodeRank) -> Option<f32> {
-        let areas = self.areas?;
-        node.leaf().is_none().then(|| areas[node.rank() as usize])
-    }
-
-    /// What subtrees are compared by: their area, else their leaves.
-    fn extent(&self, node: NodeRank) -> f32 {
-        self.area(node).unwrap_or_else(|| self.size(node) as f32)
     }
 
     /// The leaves of one block.
@@ -227,7 +179,7 @@ impl SizedTree<'_> {
             if opened.lanes[lane].leaf().is_some() {
                 lane += 1;
             } else {
-                opened.open(lane, self.ranks.children(opened.lanes[lane]));
+                opened.open(lane, self.children(opened.lanes[lane]));
             }
         }
         opened

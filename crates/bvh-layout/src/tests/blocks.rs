@@ -2,7 +2,8 @@
 
 use super::{random_tree, record, scene, shapes};
 use crate::{Block, BlockTree, First, LANES, Link};
-use bvh_build::BinaryTree;
+use bvh_build::{BinaryTree, Subtree};
+use geom::Aabb;
 
 /// Every triangle's own corners, so that vertices tell whose they are.
 fn triangles(n: usize) -> Vec<[u32; 3]> {
@@ -85,8 +86,8 @@ fn full_subtrees_make_full_nodes() {
 }
 
 /// Equal boxes, but for that of one large triangle.
-fn boxes(n: usize, large: u32) -> Vec<geom::Aabb> {
-    let bounds = |t| geom::Aabb {
+fn boxes(n: usize, large: u32) -> Vec<Aabb> {
+    let bounds = |t| Aabb {
         min: [0.0; 3],
         max: [if t == large { 100.0 } else { 1.0 }; 3],
     };
@@ -94,7 +95,7 @@ fn boxes(n: usize, large: u32) -> Vec<geom::Aabb> {
 }
 
 #[test]
-fn the_subtree_of_the_largest_area_is_opened_first() {
+fn a_large_triangle_lies_higher_where_areas_are_known() {
     // All subtrees are alike but those above one large triangle.
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
@@ -136,5 +137,91 @@ fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
             let asked = asked_first(&wide).triangles;
             assert!(asked.contains(&found), "{large} {first:?}");
         }
+    }
+}
+
+/// The box of what lies below a link, and the areas of all nodes and blocks there.
+fn areas_below(wide: &BlockTree, link: Link, boxes: &[Aabb]) -> (Aabb, f64) {
+    let (mut bounds, mut sum) = (Aabb::EMPTY, 0.0);
+    if link.is_block() {
+        let block = &wide.blocks[link.index()];
+        for &t in &block.triangles[..usize::from(block.count)] {
+            bounds = bounds.union(boxes[t as usize]);
+        }
+    } else {
+        let links = wide.nodes[link.index()].links;
+        for child in links.into_iter().filter(|&child| child != Link::ROOT) {
+            let (below, areas) = areas_below(wide, child, boxes);
+            bounds = bounds.union(below);
+            sum += areas;
+        }
+    }
+    (bounds, sum + bounds.half_area())
+}
+
+/// A binary tree with a box for each triangle, small enough to go through all its wide forms.
+struct AllForms<'a> {
+    tree: &'a BinaryTree,
+    boxes: &'a [Aabb],
+}
+
+impl AllForms<'_> {
+    /// The least areas of all nodes and blocks below a subtree and of itself.
+    fn least(&self, node: Subtree) -> f64 {
+        let triangles = self.tree.order()[node.first_leaf as usize..]
+            .iter()
+            .take(node.leaves as usize);
+        let bounds = triangles
+            .map(|&t| self.boxes[t as usize])
+            .fold(Aabb::EMPTY, Aabb::union);
+        let of_cut = |cut: Vec<Subtree>| cut.into_iter().map(|part| self.least(part)).sum();
+        let below = match node.leaves as usize <= LANES {
+            true => 0.0,
+            false => self
+                .cuts(node)
+                .into_iter()
+                .skip(1)
+                .map(of_cut)
+                .fold(f64::MAX, f64::min),
+        };
+        bounds.half_area() + below
+    }
+
+    /// All ways to part a subtree into at most eight, the first of which leaves it whole.
+    fn cuts(&self, node: Subtree) -> Vec<Vec<Subtree>> {
+        let mut all = vec![vec![node]];
+        if node.leaves as usize > LANES {
+            let [left, right] = self.tree.children(node).map(|child| self.cuts(child));
+            for left in left {
+                let joined = right.iter().map(|right| [&left[..], right].concat());
+                all.extend(joined.filter(|cut| cut.len() <= LANES));
+            }
+        }
+        all
+    }
+}
+
+#[test]
+fn no_other_nodes_over_the_same_blocks_have_less_area() {
+    for n in [9, 40, 100, 120] {
+        let tree = random_tree(n, n as u64);
+        let bounds = |t: usize| {
+            let min = [7, 31, 57].map(|step| (t * step % 101) as f32);
+            let max = [0, 1, 2].map(|axis| min[axis] + (t * (axis + 3) % 11).pow(2) as f32);
+            Aabb { min, max }
+        };
+        let boxes: Vec<_> = (0..scene(&tree)).map(bounds).collect();
+        let wide = BlockTree::of(
+            &record(&tree),
+            &triangles(boxes.len()),
+            (&boxes, First::Left),
+        );
+        let (_, found) = areas_below(&wide, Link::ROOT, &boxes);
+        let all = AllForms {
+            tree: &tree,
+            boxes: &boxes,
+        };
+        let least = all.least(tree.root().unwrap());
+        assert!((found / least - 1.0).abs() < 1e-5, "{n}: {found} {least}");
     }
 }
