@@ -6,7 +6,7 @@ use cpu_ref::pass::{SplitAt, Which, Window};
 use std::ops::Add;
 
 /// Nodes that one task handles.
-const RUN: usize = 64;
+const RUN: usize = 32;
 
 /// Neighbouring nodes of one level, with their blocks.
 pub(crate) struct LevelPart<'a> {

@@ -54,7 +54,7 @@ impl BlockTree {
         level: &[NodeRank],
         roots: &mut Vec<NodeRank>,
     ) -> Vec<NodeRank> {
-        let opened = level.par_iter().with_min_len(RUN / 8);
+        let opened = level.par_iter().with_min_len(RUN / 32);
         let opened: Vec<Opened> = opened.map(|&root| tree.open_node(root)).collect();
         let (start, end) = (self.nodes.len(), self.nodes.len() + opened.len());
         let mut next = Vec::new();

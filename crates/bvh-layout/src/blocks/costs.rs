@@ -51,7 +51,7 @@ impl<'a> WeighedTree<'a> {
         for level in levels.iter().rev() {
             let [start, end] = [level.start, level.end].map(|rank| rank as usize);
             let (upper, deeper) = all.split_at_mut(end);
-            let costs = upper[start..].par_iter_mut().with_min_len(RUN);
+            let costs = upper[start..].par_iter_mut().with_min_len(RUN / 4);
             costs.zip(start..end).for_each(|(to, rank)| {
                 let node = NodeRank::inner(rank);
                 if self.size(node) as usize > LANES {
