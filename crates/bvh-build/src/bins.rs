@@ -34,15 +34,6 @@ impl BlockSize {
             Self::Eight => 8,
         }
     }
-
-    /// Blocks for so many triangles.
-    #[inline(always)]
-    fn blocks(self, triangles: Vec4) -> Vec4 {
-        match self {
-            Self::One => triangles,
-            Self::Eight => (triangles / 8.0).ceil(),
-        }
-    }
 }
 
 /// Triangles of each bin, axis by axis.
@@ -219,13 +210,32 @@ pub(crate) fn cuts<const N: usize>(
     column: impl Fn(usize) -> ([Bounds; 3], Vec4),
     (ruler, block_size): (Ruler, BlockSize),
 ) -> ([Vec4; N], Vec4, Vec4) {
+    match block_size {
+        BlockSize::One => cuts_by(n, column, ruler, |triangles| triangles),
+        BlockSize::Eight => cuts_by(n, column, ruler, eights),
+    }
+}
+
+/// So many eighths, rounded up: to the nearest whole number, once 7/16 are added.
+#[inline(always)]
+fn eights(triangles: Vec4) -> Vec4 {
+    let round = Vec4::splat(Grid::ROUND);
+    (triangles / 8.0 + Vec4::splat(7.0 / 16.0) + round) - round
+}
+
+#[inline(always)]
+fn cuts_by<const N: usize>(
+    n: usize,
+    column: impl Fn(usize) -> ([Bounds; 3], Vec4),
+    ruler: Ruler,
+    blocks: impl Fn(Vec4) -> Vec4,
+) -> ([Vec4; N], Vec4, Vec4) {
     let add = |(boxes, count): &mut ([Bounds; 3], Vec4),
                (other, its_count): ([Bounds; 3], Vec4)| {
         boxes.iter_mut().zip(other).for_each(|(b, c)| b.grow(&c));
         *count += its_count;
     };
-    let cost_of =
-        |(boxes, count): &([Bounds; 3], Vec4)| ruler.half_areas(boxes) * block_size.blocks(*count);
+    let cost_of = |(boxes, count): &([Bounds; 3], Vec4)| ruler.half_areas(boxes) * blocks(*count);
     let mut costs = [Vec4::NAN; N];
     let none = ([Bounds::EMPTY; 3], Vec4::ZERO);
     let mut side = none;

@@ -155,9 +155,9 @@ impl WeighedTree<'_> {
     fn open(&self, opened: &mut Opened, lane: usize, lanes: usize) {
         let children = self.first_last(opened.lanes[lane]);
         let [a, b] = children.map(|child| self.costs(child));
-        let cost = |share: &usize| a[share - 1] + b[lanes - share - 1];
-        let least = (1..lanes).min_by(|x, y| cost(x).total_cmp(&cost(y)));
-        let share = least.unwrap_or(1);
+        let cost = |share: usize| a[share - 1] + b[lanes - share - 1];
+        let cheaper = |x, y| if cost(y) < cost(x) { y } else { x };
+        let share = (2..lanes).fold(1, cheaper);
         opened.open(lane, children);
         // The later one first, while the other still lies where it did.
         for (lane, costs, share) in [(lane + 1, b, lanes - share), (lane, a, share)] {

@@ -24,7 +24,8 @@ pub(super) struct WeighedTree<'a> {
     subtrees: Vec<Subtree>,
     /// Of each inner node that is too large for a block. The other entries mean nothing.
     large: Vec<Costs>,
-    has_areas: bool,
+    /// One over the root's half area, if boxes are known.
+    over_root: Option<f64>,
     first: First,
 }
 
@@ -32,11 +33,13 @@ impl<'a> WeighedTree<'a> {
     /// Areas are known if there is a box for each triangle.
     pub(super) fn of(tree: &'a Topology, (boxes, first): (&[Aabb], First)) -> Self {
         let boxes = Some(boxes).filter(|boxes| boxes.len() == tree.triangle_count());
+        let subtrees = subtrees(tree, boxes);
+        let root = subtrees.first().filter(|_| boxes.is_some());
         let mut weighed = Self {
             ranks: tree.ranks(),
-            subtrees: subtrees(tree, boxes),
+            over_root: root.map(|root| 1.0 / root.bounds.half_area().max(f64::MIN_POSITIVE)),
+            subtrees,
             large: Vec::new(),
-            has_areas: boxes.is_some(),
             first,
         };
         weighed.large = weighed.weigh(tree);
@@ -74,10 +77,10 @@ impl<'a> WeighedTree<'a> {
 
     /// An inner node's share of the root's area. Where that is not known, its leaves stand for it.
     fn area(&self, inner: NodeRank) -> f32 {
-        let half_area = |rank: u32| self.subtrees[rank as usize].bounds.half_area();
-        match self.has_areas {
-            true => (half_area(inner.rank()) / half_area(0).max(f64::MIN_POSITIVE)) as f32,
-            false => self.size(inner) as f32,
+        let subtree = &self.subtrees[inner.rank() as usize];
+        match self.over_root {
+            Some(over_root) => (subtree.bounds.half_area() * over_root) as f32,
+            None => subtree.leaves as f32,
         }
     }
 
@@ -109,7 +112,7 @@ impl<'a> WeighedTree<'a> {
             (Some(_), None) => true,
             (None, None) => self.area(left) < self.area(right),
         };
-        match self.first == First::Larger && self.has_areas && is_smaller() {
+        match self.first == First::Larger && self.over_root.is_some() && is_smaller() {
             true => [left, right],
             false => [right, left],
         }
