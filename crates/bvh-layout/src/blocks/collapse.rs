@@ -1,6 +1,6 @@
 //! Binary record in, shape of the wide tree out: in parallel, level by level.
 
-use super::costs::WeighedTree;
+use super::costs::CostedTree;
 use super::{Block, BlockTree, First, LANES, Link, RUN, Ranges, WideNode};
 use crate::{NodeRank, Topology};
 use geom::Aabb;
@@ -16,20 +16,20 @@ impl BlockTree {
     /// If the record is not one of these triangles.
     #[must_use]
     pub fn of(tree: &Topology, triangles: &[[u32; 3]], with: (&[Aabb], First)) -> Self {
-        let weighed = &WeighedTree::of(tree, with);
+        let costed = &CostedTree::of(tree, with);
         let (mut all, roots) =
-            Self::nodes_of(weighed, (tree.leaf_count() > 0).then(|| tree.ranks().of(0)));
+            Self::nodes_of(costed, (tree.leaf_count() > 0).then(|| tree.ranks().of(0)));
         let leaves = tree.leaf_triangles();
         roots
             .into_par_iter()
             .with_min_len(RUN / 8)
-            .map(|root| of_leaves(&weighed.open_block(root), leaves, triangles))
+            .map(|root| of_leaves(&costed.open_block(root), leaves, triangles))
             .collect_into_vec(&mut all.blocks);
         all
     }
 
     /// All nodes, and the binary nodes that the blocks are to stand for.
-    fn nodes_of(tree: &WeighedTree<'_>, root: Option<NodeRank>) -> (Self, Vec<NodeRank>) {
+    fn nodes_of(tree: &CostedTree<'_>, root: Option<NodeRank>) -> (Self, Vec<NodeRank>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
         let mut level = Vec::from_iter(root);
@@ -50,7 +50,7 @@ impl BlockTree {
     /// Makes the nodes of one level, and tells the binary nodes of the next.
     fn add_level(
         &mut self,
-        tree: &WeighedTree<'_>,
+        tree: &CostedTree<'_>,
         level: &[NodeRank],
         roots: &mut Vec<NodeRank>,
     ) -> Vec<NodeRank> {
@@ -141,7 +141,7 @@ impl Opened {
     }
 }
 
-impl WeighedTree<'_> {
+impl CostedTree<'_> {
     /// The subtrees of one node.
     fn open_node(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);

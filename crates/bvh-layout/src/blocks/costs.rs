@@ -18,7 +18,7 @@ struct Subtree {
 pub(super) type Costs = [f32; LANES - 1];
 
 /// A binary record, and what its subtrees cost as wide ones.
-pub(super) struct WeighedTree<'a> {
+pub(super) struct CostedTree<'a> {
     ranks: NodeRanks<'a>,
     /// All inner nodes.
     subtrees: Vec<Subtree>,
@@ -29,26 +29,26 @@ pub(super) struct WeighedTree<'a> {
     first: First,
 }
 
-impl<'a> WeighedTree<'a> {
+impl<'a> CostedTree<'a> {
     /// Areas are known if there is a box for each triangle.
     pub(super) fn of(tree: &'a Topology, (boxes, first): (&[Aabb], First)) -> Self {
         let boxes = Some(boxes).filter(|boxes| boxes.len() == tree.triangle_count());
         let subtrees = subtrees(tree, boxes);
         let root = subtrees.first().filter(|_| boxes.is_some());
-        let mut weighed = Self {
+        let mut costed = Self {
             ranks: tree.ranks(),
             over_root: root.map(|root| 1.0 / root.bounds.half_area().max(f64::MIN_POSITIVE)),
             subtrees,
             large: Vec::new(),
             first,
         };
-        weighed.large = weighed.weigh(tree);
-        weighed
+        costed.large = costed.costs_of_large(tree);
+        costed
     }
 
     /// From the bottom up (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
     /// BVHs*, 2017).
-    fn weigh(&self, tree: &Topology) -> Vec<Costs> {
+    fn costs_of_large(&self, tree: &Topology) -> Vec<Costs> {
         let mut all = vec![[0.0; LANES - 1]; self.subtrees.len()];
         let levels: Vec<_> = tree.levels().collect();
         for level in levels.iter().rev() {
