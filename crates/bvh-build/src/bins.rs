@@ -17,7 +17,7 @@ const LEAST_BINS: usize = 8;
 /// Triangles that one task bins or moves at a time, whatever the number of threads.
 pub(crate) const CHUNK: usize = 8192;
 
-/// How many triangles a ray tests at once. The heuristic counts these (as Embree's `sahBlockSize` does).
+/// Triangles that a ray tests at once: the heuristic counts such blocks (Embree's `sahBlockSize`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BlockSize {
     /// Each on its own.

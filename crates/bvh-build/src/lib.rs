@@ -1,10 +1,10 @@
 //! Boxes in, binary tree out.
 //!
 //! Binned surface-area-heuristic builds (Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007)
-//! down to exactly one triangle a leaf. The tree depends on the boxes and the point that children are ordered toward,
-//! not on the number of threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work runs in the
-//! rayon pool that the caller installed. [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once,
-//! [`SubtreeRebuilder`] from an earlier tree.
+//! down to exactly one triangle a leaf. The tree depends on the boxes, the size of blocks and the point that children are
+//! ordered toward, not on the number of threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work
+//! runs in the rayon pool that the caller installed. [`Builder`] builds for one moment, [`TemporalBuilder`] for several at
+//! once, [`SubtreeRebuilder`] from an earlier tree.
 
 mod bins;
 mod builder;

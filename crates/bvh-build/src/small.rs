@@ -107,7 +107,7 @@ impl Sorted {
                 Vec4::ONE,
             )
         };
-        // Within a block, there is nothing else to go by.
+        // Within one block all cuts cost the same: triangles decide.
         let block_size = match end - start <= self.block_size.triangles() {
             true => BlockSize::One,
             false => self.block_size,

@@ -96,14 +96,15 @@ const ROUNDING: f64 = 1e-9;
 impl TreeBuilder {
     /// One whose records carry these forms too.
     pub(crate) fn with_forms(forms: Forms) -> Self {
-        let mut made = Self {
+        let mut builder = Builder::default();
+        if forms.blocks {
+            builder.block_size = BlockSize::Eight;
+        }
+        Self {
+            builder,
             forms,
             ..Self::default()
-        };
-        if forms.blocks {
-            made.builder.block_size = BlockSize::Eight;
         }
-        made
     }
 
     /// Takes an old record's memory for the next one.

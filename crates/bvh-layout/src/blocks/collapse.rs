@@ -9,8 +9,8 @@ use rayon::prelude::*;
 impl BlockTree {
     /// Of a record, in the rayon pool that the caller installed; `triangles` are the scene's, three vertices each.
     ///
-    /// With a box for each triangle, areas of all nodes and blocks add up to the least that can be, else (if there are
-    /// none) their triangles do. And which of two is asked first where any hit will do.
+    /// `with` is a box for each triangle, or none, and which of two subtrees a search asks first that any hit ends. Areas of
+    /// all nodes add up to the least that can be; without boxes, their triangles do.
     ///
     /// # Panics
     /// If the record is not one of these triangles.

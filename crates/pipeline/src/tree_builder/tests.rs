@@ -338,3 +338,22 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
         assert!(**tree.blocks().unwrap() == of(first), "{first:?}");
     }
 }
+
+#[test]
+fn blocks_are_fuller_where_they_are_asked_for() {
+    let corner = |i: u32| {
+        let [x, y, z] = [7919, 6007, 4001].map(|step| (i * step % 1009) as f32);
+        [[x, y, z], [x + 3.0, y, z], [x, y + 3.0, z]]
+    };
+    let vertices = (0..3000).flat_map(corner).collect();
+    let a = Animation::new(vec![vertices], apart(3000)).unwrap();
+    let blocks = |asked| {
+        let mut builder = TreeBuilder::with_forms(forms([false, asked]));
+        let from = (Vertices::KeyFrames(a.pose(0.0)), None);
+        let tree = builder.build(&a, from, &Cancel::new()).unwrap().topology;
+        let with = (&builder.boxes[..], First::Larger);
+        BlockTree::of(&tree, a.triangles(), with).blocks.len()
+    };
+    let (asked, others) = (blocks(true), blocks(false));
+    assert!(20 * asked < 19 * others, "{asked} {others}");
+}
