@@ -253,8 +253,8 @@ impl Topology {
     ) -> Vec<T> {
         let mut all = Vec::new();
         let inner = self.leaf_count().saturating_sub(1);
-        let none = rayon::iter::repeat_n(none, inner).with_min_len(32 * RUN);
-        none.collect_into_vec(&mut all);
+        let unset = rayon::iter::repeat_n(none, inner).with_min_len(32 * RUN);
+        unset.collect_into_vec(&mut all);
         let ranks = self.ranks();
         let levels: Vec<_> = self.levels().collect();
         for level in levels.iter().rev() {

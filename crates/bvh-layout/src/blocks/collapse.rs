@@ -164,9 +164,8 @@ impl CostedTree<'_> {
             let enough = costs[..share]
                 .iter()
                 .position(|&cost| cost <= costs[share - 1]);
-            match enough {
-                Some(0) | None => {}
-                Some(less) => self.open(opened, lane, less + 1),
+            if let Some(less @ 1..) = enough {
+                self.open(opened, lane, less + 1);
             }
         }
     }

@@ -106,13 +106,10 @@ impl<'a> CostedTree<'a> {
     /// Likewise, that which is asked first in the later lane.
     pub(super) fn first_last(&self, inner: NodeRank) -> [NodeRank; 2] {
         let [left, right] = self.children(inner);
-        let is_smaller = || match (left.leaf(), right.leaf()) {
-            // A leaf's area is not at hand.
-            (_, Some(_)) => false,
-            (Some(_), None) => true,
-            (None, None) => self.area(left) < self.area(right),
-        };
-        match self.first == First::Larger && self.over_root.is_some() && is_smaller() {
+        // A leaf's area is not at hand: none is less than any.
+        let known = |child: NodeRank| child.leaf().is_none().then(|| self.area(child));
+        let has_order = self.first == First::Larger && self.over_root.is_some();
+        match has_order && known(left) < known(right) {
             true => [left, right],
             false => [right, left],
         }

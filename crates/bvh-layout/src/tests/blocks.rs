@@ -168,23 +168,16 @@ struct AllForms<'a> {
 impl AllForms<'_> {
     /// The least areas of all nodes and blocks below a subtree and of itself.
     fn least(&self, node: Subtree) -> f64 {
-        let triangles = self.tree.order()[node.first_leaf as usize..]
-            .iter()
-            .take(node.leaves as usize);
-        let bounds = triangles
-            .map(|&t| self.boxes[t as usize])
-            .fold(Aabb::EMPTY, Aabb::union);
+        let leaves = node.leaves as usize;
+        let triangles = &self.tree.order()[node.first_leaf as usize..][..leaves];
+        let boxes = triangles.iter().map(|&t| self.boxes[t as usize]);
+        let own = boxes.fold(Aabb::EMPTY, Aabb::union).half_area();
+        if leaves <= LANES {
+            return own;
+        }
         let of_cut = |cut: Vec<Subtree>| cut.into_iter().map(|part| self.least(part)).sum();
-        let below = match node.leaves as usize <= LANES {
-            true => 0.0,
-            false => self
-                .cuts(node)
-                .into_iter()
-                .skip(1)
-                .map(of_cut)
-                .fold(f64::MAX, f64::min),
-        };
-        bounds.half_area() + below
+        let opened = self.cuts(node).into_iter().skip(1).map(of_cut);
+        own + opened.fold(f64::MAX, f64::min)
     }
 
     /// All ways to part a subtree into at most eight, the first of which leaves it whole.
