@@ -106,7 +106,7 @@ impl Player {
         if let (Kind::OnDevice, Some((_, frames))) = (kind, &streamed) {
             let own = own_device(&scene, (SIZE[0] * SIZE[1]) as usize);
             let buffer = |points: &Vec<Point>| {
-                let usage = wgpu::BufferUsages::COPY_SRC;
+                let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::STORAGE;
                 filled_buffer(&own, bytemuck::cast_slice(points), usage)
             };
             buffers = frames.iter().map(buffer).collect();

@@ -41,9 +41,9 @@ pub enum Source<'a> {
     /// Memory of the host, read before the call returns.
     Host(&'a [Point]),
     /// A buffer on a wgpu device of the program's own ([`crate::own_device`]): three floats a vertex, one after another. It
-    /// needs the usage `COPY_SRC`, and is read in the order of the queue when the step's first query is traced. No host sees
-    /// these vertices, so those of two steps are read back for each tree, which is built for where they are going. wgpu mistakes
-    /// a buffer of another instance's for one of this.
+    /// needs the usage `COPY_SRC`, and is read in the order of the queue when the step's first query is traced: in less time
+    /// where it has the usage `STORAGE`, too. No host sees these vertices, so those of two steps are read back for each tree,
+    /// which is built for where they are going. wgpu mistakes a buffer of another instance's for one of this.
     #[cfg(feature = "wgpu")]
     Wgpu(wgpu::BufferSlice<'a>),
     /// A buffer that is shared with another interface to the GPU ([`crate::external_memory`]): three floats a vertex, one after

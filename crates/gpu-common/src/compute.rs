@@ -10,7 +10,7 @@ use backend::{
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
-use geom::{Animation, PointBuffer, Pose};
+use geom::{Animation, PointBuffer, Pose, Range};
 use shaders::rebuild::{self, instead_of};
 use shaders::work::{self, Progress};
 use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
@@ -24,8 +24,8 @@ pub struct ComputeBackend<D: GpuDevice> {
     method: Method,
     /// Which parts of the tree in use stand.
     progress: Progress,
-    /// Whether the device knows how far the coordinates reach of the key frame that arrived last.
-    measured: bool,
+    /// How far the coordinates of the moment reach; `None` where only the device knows.
+    range: Option<Range>,
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {
@@ -52,7 +52,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             tree: None,
             method: Method::default(),
             progress: Progress::default(),
-            measured: false,
+            range: None,
         }
     }
 
@@ -80,7 +80,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let params = Params::of(scene.scale_exponent, &self.tree().shape);
         Params {
             alpha: pose.alpha,
-            ..params.at_range(scene.animation.known_range(pose))
+            ..params.at_range(self.range)
         }
     }
 
@@ -199,10 +199,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
+        let animation = &self.engine.scene().animation;
+        self.range = animation.known_range(pose);
+        let vertices = animation.vertex_count();
         let params = self.params_at(pose);
-        self.engine.interpolate(pose, params)?;
-        self.measured = false;
-        Ok(())
+        let measure = work::measure_range(self.method, params, vertices);
+        self.engine.interpolate(pose, params, measure)
     }
 
     fn preprocess(&mut self) -> Result<()> {

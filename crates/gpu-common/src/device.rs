@@ -68,6 +68,16 @@ pub struct LentRays<B> {
     pub answers: Option<B>,
 }
 
+/// Positions that the device's owner has there, on their way to a key frame: from a byte of a buffer to a byte of another.
+pub struct PointsCopy<B> {
+    /// Where they are.
+    pub from: (B, u64),
+    /// Where they belong.
+    pub to: (B, u64),
+    /// How much they take.
+    pub bytes: u64,
+}
+
 /// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
 ///
 /// Only `upload`, `end_read`, `finish`, `unload`, `wait_idle` and what hands out used buffers (`has_ended`, `staging`,
@@ -137,6 +147,11 @@ pub trait GpuDevice: Send + Sized + 'static {
 
     /// The rays that its owner told it of last, once.
     fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>>;
+
+    /// Positions that a kernel is to copy before key frames are read, once.
+    fn take_copies(&mut self) -> Vec<PointsCopy<Self::Buffer>> {
+        Vec::new()
+    }
 
     /// Buffers made so far, of any purpose.
     fn buffers_made(&self) -> u64;

@@ -121,18 +121,39 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records key frames to positions. `params` has the pose's weight.
-    pub fn interpolate(&mut self, pose: Pose, params: Params) -> Result<()> {
+    /// Records key frames to positions, after what is to look at the earlier one. `params` has the pose's weight.
+    pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
         self.pose = pose;
         let scene = self.scene.as_mut().expect("a scene was loaded");
         let last = self.frames.submitted;
         scene.keys.bring(gpu, (&scene.animation, pose), last)?;
+        self.copy_points()?;
+        let scene = self.scene();
         let (vertices, rows) = (scene.animation.vertex_count(), scene.moving_row_count);
-        let work = [work::interpolate(params, vertices, rows)];
-        self.run(Some(Stage::Interpolate), &work, |_| None)?;
+        let mut interpolate = work::interpolate(params, vertices, rows);
+        if let Some(measure) = measure {
+            self.run(None, &[measure], |_| None)?;
+            interpolate.alongside = true;
+        }
+        self.run(Some(Stage::Interpolate), &[interpolate], |_| None)?;
         self.stale = Stale::Records;
+        Ok(())
+    }
+
+    /// Records copies of what the device's owner has there.
+    fn copy_points(&mut self) -> Result<()> {
+        for copy in self.gpu.take_copies() {
+            let words = |bytes: u64| bytes as usize / 4;
+            let ((from, start), (to, place)) = (copy.from, copy.to);
+            let work = work::copy_points(words(copy.bytes), [start, place].map(words));
+            self.run(None, &[work], |name| match name {
+                BufferName::Lent => Some(&from),
+                BufferName::KeyFrame => Some(&to),
+                _ => None,
+            })?;
+        }
         Ok(())
     }
 

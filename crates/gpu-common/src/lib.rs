@@ -31,7 +31,9 @@ use buffers::BufferTable;
 pub use buffers::{refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
-pub use device::{Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, Validation};
+pub use device::{
+    Dispatch, Find, Finished, GpuDevice, GpuSlot, LentRays, Options, PointsCopy, Validation,
+};
 pub use engine::{Engine, Stale};
 pub use frames::{Frames, Slot};
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};

@@ -55,7 +55,7 @@ impl Backend for DriverTreeBackend {
             alpha: pose.alpha,
             ..self.params()
         };
-        self.engine.interpolate(pose, params)?;
+        self.engine.interpolate(pose, params, None)?;
         self.uncounted = false;
         Ok(())
     }

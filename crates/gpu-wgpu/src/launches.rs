@@ -157,14 +157,18 @@ impl Groups {
         pipeline: &Pipeline,
         find: impl Fn(BufferName) -> &'a Buffer,
     ) -> Result<BindGroup> {
-        let bindings = pipeline.kernel.bindings.iter();
-        let buffers: Vec<Buffer> = bindings.map(|b| find(b.name).clone()).collect();
+        let mut bindings = pipeline.kernel.bindings.iter();
+        let buffers: Vec<Buffer> = bindings.clone().map(|b| find(b.name).clone()).collect();
+        let is_lent = bindings.any(|b| b.name == BufferName::Lent);
         let key = (pipeline.kernel.name, buffers);
         if let Some(found) = self.made.get(&key) {
             return Ok(found.clone());
         }
         let group = bind(gpu, pipeline, &key.1)?;
-        self.made.insert(key, group.clone());
+        // Of the program's buffers each may be another.
+        if !is_lent {
+            self.made.insert(key, group.clone());
+        }
         Ok(group)
     }
 }

@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::wgpu_device::{WgpuBackend, WgpuDevice};
 use backend::Result;
 use geom::Point;
-use gpu_common::{LentRays, without};
+use gpu_common::{LentRays, PointsCopy, without};
 use shaders::Params;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -24,14 +24,7 @@ pub(crate) struct DevicePoints {
     /// The key frame that has all others.
     newest: Option<Buffer>,
     /// Copies that the next submission begins with.
-    copies: Vec<PointsCopy>,
-}
-
-/// From a place in a buffer to a place in another.
-struct PointsCopy {
-    from: (Buffer, u64),
-    to: (Buffer, u64),
-    bytes: u64,
+    copies: Vec<PointsCopy<Buffer>>,
 }
 
 impl DevicePoints {
@@ -67,6 +60,15 @@ impl DevicePoints {
             Some((_, place)) => Some(place.clone()),
             None => Some((self.newest.clone()?, run.start as u64 * POINT)),
         }
+    }
+
+    /// Those of the copies that a kernel can make, from buffers that it may bind: it takes half the time of a copy command.
+    pub(crate) fn take_copies(&mut self, largest: u64) -> Vec<PointsCopy<Buffer>> {
+        let is_bound = |copy: &mut PointsCopy<Buffer>| {
+            let from = &copy.from.0;
+            from.usage().contains(BufferUsages::STORAGE) && from.size() <= largest
+        };
+        self.copies.extract_if(.., is_bound).collect()
     }
 
     /// Writes the copies that are due.

@@ -14,7 +14,7 @@ use backend::{Arithmetic, Device, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
-    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options,
+    Clock, ComputeBackend, Finished, GpuDevice, KernelCode, LastUse, LentRays, Options, PointsCopy,
 };
 use shaders::{BufferName, Kernel, Packets, Params};
 use std::ops::Range;
@@ -128,6 +128,11 @@ impl GpuDevice for WgpuDevice {
 
     fn take_lent_rays(&mut self) -> Option<LentRays<Buffer>> {
         self.scene.rays.due.pop_front()
+    }
+
+    fn take_copies(&mut self) -> Vec<PointsCopy<Buffer>> {
+        let largest = self.gpu.limits.max_storage_buffer_binding_size;
+        self.scene.points.take_copies(largest)
     }
 
     fn buffers_made(&self) -> u64 {

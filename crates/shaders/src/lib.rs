@@ -93,6 +93,9 @@ backend::named! {
         /// The key frame before the moment, and the one after it.
         Earlier = "a key frame",
         Later = "a key frame",
+        /// What a key frame takes over from a buffer of the program's.
+        Lent = "lent positions",
+        KeyFrame = "a key frame",
         /// How far its coordinates reach, where the host did not look: wgsl/geometry/range.wgsl.
         Range = "a key frame's range",
         Positions = "positions",

@@ -6,7 +6,7 @@ mod rays;
 mod tree;
 mod treelets;
 
-pub use extremes::kernels_of_arriving_keys;
+pub use extremes::{kernels_of_arriving_keys, measure_range};
 pub use pictures::shade;
 pub use rays::{cleanse, count_answers, count_triangles, rays};
 pub(crate) use tree::sum;
@@ -134,6 +134,16 @@ pub fn interpolate(mut params: Params, vertices: usize, moving_rows: Option<usiz
     params.listed = moving_rows.is_some().into();
     let rows = moving_rows.unwrap_or((vertices * 3).div_ceil(4));
     Work::linear(common("interpolate"), params, rows as u32)
+}
+
+/// So many words of positions to a key frame, from a word of one buffer on to a word of the other.
+pub fn copy_points(count: usize, [from, to]: [usize; 2]) -> Work {
+    let params = Params {
+        first: from as u32,
+        destination: to as u32,
+        ..Params::default()
+    };
+    Work::linear(common("copy_points"), params, count as u32)
 }
 
 /// What a trace dispatches.

@@ -49,7 +49,8 @@ impl Encoded {
     /// A camera and its rays, of sheets at such heights: one of them is there only when the commands are carried out.
     fn encode(&mut self, [on_device, on_host]: [f32; 2]) -> Step {
         let mut commands = self.commands();
-        let from = self.own.buffer(&sheet(on_device), BufferUsages::COPY_SRC);
+        let usage = BufferUsages::COPY_SRC | BufferUsages::STORAGE;
+        let from = self.own.buffer(&sheet(on_device), usage);
         commands.copy_buffer_to_buffer(&from, 0, &self.vertices, 0, None);
         let sheets = self.own.sheets;
         let mut step = self.own.tracer.step(0.0);

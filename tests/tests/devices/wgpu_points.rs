@@ -9,6 +9,12 @@ use abvh::own_device::{OwnDevice, required_limits};
 use abvh::{Device, Error, MeshId, Point, Query, Source, Step, Tracer, Update};
 use wgpu::{Buffer, BufferUsages};
 
+/// Of what moves each sheet: what commands alone copy, and what a kernel does.
+const USAGES: [BufferUsages; 2] = [
+    BufferUsages::COPY_SRC,
+    BufferUsages::COPY_SRC.union(BufferUsages::STORAGE),
+];
+
 /// A scene of two sheets, traced on a device of its own.
 pub(crate) struct Own {
     pub(crate) device: OwnDevice,
@@ -48,9 +54,9 @@ impl Sheets for Own {
 
     fn moved(&mut self, moved: Moved) -> Step<'_> {
         let to = moved.map(|moved| moved.map(|(height, on_device)| (sheet(height), on_device)));
-        let buffers = to.each_ref().map(|to| {
-            let points = to.as_ref().map_or(&[][..], |(points, _)| points);
-            self.buffer(points, BufferUsages::COPY_SRC)
+        let buffers = [0, 1].map(|i| {
+            let points = to[i].as_ref().map_or(&[][..], |(points, _)| points);
+            self.buffer(points, USAGES[i])
         });
         let mut step = self.tracer.step(0.0);
         for i in [0, 1] {
@@ -73,24 +79,26 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     let mut own = Own::open(Update::Auto);
     let buffer = own.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let stored = own.buffer(&sheet(0.0), BufferUsages::STORAGE);
-    let foreign = Own::open(Update::Auto).buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let mesh = own.sheets[0];
     let mut ask = |from| own.tracer.step(0.0).vertices(mesh, Source::Wgpu(from));
     assert!(matches!(ask(buffer.slice(..)), Err(Error::Count { .. })));
     assert!(matches!(ask(stored.slice(12..)), Err(Error::Device(_))));
     assert!(matches!(ask(buffer.slice(2..4802)), Err(Error::Device(_))));
     ask(buffer.slice(12..)).unwrap();
-    // Of another device's the submission tells; what follows is none the worse.
-    let mut step = own.tracer.step(0.0);
-    let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
-    let traced = step.trace(&camera(), Query::Closest);
-    let submitted = traced.and_then(|_| step.submit());
-    assert!(said.is_err() || submitted.is_err());
-    // Where its vertices are nobody knows, until they come again.
-    let again = own.tracer.step(0.0).trace(&[], Query::Any);
-    assert!(matches!(again, Err(Error::Device(_))), "{again:?}");
-    let hits = own.see([Some((0.5, true)), None]);
-    assert!(hits == OnHost::open(Update::Auto).see([Some((0.5, false)), None]));
+    for usage in USAGES {
+        let foreign = Own::open(Update::Auto).buffer(&sheet(0.0), usage);
+        // Of another device's the trace or the submission tells; what follows is none the worse.
+        let mut step = own.tracer.step(0.0);
+        let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
+        let traced = step.trace(&camera(), Query::Closest);
+        let submitted = traced.and_then(|_| step.submit());
+        assert!(said.is_err() || submitted.is_err());
+        // Where its vertices are nobody knows, until they come again.
+        let again = own.tracer.step(0.0).trace(&[], Query::Any);
+        assert!(matches!(again, Err(Error::Device(_))), "{again:?}");
+        let hits = own.see([Some((0.5, true)), None]);
+        assert!(hits == OnHost::open(Update::Auto).see([Some((0.5, false)), None]));
+    }
 }
 
 pub(crate) fn vertices_of_a_buffer_stay_while_another_mesh_is_replaced() {

@@ -25,7 +25,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let has_tree = self.tree().shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // Shadow rays keep clear by the typical size, so the host has to look.
-            self.engine.scene().animation.range(self.engine.pose);
+            let range = self.engine.scene().animation.range(self.engine.pose);
+            self.range = Some(range);
         }
         let params = self.params();
         let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
@@ -37,9 +38,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
         let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
-        let vertices = engine.scene().animation.vertex_count();
-        let measures =
-            has_tree && !self.measured && tracing.measure_range(self.method, params, vertices);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
@@ -62,8 +60,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine.run(stage, work, own)?;
         }
         engine.frames.pending.push(trace);
-        // What was refused measured nothing.
-        self.measured |= measures;
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Rays that are answered in exact arithmetic: see "Extreme rays" in `docs/design/hits.md`.
 
-use super::{Groups, Rays, Trace, Work};
+use super::{Groups, Rays, Work};
 use crate::{Kernel, Params, common};
 use backend::{Intersector, Method, QueryKind};
 use geom::Range;
@@ -73,26 +73,18 @@ pub(super) fn work(
     }
 }
 
-/// Kernels that follow [`Trace::measure_range`], and its own.
+/// What vertices of the program's and key frames that nobody looked at take: [`super::copy_points`], [`measure_range`], and
+/// what follows it.
 pub fn kernels_of_arriving_keys(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
-    both.into_iter().filter(move |_| has_extremes(method))
+    let both = both.into_iter().filter(move |_| has_extremes(method));
+    both.chain([common("copy_points")])
 }
 
-impl Trace {
-    /// Where nobody knows how far the coordinates of a key frame of so many vertices reach, has that found out: into
-    /// [`crate::BufferName::Range`], which is read by what answers extreme rays alone. Says whether it did.
-    pub fn measure_range(&mut self, method: Method, mut params: Params, vertices: usize) -> bool {
-        if !params.is_unknown() || !has_extremes(method) {
-            return false;
-        }
-        params.first = Range::sample_step(vertices) as u32;
-        let measure = Work::linear(common("measure_range"), params, vertices as u32);
-        // The search reads nothing of it, and lasts longer.
-        if let Some(search) = self.primary.first_mut() {
-            search.alongside = true;
-        }
-        self.primary.insert(0, measure);
-        true
-    }
+/// Where nobody knows how far the coordinates of a key frame of so many vertices reach, finds that out: into
+/// [`crate::BufferName::Range`], which is read by what answers extreme rays alone.
+pub fn measure_range(method: Method, mut params: Params, vertices: usize) -> Option<Work> {
+    let is_asked = params.is_unknown() && has_extremes(method);
+    params.first = Range::sample_step(vertices) as u32;
+    is_asked.then(|| Work::linear(common("measure_range"), params, vertices as u32))
 }

@@ -37,8 +37,9 @@ const SHARE: u32 = 32u;
 var<workgroup> group_largest: atomic<u32>;
 var<workgroup> group_near: atomic<u32>;
 var<workgroup> groups_done: u32;
-// For each bit how many samples are known to lie below by it; then how many there are.
-var<workgroup> below: array<atomic<u32>, 33>;
+// Samples that say anything, and those of them that are far smaller than the largest coordinate.
+var<workgroup> telling: atomic<u32>;
+var<workgroup> small: atomic<u32>;
 
 // A power of two times a size in scaled units, in the scene's units.
 fn in_scene(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
@@ -59,41 +60,31 @@ fn measure(vertex: u32) {
     if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
 }
 
-// The lower quartile of the samples that say anything, found bit by bit; the largest coordinate if none does.
-fn typical_size(local: u32, largest: u32) -> u32 {
+// Whether a coordinate is far larger than the lower quartile of the samples that say anything: than more of them than lie
+// below it.
+fn is_outlying(local: u32, largest: u32) -> bool {
     var own: array<u32, SHARE>;
     let count = (params.count + params.first - 1u) / params.first;
     for (var i = 0u; i < SHARE; i += 1u) {
         let sample = i * 128u + local;
         own[i] = INFINITE;
         if sample < count { own[i] = atomicLoad(&range[SAMPLES + sample]); }
-        if own[i] < INFINITE { atomicAdd(&below[32], 1u); }
     }
+    var counts = vec2<u32>(0u);
+    for (var i = 0u; i < SHARE; i += 1u) {
+        if own[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(own[i], 16)))); }
+    }
+    atomicAdd(&telling, counts.x);
+    atomicAdd(&small, counts.y);
     workgroupBarrier();
-    let all = atomicLoad(&below[32]);
-    var rank = all / 4u;
-    var found = 0u;
-    for (var i = 0u; i < 32u; i += 1u) {
-        let bit = 1u << (31u - i);
-        for (var j = 0u; j < SHARE; j += 1u) {
-            if own[j] < INFINITE && own[j] >= found && own[j] < found + bit { atomicAdd(&below[i], 1u); }
-        }
-        workgroupBarrier();
-        let fewer = atomicLoad(&below[i]);
-        if rank >= fewer {
-            rank -= fewer;
-            found += bit;
-        }
-    }
-    return select(found, largest, all == 0u);
+    return atomicLoad(&small) > atomicLoad(&telling) / 4u;
 }
 
 // What all vertices come to.
 fn judge(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
-    let typical = typical_size(local, largest);
+    let outlying = is_outlying(local, largest);
     if local != 0u { return; }
-    let outlying = largest > bitcast<u32>(scale_bits(typical, 16));
     atomicStore(&range[EXTREME], u32(outlying || largest > in_scene(ONE, 31)));
     atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 3u));
     atomicStore(&range[LARGEST], 0u);
@@ -109,10 +100,11 @@ fn measure_range(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    if local < 33u { atomicStore(&below[local], 0u); }
     if local == 0u {
         atomicStore(&group_largest, 0u);
         atomicStore(&group_near, 0u);
+        atomicStore(&telling, 0u);
+        atomicStore(&small, 0u);
     }
     workgroupBarrier();
     let vertex = element(id, groups, 128u);

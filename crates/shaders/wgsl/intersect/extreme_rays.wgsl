@@ -102,9 +102,12 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme(hit.w);
 }
 
-// Whether any ray may be left to these kernels. Of those given one by one, the search has told.
+// Whether any ray may be left to these kernels. Of those given one by one, the search has told; of a camera's, the host has,
+// but for what only the range tells.
 fn may_be_left() -> bool {
-    return params.width > 0u || params.extreme == 1u || is_range_unusual() || atomicLoad(&counts[LEFT_AT]) > 0u;
+    if params.extreme == 1u || is_range_unusual() { return true; }
+    if params.width > 0u { return params.extreme != 2u; }
+    return atomicLoad(&counts[LEFT_AT]) > 0u;
 }
 
 // Whether a ray is left to these kernels: of a camera's all are.
