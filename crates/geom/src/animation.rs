@@ -290,7 +290,8 @@ impl Animation {
     pub fn range(&self, pose: Pose) -> Range {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => {
-                live.range(pose.key as usize, |frame| self.survey.range_of(frame))
+                let look = |frame: &KeyFrame| Range::of(&Sizes::of(frame), self.scale_exponent());
+                live.range(pose.key as usize, look)
             }
             _ => Range::at(&self.survey.ranges, pose),
         }
@@ -307,10 +308,8 @@ impl Animation {
     /// Has [`Self::range`] go by these vertices, for a key frame that [arrived](Self::push) without all of them.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Live(live) = &self.keys {
-            let sizes = Sizes::of(vertices);
-            live.range(pose.key as usize, |_| {
-                Range::of(&sizes, self.scale_exponent())
-            });
+            let range = Range::of(&Sizes::of(vertices), self.scale_exponent());
+            live.range(pose.key as usize, |_| range);
         }
     }
 

@@ -1,8 +1,8 @@
 //! What all key frames of an animation tell together, seen one after another; and which parts never move.
 
-use crate::sizes::{Parts, Sizes};
+use crate::sizes::Sizes;
 use crate::triangle::corners;
-use crate::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Range, is_active, is_degenerate};
+use crate::{Aabb, Animation, KeyFrameError, Point, Range, is_active, is_degenerate};
 use rayon::prelude::*;
 use std::ops;
 
@@ -20,8 +20,6 @@ pub(crate) struct Survey {
     pub(crate) bounds: Vec<Aabb>,
     /// The largest `|coordinate|`; infinite if one is not finite.
     pub(crate) magnitude: f32,
-    /// Of key frames to come.
-    parts: Option<Parts>,
 }
 
 /// Vertices that one task looks at.
@@ -69,7 +67,6 @@ impl Survey {
             fallback_corners,
             never_active: inactive.len() as u32,
             static_parts: StaticParts::of(is_static, first, triangles),
-            parts: None,
             scale_exponent,
             ranges,
             bounds: boxes.iter().map(|b| b.0).collect(),
@@ -99,16 +96,6 @@ impl Survey {
         let marks = first.iter().zip(fixed);
         let is_static = marks.map(|(p, &fixed)| fixed && keeps_its_bits(p));
         self.static_parts = StaticParts::of(is_static.collect(), first, triangles);
-        self.parts = Some(Parts::of(first, &self.static_parts.moving_runs(RUN)));
-    }
-
-    /// How far the coordinates of a key frame reach that came later. It differs from the first as was [said](Self::expect_others).
-    pub(crate) fn range_of(&self, frame: &KeyFrame) -> Range {
-        let sizes = match &self.parts {
-            Some(parts) => Sizes::of_new(frame, parts),
-            None => Sizes::of(frame),
-        };
-        Range::of(&sizes, self.scale_exponent)
     }
 }
 
