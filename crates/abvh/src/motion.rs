@@ -5,10 +5,10 @@ use crate::device_vertices::DeviceVertices;
 use crate::mesh::Colour;
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
-use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
+use geom::{Animation, KeyFrame, PointBuffer, Pose, lock};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Three rows of an affine map: a vertex `v` goes to `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]` on axis `i`,
 /// added from left to right, each operation rounded once.
@@ -355,17 +355,29 @@ pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     }
 }
 
-/// Vertices that the calling thread copies by itself: of others, now and then one waits for a core, since trees are built beside.
-const MANY: usize = 1 << 18;
-/// Vertices that one task copies.
-const RUN: usize = 1 << 14;
+/// Vertices that the calling thread copies by itself.
+const MANY: usize = 1 << 16;
+/// Threads that help it with more. While trees are built beside, others are slow to wake: who comes late finds nothing left.
+const HELPERS: usize = 3;
+/// Vertices that are copied at a time.
+const RUN: usize = 1 << 13;
 
-/// Copies as many vertices, by all threads where there are many.
+/// Copies as many vertices, with others' help where there are many.
 pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
-    match to.len() <= MANY {
-        true => to.copy_from_slice(from),
-        false => copy_in_parallel(to, from, RUN),
+    if to.len() <= MANY {
+        return to.copy_from_slice(from);
     }
+    let runs = Mutex::new(to.chunks_mut(RUN).zip(from.chunks(RUN)));
+    let next = || lock(&runs).next();
+    let copy_runs = || {
+        while let Some((to, from)) = next() {
+            to.copy_from_slice(from);
+        }
+    };
+    rayon::in_place_scope(|scope| {
+        (0..HELPERS).for_each(|_| scope.spawn(|_| copy_runs()));
+        copy_runs();
+    });
 }
 
 /// Where a matrix brings a vertex.
