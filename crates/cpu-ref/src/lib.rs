@@ -10,7 +10,6 @@ pub mod bvh2;
 pub mod extreme;
 mod interpolate;
 pub mod intersect;
-pub mod pass;
 pub mod scale;
 mod scene;
 pub mod shadow;

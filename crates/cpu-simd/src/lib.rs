@@ -12,6 +12,7 @@ mod leaf;
 mod light;
 mod moving;
 mod packet;
+mod pass;
 mod rays;
 mod simd;
 mod subtrees;

@@ -220,10 +220,7 @@ fn with_parts<T>(
     use_them: impl FnOnce(&[&[u32]]) -> T,
 ) -> T {
     match layout {
-        Layout::Bvh2 => {
-            let lists = tree.moving().map_or(&[][..], |moving| &moving.words);
-            use_them(&[tree.words(), lists])
-        }
+        Layout::Bvh2 => use_them(&[tree.words()]),
         Layout::Fast => use_them(&tree.to_treelets(animation.static_parts()).parts()),
     }
 }
