@@ -273,3 +273,49 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
         assert!(found == expected);
     }
 }
+
+/// Triangles in rows, of which the first few move through three key frames.
+fn resting(moving: u32, all: u32) -> Arc<Animation> {
+    let key = |k: u32| {
+        let at = |t: u32| {
+            let by = if t < moving { 0.3 * k as f32 } else { 0.0 };
+            let [x, z] = [t % 200, t / 200].map(|i| i as f32);
+            [[x, by, z], [x + 0.5 + by, 0.0, z], [x, 0.2, z + 0.5]]
+        };
+        (0..all).flat_map(at).collect()
+    };
+    let triangles = (0..all).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+    Arc::new(Animation::new((0..3).map(key).collect(), triangles.collect()).unwrap())
+}
+
+#[test]
+fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
+    for animation in [resting(6_000, 60_000), resting(0, 3_000)] {
+        let tree = tree_at(&animation, 0.0);
+        let [usual, fast] = Layout::ALL.map(|layout| Method {
+            layout,
+            ..Method::default()
+        });
+        let of = |threads, method| {
+            let backend = cpu_simd::open(Some(threads)).unwrap();
+            ready(backend, &animation, method, &tree)
+        };
+        let mut all = [of(2, usual), of(1, fast), of(3, fast)];
+        for time in [0.4, 1.0, 2.0, 0.0] {
+            let [whole, one, many] = all.each_mut().map(|backend| {
+                stand(backend, &animation, time).unwrap();
+                let ticket = backend.submit().unwrap();
+                let cost = backend.wait(ticket).unwrap().sah_cost.unwrap();
+                (backend.inspect().boxes().unwrap(), cost)
+            });
+            assert!(whole.0 == one.0 && whole.0 == many.0, "{time}");
+            assert_eq!(one.1.to_bits(), many.1.to_bits(), "{time}");
+            assert!(
+                (one.1 / whole.1 - 1.0).abs() < 1e-6,
+                "{} {}",
+                one.1,
+                whole.1
+            );
+        }
+    }
+}
