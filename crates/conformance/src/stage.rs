@@ -38,17 +38,11 @@ pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> boo
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// A binary tree over these vertices.
-pub fn binary_over(animation: &Animation, vertices: &[Point]) -> BinaryTree {
+/// A tree over these vertices.
+pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let built = Builder::default().build(&(animation, vertices), &Cancel::new(), &mut tree);
     built.expect("nobody cancels");
-    tree
-}
-
-/// A tree over these vertices.
-pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
-    let tree = binary_over(animation, vertices);
     Converter::default().convert(&tree, animation.triangle_count(), Spare::default())
 }
 

@@ -5,9 +5,8 @@ use crate::scenes::{
     SHADOWED, apart, camera, go, hits, laid, open, open_laid, report, stand, swarm, tree_at,
 };
 use backend::{Backend, FrameReport, Generation, Layout, Method, QueryKind, Rays};
-use bvh_layout::{Converter, Spare, Topology};
+use bvh_layout::Topology;
 use conformance::record;
-use conformance::stage::binary_over;
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation};
 use integration::share;
@@ -76,13 +75,10 @@ fn resting() -> Arc<Animation> {
 
 pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend: &mut dyn Subject) {
     let animation = resting();
-    let (tree, count) = (
-        binary_over(&animation, animation.first()),
-        animation.triangle_count(),
-    );
-    let plain = Converter::default().convert_with_treelets(&tree, count, Spare::default());
+    let words = tree_at(&animation, 0.0).words().to_vec();
+    let plain = Topology::from_words(words).unwrap();
     let listed = plain.clone().with_moving(animation.static_parts());
-    let treelets = listed.treelets().unwrap();
+    let treelets = listed.to_treelets(animation.static_parts());
     let moving = treelets.moving.as_ref().unwrap().words.len();
     assert!(
         moving > 1 && moving < treelets.treelet_count() / 4,
