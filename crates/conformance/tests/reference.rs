@@ -138,6 +138,38 @@ fn a_refitted_tree_has_the_boxes_of_one_made_from_scratch() {
 }
 
 #[test]
+fn what_never_moves_is_skipped_by_any_number_of_tasks_without_a_trace() {
+    let animation = apart(free(6_000, 60_000));
+    let listed = tree_at(&animation, 0.0);
+    let plain = Topology::from_words(listed.words().to_vec()).unwrap();
+    assert!(listed.moving().is_some() && plain.moving().is_none());
+    let open = |tree, threads| ready(&animation, Intersector::Watertight, tree, 0.0, threads);
+    let (mut whole, mut one, mut many) = (open(&plain, 2), open(&listed, 1), open(&listed, 3));
+    let rays = to_vertices(&animation, [0.0; 3]);
+    for time in [0.4, 1.0, 2.0, 0.0] {
+        let (boxes, cost) = boxes_and_cost(&mut whole, &animation, time);
+        let (one_boxes, one_cost) = boxes_and_cost(&mut one, &animation, time);
+        let (many_boxes, many_cost) = boxes_and_cost(&mut many, &animation, time);
+        assert!(boxes == one_boxes && boxes == many_boxes, "{time}");
+        assert_eq!(one_cost.to_bits(), many_cost.to_bits(), "{time}");
+        assert!((one_cost / cost - 1.0).abs() < 1e-12, "{one_cost} {cost}");
+        let rays: Vec<Ray> = rays.iter().step_by(100).copied().collect();
+        let [a, b] = [&mut one, &mut many].map(|b| closest(b, &rays));
+        assert!(a == b, "{time}");
+    }
+    let still = apart(free(0, 3_000));
+    let mut backend = ready(
+        &still,
+        Intersector::Watertight,
+        &tree_at(&still, 0.0),
+        0.0,
+        2,
+    );
+    let first = boxes_and_cost(&mut backend, &still, 0.0);
+    assert!(first.1 > 1.0 && first == boxes_and_cost(&mut backend, &still, 1.5));
+}
+
+#[test]
 fn a_list_is_traced_once_in_its_place_and_reported_with_the_rest() {
     let animation = moving();
     let (early, late) = (0.0, 1.7);
