@@ -1,26 +1,60 @@
-//! Which treelets must be done again when their scene moves: lists beside them.
+//! What of a tree must be done again when its scene moves: lists beside the record or the treelets.
 
-use crate::Treelets;
+use crate::{Topology, Treelets};
 use geom::StaticParts;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Treelets that have a triangle below that moves. In all others boxes are the same at every pose.
+/// Nodes that one task looks at.
+const CHUNK: usize = 1 << 13;
+
+/// What has a triangle below that moves. All else has the same box at every pose.
 ///
-/// A list for each level, that of the triangles first, of treelets by their numbers. Each rises.
+/// A record's lists are its leaves by rank, then for each level that has any, root first, inner nodes by their number among
+/// inner nodes. Those of treelets are their numbers, for each level, that of the triangles first. Each list rises.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moving {
     /// The lists, one after the other, as they are handed over.
     pub words: Vec<u32>,
     /// Where each list lies among [`Moving::words`].
     pub lists: Vec<Range<usize>>,
-    /// Active triangles of zero area below no treelet that is listed.
+    /// Active triangles of zero area below nothing that is listed.
     pub degenerate_elsewhere: u32,
 }
 
 impl Moving {
-    /// `None` where lists do not pay: more than half of all treelets move.
-    pub(crate) fn of(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
+    /// Of a record. `None` where lists do not pay: more than half of all nodes move; see [`StaticParts::pays`].
+    #[must_use]
+    pub fn of(tree: &Topology, parts: &StaticParts) -> Option<Self> {
+        let (is_static, triangles) = (&parts.triangles, tree.leaf_triangles());
+        assert_eq!(is_static.len(), tree.triangle_count(), "another scene");
+        let moves = |&rank: &u32| !is_static[triangles[rank as usize] as usize];
+        let ranks = (0..tree.leaf_count() as u32).into_par_iter();
+        let mut words: Vec<u32> = ranks.with_min_len(CHUNK).filter(moves).collect();
+        let leaves = words.len();
+        if !StaticParts::pays(leaves, tree.leaf_count()) {
+            return None;
+        }
+        let inner = tree.bottom_up(false, |rank| moves(&rank), |a, b| a || b);
+        let numbers = (0..inner.len() as u32).into_par_iter().with_min_len(CHUNK);
+        words.par_extend(numbers.filter(|&k| inner[k as usize]));
+        if !StaticParts::pays(words.len(), tree.node_count()) {
+            return None;
+        }
+        // Inner nodes rise, so that a level's are neighbours.
+        let place = |end: u32| leaves + words[leaves..].partition_point(|&k| k < end);
+        let levels = tree.levels();
+        let levels = levels.map(|level| place(level.start)..place(level.end));
+        let levels = levels.filter(|list| !list.is_empty());
+        Some(Self {
+            lists: std::iter::once(0..leaves).chain(levels).collect(),
+            words,
+            degenerate_elsewhere: parts.degenerate.len() as u32,
+        })
+    }
+
+    /// Of treelets. `None` where lists do not pay: more than half of all treelets move.
+    pub(crate) fn of_treelets(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
         let (mut words, mut lists) = (Vec::new(), Vec::<Range<usize>>::new());
         for treelets in &tree.levels {
             let found: Vec<u32> = match lists.last() {
@@ -40,6 +74,12 @@ impl Moving {
             lists,
             degenerate_elsewhere: (parts.degenerate.len() - among) as u32,
         })
+    }
+
+    /// The first list: of a record, its leaves. Empty if there is none.
+    pub fn leaves(&self) -> &[u32] {
+        let first = self.lists.first().cloned();
+        &self.words[first.unwrap_or_default()]
     }
 }
 
@@ -75,17 +115,19 @@ fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{chain, parts, random_tree, scene};
+    use crate::tests::{chain, parts, random_tree, record, scene};
     use std::collections::BTreeSet;
 
     #[test]
     fn lists_hold_no_more_than_the_ways_to_what_moves() {
         for tree in [random_tree(150_000, 9), chain(40_000)] {
-            let treelets = Treelets::of_tree(&tree);
+            let (record, treelets) = (record(&tree), Treelets::of_tree(&tree));
             let order = tree.order();
             let everywhere: Vec<u32> = order.iter().step_by(10_000).copied().collect();
             for moves in [&order[..1], &order[order.len() / 2..][..300], &everywhere] {
                 let parts = parts(scene(&tree), |t| moves.contains(&t));
+                let of_record = Moving::of(&record, &parts).unwrap();
+                assert!(of_record.words.len() <= moves.len() * record.level_count());
                 let listed = treelets.clone().with_moving(&parts);
                 let words = check_levels(&listed).len();
                 assert!(words <= moves.len() * treelets.levels.len());
@@ -122,6 +164,8 @@ mod tests {
         assert!(none.words.is_empty());
         assert_eq!(none.lists, [0..0, 0..0]);
         assert_eq!(of(|t| t % 3 == 0), None);
+        let parts = parts(scene(&tree), |t| t % 3 == 0);
+        assert_eq!(Moving::of(&record(&tree), &parts), None);
         let empty = Treelets::default().with_moving(&StaticParts::default());
         assert!(empty.moving.unwrap().lists.is_empty());
     }

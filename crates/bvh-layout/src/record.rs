@@ -1,7 +1,7 @@
 //! The record that is handed over, and how to read it.
 
 use crate::validate::{Header, validate};
-use crate::{BlockTree, First, RecordError, Spare, Treelets};
+use crate::{BlockTree, First, Moving, RecordError, Spare, Treelets};
 use geom::{Aabb, StaticParts};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -10,6 +10,8 @@ use std::sync::Arc;
 
 /// Inner nodes that one task handles.
 const RUN: usize = 2048;
+/// Words of bits that one task unpacks.
+const TASK: usize = 1 << 9;
 
 /// A tree's shape in breadth-first order: which nodes are leaves, and whose.
 ///
@@ -39,11 +41,12 @@ const RUN: usize = 2048;
 /// 4.5 bytes a triangle in the limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle (a box and
 /// two indices each) take 64: the paper's cut of 87.5 % is 8 of 64, this record's is 93 %.
 ///
-/// Beside the record may stand the same tree as [`Treelets`] or as a [`BlockTree`]; whoever adopts the tree may use them
-/// or not.
+/// Beside the record may stand lists of what moves, for scenes with static parts; whoever adopts the tree may use them
+/// or not. See [`Moving`]. So may the same tree as [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
+    pub(crate) moving: Option<Moving>,
     /// The same tree once more, if somebody asked for it.
     pub(crate) treelets: Option<Box<Treelets>>,
     /// Likewise; shared, since whoever adopts the tree goes on using them.
@@ -68,6 +71,7 @@ impl Topology {
     pub(crate) fn of_words(words: Vec<u32>) -> Self {
         Self {
             words,
+            moving: None,
             treelets: None,
             blocks: None,
         }
@@ -78,16 +82,27 @@ impl Topology {
         &self.words
     }
 
-    /// The same tree; treelets that it comes with list those that move: see [`Treelets::with_moving`].
+    /// The same tree with lists of what moves, where they pay; in parallel.
+    /// If it comes with treelets, those are listed and not its nodes.
     ///
     /// # Panics
     /// If `parts` are not those of the tree's scene.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        assert_eq!(parts.triangles.len(), self.triangle_count());
-        let treelets = self.treelets.take();
-        self.treelets = treelets.map(|treelets| Box::new(treelets.with_moving(parts)));
+        match self.treelets.take() {
+            Some(treelets) => {
+                assert_eq!(parts.triangles.len(), self.triangle_count());
+                self.treelets = Some(Box::new(treelets.with_moving(parts)));
+            }
+            None => self.moving = Moving::of(&self, parts),
+        }
         self
+    }
+
+    /// Which nodes must be done again when the scene moves; `None` if all of them,
+    /// or if treelets are listed: see [`Treelets::moving`].
+    pub fn moving(&self) -> Option<&Moving> {
+        self.moving.as_ref()
     }
 
     /// Gives the record's memory back, to be filled again by [`crate::Converter`].
@@ -103,14 +118,15 @@ impl Topology {
         self.treelets.as_deref()
     }
 
-    /// The treelets that the tree came with, or else made now ([`Treelets::of`]), with lists of those that move.
+    /// The treelets that the tree came with, or else made now ([`Treelets::of`]), with lists if the tree has lists.
     ///
     /// # Panics
     /// If `parts` are not those of the tree's scene.
     pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
-        match self.treelets() {
-            Some(treelets) => Cow::Borrowed(treelets),
-            None => Cow::Owned(Treelets::of(self).with_moving(parts)),
+        match (self.treelets(), &self.moving) {
+            (Some(treelets), _) => Cow::Borrowed(treelets),
+            (None, None) => Cow::Owned(Treelets::of(self)),
+            (None, Some(_)) => Cow::Owned(Treelets::of(self).with_moving(parts)),
         }
     }
 
@@ -136,9 +152,10 @@ impl Topology {
         *self = Self::of_words(words);
     }
 
-    /// Bytes handed over.
+    /// Bytes handed over: the record, and lists of what moves.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.words[..])
+        let lists = self.moving.as_ref().map_or(0, |m| m.words.len());
+        (self.words.len() + lists) * 4
     }
 
     /// Bytes that go to a device: the treelets', where there are some.
@@ -198,6 +215,32 @@ impl Topology {
         let words = &self.words[Self::HEADER_WORDS + self.level_count()..];
         let (bits, ranks) = words[..2 * count].split_at(count);
         NodeRanks { bits, ranks }
+    }
+
+    /// Writes the node of each leaf, by rank, in parallel, reusing memory. The triangle of `nodes[i]` is
+    /// `leaf_triangles()[i]`.
+    pub fn leaf_nodes(&self, nodes: &mut Vec<u32>) {
+        nodes.resize(self.leaf_count(), 0);
+        let (mut rest, mut tasks) = (&mut nodes[..], Vec::new());
+        for (first, bits) in (0_u32..)
+            .step_by(32 * TASK)
+            .zip(self.leaf_bits().chunks(TASK))
+        {
+            let ones = bits.iter().map(|w| w.count_ones() as usize).sum();
+            let part = rest.split_off_mut(..ones);
+            tasks.push((first, bits, part.expect("a node for each leaf")));
+        }
+        let tasks = tasks.into_par_iter();
+        tasks.for_each(|(first, bits, part)| {
+            let mut places = part.iter_mut();
+            for (base, &word) in (first..).step_by(32).zip(bits) {
+                let mut ones = word;
+                for place in places.by_ref().take(word.count_ones() as usize) {
+                    *place = base + ones.trailing_zeros();
+                    ones &= ones.wrapping_sub(1);
+                }
+            }
+        });
     }
 
     /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
@@ -293,7 +336,8 @@ impl Default for Topology {
 
 #[cfg(test)]
 mod tests {
-    use crate::tests::{chain, random_tree, record};
+    use super::TASK;
+    use crate::tests::{chain, random_tree, record, shapes};
 
     #[test]
     fn a_triangle_takes_at_most_8_bytes_and_about_4_and_a_half() {
@@ -306,5 +350,17 @@ mod tests {
         assert!(deepest.bytes() <= 800, "{}", deepest.bytes());
         let bytes = record(&random_tree(200_000, 1)).bytes() as f64 / 200_000.0;
         assert!((4.5..4.502).contains(&bytes), "{bytes}");
+    }
+
+    #[test]
+    fn every_leaf_has_its_node_in_order() {
+        let mut found = Vec::new();
+        for tree in shapes().iter().chain(&[random_tree(TASK * 40, 5)]) {
+            let record = record(tree);
+            record.leaf_nodes(&mut found);
+            let nodes = 0..record.node_count() as u32;
+            let leaves = nodes.filter(|&node| record.ranks().of(node).leaf().is_some());
+            assert!(leaves.eq(found.iter().copied()));
+        }
     }
 }

@@ -38,12 +38,13 @@ pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> boo
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// A tree over these vertices.
+/// A tree over these vertices, with lists of what moves where they pay.
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let built = Builder::default().build(&(animation, vertices), &Cancel::new(), &mut tree);
     built.expect("nobody cancels");
-    Converter::default().convert(&tree, animation.triangle_count(), Spare::default())
+    let record = Converter::default().convert(&tree, animation.triangle_count(), Spare::default());
+    record.with_moving(animation.static_parts())
 }
 
 /// Likewise, for the scene as it stands at `time`.

@@ -1,15 +1,17 @@
 //! The binary tree of layout `bvh2`: pairs of siblings, breadth first.
 
 use crate::intersect::{MollerTrumbore, Record, TriangleTest, Watertight, Woop};
+use crate::pass::{SplitAt, Which, Window, pass};
+use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::{TraceTask, Tracer};
 use crate::{Accelerator, Geometry, Unhittable, reserve};
 use backend::{Intersector, Result};
-use bvh_layout::{Link, Topology};
-use geom::{Aabb, Animation, Point, is_active, is_degenerate};
+use bvh_layout::{Link, Moving, Topology};
+use geom::{Aabb, Animation, Triangle, is_active, is_degenerate};
 use glam::Vec3A;
 use rayon::prelude::*;
-use std::ops::{Add, Range};
+use std::ops::Range;
 
 /// Two siblings: boxes and links of both, one cache line.
 ///
@@ -59,17 +61,26 @@ impl Pair {
     }
 }
 
-/// A leaf between `preprocess`, which makes its box, and `refit`, which puts that in its place.
-#[derive(Clone, Copy, Debug)]
-struct Leaf {
+/// A leaf, as `preprocess` reads them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Leaf {
+    slot: u32,
     /// Its triangle's vertices.
-    vertices: [u32; 3],
-    /// Its box.
-    corners: [Point; 2],
+    pub(crate) vertices: [u32; 3],
 }
 
-/// Of no box that a ray meets.
-const NO_CORNERS: [Point; 2] = [[FAR; 3], [-FAR; 3]];
+impl Leaf {
+    /// The pair that holds its box.
+    #[inline]
+    pub(crate) fn pair(&self) -> usize {
+        self.slot as usize / 2
+    }
+
+    #[inline]
+    pub(crate) fn lane(&self) -> usize {
+        self.slot as usize % 2
+    }
+}
 
 /// The tree, with the boxes and records of one moment.
 #[derive(Debug, Default)]
@@ -83,9 +94,17 @@ pub struct Bvh2 {
     leaves: Vec<Leaf>,
     /// Pairs of each level, root first; none if the tree is empty.
     levels: Vec<Range<usize>>,
+    /// The node of each leaf; kept for its memory.
+    leaf_nodes: Vec<u32>,
+    /// What moves; `None` where static geometry is too little to be passed over.
+    moving: Option<Moving>,
+    /// Whether every leaf was preprocessed since the tree was adopted.
+    leaves_done: bool,
+    /// Half areas of nodes beside which nothing moves, once every box was refitted.
+    still_areas: Option<f64>,
 }
 
-/// Leaves or pairs that one task handles.
+/// Nodes that one task links.
 const RUN: usize = 1024;
 
 impl Bvh2 {
@@ -109,6 +128,7 @@ impl Bvh2 {
         reserve(&mut self.leaves, leaves, "leaves")?;
         reserve(&mut self.records, leaves, "triangle records")?;
         self.records.resize(leaves, Record::default());
+        (self.leaves_done, self.still_areas) = (false, None);
         self.levels.clear();
         // The root is in pair 0, the children of the `k`-th inner node in pair `k + 1`.
         let below = tree
@@ -131,27 +151,61 @@ impl Bvh2 {
         self.pairs[0].planes = Pair::EMPTY.planes;
         self.triangles.clear();
         self.triangles.extend_from_slice(tree.leaf_triangles());
-        let leaf = |&triangle: &u32| Leaf {
+        tree.leaf_nodes(&mut self.leaf_nodes);
+        let leaves = self.leaf_nodes.par_iter().with_min_len(RUN);
+        let leaf = |(&node, &triangle): (&u32, &u32)| Leaf {
+            slot: node + 1,
             vertices: triangles[triangle as usize],
-            corners: NO_CORNERS,
         };
-        let leaves = self.triangles.par_iter().with_min_len(RUN);
-        leaves.map(leaf).collect_into_vec(&mut self.leaves);
+        let leaves = leaves.zip(&self.triangles).map(leaf);
+        leaves.collect_into_vec(&mut self.leaves);
         Ok(())
     }
 
     fn preprocess_for<T: TriangleTest>(&mut self, geometry: &Geometry<'_>) -> Unhittable {
-        let leaves = self.leaves.par_iter_mut().with_min_len(RUN);
-        leaves
-            .zip(&mut self.records)
-            .map(|(leaf, record)| prepare::<T>(geometry, leaf, record))
-            .reduce(Unhittable::default, Add::add)
+        let moving = self.moving.as_ref().filter(|_| self.leaves_done);
+        let which = match moving {
+            Some(moving) => Which::Listed(moving.leaves()),
+            None => Which::All(0..self.leaves.len()),
+        };
+        let leaves = Leaves {
+            leaves: &self.leaves,
+            pairs: Window::new(0, &mut self.pairs),
+            records: Window::new(0, &mut self.records),
+        };
+        let mut found = pass(which, leaves, LEAVES, &|which, leaves| {
+            prepare_run::<T>(geometry, &which, leaves)
+        });
+        // A static triangle with a leaf is active.
+        found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere));
+        self.leaves_done = true;
+        found
+    }
+
+    /// Refits the pairs in which something moves, and returns the half areas of their nodes: those of the children
+    /// of moving inner nodes, and the root's own.
+    fn refit_moving(pairs: &mut [Pair], moving: &Moving) -> f64 {
+        let mut total = 0.0;
+        if moving.leaves().is_empty() {
+            return total;
+        }
+        // Pair `k + 1` is that of the children of inner node `k`.
+        let (_, children) = pairs.split_at_mut(1);
+        for level in moving.lists[1..].iter().rev() {
+            let list = &moving.words[level.clone()];
+            // Children lie on a later level, so behind every pair of this one.
+            let end = list.last().map_or(0, |&last| last as usize + 1);
+            total += refit_level(children, (end, end + 1), Which::Listed(list));
+        }
+        total + refit_level(pairs, (1, 1), Which::All(0..1))
     }
 }
 
 impl Accelerator for Bvh2 {
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
-        self.take_over(tree, animation.triangles())
+        self.take_over(tree, animation.triangles())?;
+        self.moving = tree.moving().cloned();
+        Ok(())
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
@@ -166,16 +220,20 @@ impl Accelerator for Bvh2 {
     }
 
     fn refit(&mut self) -> (f64, Aabb) {
-        let mut total = 0.0;
-        for level in self.levels.iter().rev() {
-            let (upper, below) = self.pairs.split_at_mut(level.end);
-            let leaves = &self.leaves;
-            let refit = |sum, pair: &mut Pair| refit_pair(pair, leaves, (below, level.end), sum);
-            let tasks = upper[level.clone()].par_chunks_mut(RUN);
-            let areas = tasks.map(|pairs| pairs.iter_mut().fold(0.0, refit));
-            // Added up in the order of the tasks, whoever is done first.
-            total += areas.collect::<Vec<f64>>().iter().sum::<f64>();
-        }
+        let moving = self.moving.as_ref();
+        let total = match self.still_areas.zip(moving) {
+            Some((still, moving)) => still + Self::refit_moving(&mut self.pairs, moving),
+            None => {
+                let levels = self.levels.iter().rev();
+                let areas = levels.map(|level| {
+                    let all = Which::All(level.clone());
+                    refit_level(&mut self.pairs, (level.end, level.end), all)
+                });
+                let total: f64 = areas.sum();
+                self.still_areas = moving.map(|m| total - Self::refit_moving(&mut self.pairs, m));
+                total
+            }
+        };
         (total, self.pairs[0].bounds(1))
     }
 
@@ -190,47 +248,110 @@ impl Accelerator for Bvh2 {
     }
 }
 
-/// Writes a leaf's box and its triangle's record.
-#[inline]
-fn prepare<T: TriangleTest>(
-    geometry: &Geometry<'_>,
-    leaf: &mut Leaf,
-    record: &mut Record,
-) -> Unhittable {
-    let corners = leaf.vertices.map(|v| geometry.positions[v as usize]);
-    let is_active = is_active(&corners);
-    if !is_active || is_degenerate(&corners) {
-        (*record, leaf.corners) = (Record::default(), NO_CORNERS);
-        return Unhittable {
-            inactive: (!is_active).into(),
-            degenerate: is_active.into(),
-        };
-    }
-    let corners = corners.map(|p| geometry.scale.apply(p));
-    *record = T::record(&corners);
-    let [a, b, c] = corners.map(Vec3A::from_array);
-    leaf.corners = [a.min(b).min(c), a.max(b).max(c)].map(|p| p.to_array());
-    Unhittable::default()
+/// Leaves that one task prepares.
+const LEAVES: usize = 1024;
+/// Leaves whose corners are fetched together: they lie scattered, and so their fetches overlap.
+const BATCH: usize = 16;
+
+/// Leaves by rank, with the pairs that hold their boxes and with their records.
+struct Leaves<'a> {
+    leaves: &'a [Leaf],
+    pairs: Window<'a, Pair>,
+    records: Window<'a, Record>,
 }
 
-/// Gives a pair the boxes of its leaves, and its inner nodes the least boxes round their children. Only minima and maxima:
-/// nothing rounds. `below` begins with pair `first`.
+impl SplitAt for Leaves<'_> {
+    fn split(self, rank: usize) -> [Self; 2] {
+        let pairs = self.pairs.split(self.leaves[rank].pair());
+        let ([left_pairs, right_pairs], [left, right]) = (pairs, self.records.split(rank));
+        let half = |pairs, records| Leaves {
+            leaves: self.leaves,
+            pairs,
+            records,
+        };
+        [half(left_pairs, left), half(right_pairs, right)]
+    }
+
+    /// Both leaves of a pair are written by one task.
+    fn joins(&self, left: usize, right: usize) -> bool {
+        self.leaves[left].pair() == self.leaves[right].pair()
+    }
+}
+
+/// Writes a record and a box for each of these leaves: the others keep theirs.
+fn prepare_run<T: TriangleTest>(
+    geometry: &Geometry<'_>,
+    which: &Which<'_>,
+    mut part: Leaves<'_>,
+) -> Unhittable {
+    let mut corners = [[[0.0; 3]; 3]; BATCH];
+    let mut unhittable = Unhittable::default();
+    for first in (0..which.count()).step_by(BATCH) {
+        let batch = first..which.count().min(first + BATCH);
+        for (corners, place) in corners.iter_mut().zip(batch.clone()) {
+            let leaf = &part.leaves[which.at(place)];
+            *corners = leaf.vertices.map(|v| geometry.positions[v as usize]);
+        }
+        for (corners, place) in corners.iter().zip(batch) {
+            let rank = which.at(place);
+            let record = &mut part.records[rank];
+            let [min, max] = prepare::<T>(geometry.scale, corners, record, &mut unhittable);
+            let leaf = &part.leaves[rank];
+            part.pairs[leaf.pair()].set_bounds(leaf.lane(), min, max);
+        }
+    }
+    unhittable
+}
+
+/// Writes a triangle's record and returns the corners of its box.
+#[inline]
+fn prepare<T: TriangleTest>(
+    scale: Scale,
+    corners: &Triangle,
+    record: &mut Record,
+    unhittable: &mut Unhittable,
+) -> [Vec3A; 2] {
+    if !is_active(corners) {
+        unhittable.inactive += 1;
+    } else if is_degenerate(corners) {
+        unhittable.degenerate += 1;
+    } else {
+        let corners = corners.map(|p| scale.apply(p));
+        *record = T::record(&corners);
+        let [a, b, c] = corners.map(Vec3A::from_array);
+        return [a.min(b).min(c), a.max(b).max(c)];
+    }
+    *record = Record::default();
+    [Vec3A::INFINITY, Vec3A::NEG_INFINITY]
+}
+
+/// Pairs that one task refits.
+const REFIT_RUN: usize = 2048;
+
+/// Gives every inner node of these pairs, which lie on one level, the least box round its children. Only minima and
+/// maxima: nothing rounds. What comes from place `end` on is up to date and begins with pair `first`.
 ///
-/// Adds the half areas of the pair's nodes to `sum`.
+/// Returns the sum of the half areas of the pairs' nodes.
+fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_>) -> f64 {
+    let (level, below) = pairs.split_at_mut(end);
+    let refit = |sum, pair: &mut Pair| refit_pair(pair, below, first, sum);
+    let pairs = Window::new(0, level);
+    pass(which, pairs, REFIT_RUN, &|which, mut pairs| match which {
+        Which::All(range) => pairs.slice(range).iter_mut().fold(0.0, refit),
+        Which::Listed(list) => {
+            let listed = list.iter();
+            listed.fold(0.0, |sum, &pair| refit(sum, &mut pairs[pair as usize]))
+        }
+    })
+}
+
+/// Adds the half areas of the pair's nodes to `sum`. `below` begins with pair `first`.
 #[inline(always)]
-fn refit_pair(
-    pair: &mut Pair,
-    leaves: &[Leaf],
-    (below, first): (&[Pair], usize),
-    mut sum: f64,
-) -> f64 {
+fn refit_pair(pair: &mut Pair, below: &[Pair], first: usize, mut sum: f64) -> f64 {
     for lane in 0..2 {
         let link = pair.links[lane];
-        if link != Link::ROOT {
-            let [min, max] = match link.is_block() {
-                true => leaves[link.index()].corners.map(Vec3A::from_array),
-                false => below[link.index() - first].union(),
-            };
+        if link.is_inner() {
+            let [min, max] = below[link.index() - first].union();
             pair.set_bounds(lane, min, max);
         }
         sum += pair.bounds(lane).half_area();

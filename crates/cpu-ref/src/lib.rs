@@ -10,6 +10,7 @@ pub mod bvh2;
 pub mod extreme;
 mod interpolate;
 pub mod intersect;
+pub mod pass;
 pub mod scale;
 mod scene;
 pub mod shadow;

@@ -2,11 +2,11 @@
 
 use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
-use crate::pass::{Which, Window};
 use crate::simd::{Eight, Isa, Lanes, Vector, Work, each, prefetch};
 use crate::subtrees::{LevelPart, Subtrees};
 use crate::tree::{Block, EMPTY, LANES, Link, Node, Wide};
 use bvh_layout::{Block as Source, BlockTree};
+use cpu_ref::pass::{Which, Window};
 use cpu_ref::{Geometry, Unhittable};
 use geom::{Aabb, Triangle, is_degenerate};
 use std::ops::Add;

@@ -12,7 +12,6 @@ mod leaf;
 mod light;
 mod moving;
 mod packet;
-mod pass;
 mod rays;
 mod simd;
 mod subtrees;

@@ -1,11 +1,10 @@
 //! What of the wide tree moves: preprocess and refit pass over the rest once it was done.
 
 use crate::fit::Fitted;
-use crate::pass::Which;
 use crate::tree::{Link, Wide};
 use bvh_layout::{Block as Source, BlockTree};
 use cpu_ref::Geometry;
-use geom::{Animation, StaticParts};
+use cpu_ref::pass::Which;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,26 +25,19 @@ pub(crate) struct Moving {
 }
 
 impl Moving {
-    /// Lists what moves of a tree just adopted. `None` where lists do not pay: more than half of all lanes move.
-    pub(crate) fn of(shape: &BlockTree, animation: &Animation) -> Option<Self> {
-        if !StaticParts::pays(animation.moving_count(), animation.live_count()) {
-            return None;
-        }
-        let lanes = moving_lanes(shape, &animation.static_parts().triangles);
-        let moving = lanes.iter().map(|bits| bits.count_ones() as usize).sum();
-        if !StaticParts::pays(moving, shape.nodes.len() + shape.blocks.len()) {
-            return None;
-        }
+    /// Lists what moves of a tree just adopted.
+    pub(crate) fn of(shape: &BlockTree, is_static: &[bool]) -> Self {
+        let lanes = moving_lanes(shape, is_static);
         let numbers = 0..lanes.len() as u32;
         let nodes: Vec<u32> = numbers.filter(|&n| lanes[n as usize] != 0).collect();
         let place = |n: usize| nodes.partition_point(|&i| (i as usize) < n);
         let levels = shape.levels.iter();
-        Some(Self {
+        Self {
             levels: levels.map(|l| place(l.start)..place(l.end)).collect(),
             nodes,
             lanes,
             still: None,
-        })
+        }
     }
 
     fn fit(&self, tree: &mut Wide, geometry: &Geometry<'_>) -> Fitted {

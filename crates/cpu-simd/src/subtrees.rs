@@ -1,8 +1,8 @@
 //! A pass over the tree from its blocks to its root, side by side where subtrees do not meet.
 
-use crate::pass::{Which, Window};
 use crate::tree::{Block, Node};
 use bvh_layout::BlockTree;
+use cpu_ref::pass::{SplitAt, Which, Window};
 use std::ops::Add;
 
 /// Nodes that one task handles.
@@ -26,7 +26,7 @@ impl LevelPart<'_> {
 
     /// Cuts off all from a node on.
     fn split(self, node: usize, shape: &BlockTree) -> [Self; 2] {
-        let [which, more_which] = self.which.split(node);
+        let [which, more_which] = self.which.split_before(node);
         let [nodes, more_nodes] = self.nodes.split(node);
         let [blocks, more_blocks] = self.blocks.split(shape.first_blocks[node] as usize);
         let level = |which, nodes, blocks| Self {

@@ -105,7 +105,7 @@ pub(crate) struct Wide {
     pub(crate) level: Level,
     /// The binary tree, for whoever asks for its boxes.
     pub(crate) binary: Topology,
-    /// What moves, where that is listed.
+    /// What moves, if the binary tree came with lists of it.
     pub(crate) moving: Option<Moving>,
 }
 
@@ -180,7 +180,8 @@ impl Accelerator for Wide {
             fill(&mut self.blocks, blocks, shape.blocks.len(), Block::UNUSED),
         );
         self.stale = true;
-        self.moving = Moving::of(&shape, animation);
+        let is_static = &animation.static_parts().triangles;
+        self.moving = tree.moving().map(|_| Moving::of(&shape, is_static));
         self.binary.copy_record(tree);
         let old = std::mem::replace(&mut self.shape, shape);
         // Giving much memory back takes a while.

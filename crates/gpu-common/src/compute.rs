@@ -13,7 +13,7 @@ use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
 use shaders::rebuild::{self, instead_of};
 use shaders::work::{self, Progress};
-use shaders::{KERNELS, Kernel, Params, Shape, common};
+use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of `shaders` on a device.
@@ -112,15 +112,16 @@ impl<D: GpuDevice> ComputeBackend<D> {
         tree.grow(&mut engine.gpu, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
         let extents = &mut engine.frames.record()?.extents;
+        let again = extents.boxes.is_some();
         extents.uncounted = Some(0);
-        extents.boxes = true;
+        extents.boxes = Some(Extent::Whole);
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
         engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
         // Leaves go to clusters of the tree to be made, not to nodes.
         let clusters = |name| tree.get(instead_of(name, &animation));
         let leaves = work::leaves(self.method, params, &shape);
         engine.run(Some(Stage::Preprocess), &[leaves], clusters)?;
-        let cluster = rebuild::cluster(self.method, params, &shape);
+        let cluster = rebuild::cluster(self.method, params, &shape, again);
         engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
         (tree.generation, tree.shape, tree.made_here) = (generation, shape, true);
         Ok(())
@@ -231,9 +232,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             return Ok(());
         }
         let (params, shape) = (self.params(), &self.tree().shape);
-        let work = self.progress.refit(self.method, params, shape);
+        let (work, extent) = self.progress.refit(self.method, params, shape);
         self.run(Stage::Refit, &work)?;
-        self.engine.frames.record()?.extents.boxes = true;
+        let extents = &mut self.engine.frames.record()?.extents;
+        extents.boxes = extents.boxes.max(Some(extent));
         self.progress.refitted();
         self.engine.stale = Stale::Fresh;
         Ok(())

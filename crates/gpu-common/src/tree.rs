@@ -220,7 +220,10 @@ fn with_parts<T>(
     use_them: impl FnOnce(&[&[u32]]) -> T,
 ) -> T {
     match layout {
-        Layout::Bvh2 => use_them(&[tree.words()]),
+        Layout::Bvh2 => {
+            let lists = tree.moving().map_or(&[][..], |moving| &moving.words);
+            use_them(&[tree.words(), lists])
+        }
         Layout::Fast => use_them(&tree.to_treelets(animation.static_parts()).parts()),
     }
 }

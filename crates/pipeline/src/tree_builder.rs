@@ -321,7 +321,7 @@ impl TreeBuilder {
         }
     }
 
-    /// The tree just built as a record, in the forms that were asked for.
+    /// The tree just built as a record, in the forms that were asked for, with lists of what moves.
     fn convert(&mut self, animation: &Animation) -> Topology {
         let spare = std::mem::take(&mut self.spare);
         let convert = match self.forms.treelets {

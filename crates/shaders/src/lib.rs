@@ -33,7 +33,7 @@ pub(crate) use method::{notes, open_shadows_at, places};
 pub use params::{Counts, Params};
 pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
-pub use tree_stats::{Extents, TreeStats};
+pub use tree_stats::{Extent, Extents, TreeStats};
 pub use view::View;
 
 /// A compute kernel.

@@ -143,12 +143,13 @@ pub struct Counts {
     pub hits: u32,
     /// Hits in shadow, by `shadow_*`.
     pub blocked: u32,
-    /// Half areas of all nodes but the root, in scaled units, by `sum_costs` after a refit.
+    /// Half areas of all nodes that are neither the root nor a child of a node
+    /// marked as moving, in scaled units, by `sum_costs` after a refit of the whole tree.
     pub areas: f32,
     /// The root's half area, in scaled units, by `sum_costs`.
     pub root_area: f32,
-    /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
-    pub left: u32,
+    /// Half areas of the children of nodes marked as moving, by `sum_costs` after any refit.
+    pub moving_areas: f32,
     /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
     pub open: u32,
     /// Shadows that `shadow_*` left to `resolve_exact_*`, for `exact`.
@@ -167,6 +168,8 @@ pub struct Counts {
     pub tests: u32,
     /// 1 if that left it to `resolve` to find hits: see [`crate::RasterBackoff`].
     pub untold: u32,
+    /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
+    pub left: u32,
 }
 
 impl Counts {

@@ -63,8 +63,9 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     work
 }
 
-/// Leaves in `clusters` to `tree`'s nodes, and to its cost.
-pub fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
+/// Leaves in `clusters` to `tree`'s nodes, and to its cost. `again` says that boxes were refitted or made before in the same
+/// submission.
+pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec<Work> {
     let mut work = Vec::new();
     if tree.leaf_count > 0 {
         let phases = phases::of(params, tree.leaf_count);
@@ -73,6 +74,10 @@ pub fn cluster(method: Method, params: Params, tree: &Shape) -> Vec<Work> {
         work.extend(phases.iter().map(phase));
         let groups = phases.iter().map(phases::tiles).sum();
         work.push(sum(params, groups, offset_of!(Counts, areas)));
+    }
+    if again {
+        // Takes back what a refit before said of areas that move.
+        work.push(sum(params, 0, offset_of!(Counts, moving_areas)));
     }
     work
 }
@@ -136,7 +141,7 @@ mod tests {
     #[test]
     fn costs_have_a_slot_for_each_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
-            let work = cluster(Method::default(), Params::default(), &shape(leaves));
+            let work = cluster(Method::default(), Params::default(), &shape(leaves), false);
             let last = work.last().map_or(0, |w| w.params.count);
             assert!(u64::from(last) * 4 <= Shape::cost_bytes(u64::from(leaves)));
         }

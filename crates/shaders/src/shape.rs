@@ -18,7 +18,7 @@ pub struct Shape {
     pub leaf_count: u32,
     /// Inner nodes of each level that has any, as numbers among the inner nodes, root first.
     pub levels: Vec<Range<u32>>,
-    /// With layout `fast`: what moves, where the tree came with lists of it.
+    /// What moves, where the tree came with lists of it.
     pub moving: Option<MovingShape>,
     /// With layout `fast`: each level's treelets, those of triangles first.
     pub treelets: Vec<Range<u32>>,
@@ -46,6 +46,17 @@ impl Shape {
         shape.params.leaf_ranks_at = (bits + words) as u32;
         shape.params.leaf_triangles_at = (bits + 2 * words) as u32;
         shape.levels = tree.levels().filter(|inner| !inner.is_empty()).collect();
+        shape.moving = tree.moving().map(|moving| {
+            let at = tree.words().len() as u32;
+            let mut lists = behind(at, &moving.lists);
+            let leaves = lists.remove(0);
+            MovingShape {
+                inner: leaves.end..at + moving.words.len() as u32,
+                leaves,
+                levels: lists,
+                degenerate_elsewhere: moving.degenerate_elsewhere,
+            }
+        });
         shape
     }
 
@@ -99,6 +110,7 @@ impl Shape {
             moving: tree.moving.as_ref().map(|moving| MovingShape {
                 levels: behind(tree.words().len() as u32, &moving.lists),
                 degenerate_elsewhere: moving.degenerate_elsewhere,
+                ..MovingShape::default()
             }),
             node_rows: tree.rows() as u64,
             root_count: tree.root_count,
@@ -149,12 +161,17 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     StaticParts::pays(rows.len(), all).then_some(rows)
 }
 
-/// Where lists of treelets that move lie: words that are uploaded behind the treelets. See [`bvh_layout::Moving`].
+/// Where a tree's lists of what moves lie: words that are uploaded behind the tree's record. See [`bvh_layout::Moving`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MovingShape {
-    /// The numbers of each level's treelets, that of the triangles first.
+    /// With layout `bvh2`, leaves' ranks.
+    pub leaves: Range<u32>,
+    /// Likewise inner nodes by their number among inner nodes.
+    pub inner: Range<u32>,
+    /// Likewise those of each level that has any, root first. With layout `fast` the numbers of each level's treelets, that of
+    /// the triangles first.
     pub levels: Vec<Range<u32>>,
-    /// Triangles of zero area in treelets that are not listed.
+    /// Triangles of zero area among leaves, or in treelets, that are not listed.
     pub degenerate_elsewhere: u32,
 }
 

@@ -3,13 +3,22 @@
 use crate::Counts;
 use backend::{FrameReport, sah_cost};
 
-/// Which of preprocess and refit one submission had.
+/// Whose areas a refit added up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Extent {
+    /// Those of what moves alone: the others had been added up before.
+    Moving,
+    /// All nodes'.
+    Whole,
+}
+
+/// What preprocess and refit of one submission went over; `None` for a stage left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extents {
-    /// Triangles of zero area that the last preprocess did not count, as it passed over them; `None` if there was none.
+    /// Triangles of zero area that the last preprocess did not count, as it passed over them.
     pub uncounted: Option<u32>,
-    /// Whether there was a refit.
-    pub boxes: bool,
+    /// Boxes, by any refit: the most that one of them went over.
+    pub boxes: Option<Extent>,
 }
 
 /// What holds until a stage runs again.
@@ -17,6 +26,8 @@ pub struct Extents {
 pub struct TreeStats {
     inactive: u64,
     degenerate: u64,
+    /// Half areas that change with the tree alone.
+    still_areas: f64,
     sah_cost: Option<f64>,
 }
 
@@ -33,10 +44,14 @@ impl TreeStats {
             self.inactive = u64::from(counts.inactive) + never_active;
             self.degenerate = u64::from(counts.degenerate) + u64::from(uncounted);
         }
-        if extents.boxes {
+        if let Some(boxes) = extents.boxes {
+            if boxes == Extent::Whole {
+                self.still_areas = f64::from(counts.areas);
+            }
+            let areas = self.still_areas + f64::from(counts.moving_areas);
             // The root's area is not among the others.
             let root = f64::from(counts.root_area);
-            self.sah_cost = sah_cost(f64::from(counts.areas) + root, root);
+            self.sah_cost = sah_cost(areas + root, root);
         }
         report.inactive = self.inactive;
         report.degenerate = self.degenerate;

@@ -187,7 +187,7 @@ impl Treelets {
     /// If `parts` are of a scene that has not all the triangles.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
-        self.moving = Moving::of(&self, parts);
+        self.moving = Moving::of_treelets(&self, parts);
         let listed = self.moving.iter().flat_map(|m| &m.words);
         let parents = listed.map(|&number| self.treelet(number as usize).parent);
         let parents: Vec<_> = parents.filter(|&p| p != Treelet::NONE).collect();

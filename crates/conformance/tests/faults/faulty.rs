@@ -1,6 +1,5 @@
 //! The reference, spoilt in one way.
 
-use crate::passing_over::PassingOver;
 use backend::{
     Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, QueryKind, Rays,
     Result, Snapshot, Ticket,
@@ -50,13 +49,7 @@ struct Seen {
 impl Faulty {
     pub(crate) fn new(fault: &'static str) -> Self {
         Self {
-            inner: match fault {
-                "what moves is passed over" => {
-                    CpuBackend::with_trees(Some(1), |_| Box::<PassingOver>::default())
-                }
-                _ => CpuBackend::new(Some(1)),
-            }
-            .unwrap(),
+            inner: CpuBackend::new(Some(1)).unwrap(),
             fault,
             seen: Seen::default(),
         }
@@ -122,6 +115,17 @@ impl Faulty {
     }
 }
 
+/// The tree with lists in which a triangle that moves and one that does not have changed places.
+fn mislisted(tree: &Topology, animation: &Animation) -> Topology {
+    let mut parts = animation.static_parts().clone();
+    let leaves = tree.leaf_triangles().iter().map(|&t| t as usize);
+    let mut both = [false, true].map(|kind| leaves.clone().find(|&t| parts.triangles[t] == kind));
+    if let [Some(moving), Some(still)] = &mut both {
+        parts.triangles.swap(*moving, *still);
+    }
+    tree.clone().with_moving(&parts)
+}
+
 impl Backend for Faulty {
     fn device(&self) -> &Device {
         self.inner.device()
@@ -147,7 +151,12 @@ impl Backend for Faulty {
         let left = left.filter(|_| self.is("a tree that was left is adopted"));
         let tree = left.as_ref().unwrap_or(tree);
         self.seen.made = None;
-        let adopted = self.inner.adopt(tree, generation);
+        let adopted = match &self.seen.animation {
+            Some(animation) if self.is("what moves is passed over") => {
+                self.inner.adopt(&mislisted(tree, animation), generation)
+            }
+            _ => self.inner.adopt(tree, generation),
+        };
         match (self.fault, &adopted) {
             ("any tree is taken", Err(_)) => return Ok(()),
             (_, Ok(())) => self.seen.first_leaf = tree.leaf_triangles().first().copied(),

@@ -1,7 +1,6 @@
 //! Backends with a fault each, and the laws that must notice it: a law that notices nothing is no law.
 
 mod faulty;
-mod passing_over;
 
 use conformance::{Disagreement, LAWS, Law, OWN_TREE_LAWS, Reference, hold};
 use cpu_ref::CpuBackend;

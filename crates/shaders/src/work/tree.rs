@@ -1,15 +1,15 @@
 //! The stages that follow a tree: records, and boxes level by level.
 
 use super::{Groups, Work, treelets};
-use crate::{Params, Shape, common, kernel};
+use crate::{Extent, Kernel, MovingShape, Params, Shape, common, kernel};
 use backend::{Layout, Method};
 use std::mem::offset_of;
 use std::ops::Range;
 
 /// Which parts of the tree in use stand on the device since it was adopted.
 ///
-/// With layout `fast`, what comes first goes over all of the tree; what comes later, over what moves, if the tree came with
-/// lists of it. The host says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
+/// What comes first goes over all of the tree; what comes later, over what moves, if the tree came with lists of it. The host
+/// says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     has_records: bool,
@@ -31,11 +31,22 @@ impl Progress {
             work[0].alongside = treelets::reads_keys(tree);
             return (work, uncounted);
         }
-        // The tree's lists of nodes.
-        let nodes = Groups::Linear(params.node_count);
-        let expand = (!self.has_records).then(|| Work::new(common("expand"), params, nodes));
-        let leaves = leaves(method, params, tree);
-        (expand.into_iter().chain([leaves]).collect(), 0)
+        let mut work = Vec::with_capacity(3);
+        if !self.has_records {
+            // The tree's lists of nodes.
+            let nodes = Groups::Linear(params.node_count);
+            work.push(Work::new(common("expand"), params, nodes));
+            let moving = tree.moving.as_ref();
+            work.extend(moving.map(|m| over(common("mark_moving"), params, &m.inner)));
+        }
+        let moving = tree.moving.as_ref().filter(|_| self.has_records);
+        let mut leaves = leaves(method, params, tree);
+        if let Some(moving) = moving {
+            leaves = over(leaves.kernel, params, &moving.leaves);
+            leaves.params.listed = 1;
+        }
+        work.push(leaves);
+        (work, moving.map_or(0, |moving| moving.degenerate_elsewhere))
     }
 
     /// That work was recorded, over such a tree.
@@ -45,13 +56,18 @@ impl Progress {
     }
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
-    pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> Vec<Work> {
-        if self.has_climbed || tree.leaf_count == 0 {
-            return Vec::new();
+    pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        if self.has_climbed {
+            return (Vec::new(), Extent::Whole);
         }
-        match tree.layout {
-            Layout::Fast => treelets::refit(method, params, tree, self.has_boxes),
-            Layout::Bvh2 => refit_levels(params, &tree.levels),
+        if tree.layout == Layout::Fast && tree.leaf_count > 0 {
+            let work = treelets::refit(method, params, tree, self.has_boxes);
+            return (work, Extent::Whole);
+        }
+        let moving = tree.moving.as_ref();
+        match moving.filter(|_| self.has_boxes && tree.leaf_count > 0) {
+            Some(moving) => (refit_moving(params, moving), Extent::Moving),
+            None => (refit_whole(params, tree), Extent::Whole),
         }
     }
 
@@ -71,21 +87,55 @@ pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
     Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
-/// One dispatch a level, the last one first, and the sum of what their workgroups found.
-fn refit_levels(mut params: Params, levels: &[Range<u32>]) -> Vec<Work> {
-    let kernel = common("refit");
-    params.first_group = 0;
-    let mut work = Vec::with_capacity(levels.len() + 1);
-    for level in levels.iter().rev() {
-        params.first = level.start;
-        work.push(Work::linear(kernel, params, level.len() as u32));
-        params.first_group += (level.len() as u32).div_ceil(kernel.workgroup[0]);
+/// Over elements of a list, or over nodes by their numbers.
+fn over(kernel: &'static Kernel, mut params: Params, elements: &Range<u32>) -> Work {
+    params.first = elements.start;
+    Work::linear(kernel, params, elements.len() as u32)
+}
+
+fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
+    if tree.leaf_count == 0 {
+        return Vec::new();
     }
-    work.push(sum(params, params.first_group, AREAS));
+    let mut work = refit_levels(params, &tree.levels);
+    work.push(sum(params, groups_of(&work), AREAS));
+    if let Some(moving) = &tree.moving {
+        let areas = over(common("areas_moving"), params, &moving.inner);
+        work.extend([areas, sum(params, groups_of_one(&areas), MOVING_AREAS)]);
+    }
     work
 }
 
+fn refit_moving(mut params: Params, moving: &MovingShape) -> Vec<Work> {
+    params.listed = 1;
+    let mut work = refit_levels(params, &moving.levels);
+    work.push(sum(params, groups_of(&work), MOVING_AREAS));
+    work
+}
+
+/// One dispatch a level, the last one first.
+fn refit_levels(mut params: Params, levels: &[Range<u32>]) -> Vec<Work> {
+    params.first_group = 0;
+    let level = |level| {
+        let work = over(common("refit"), params, level);
+        params.first_group += groups_of_one(&work);
+        work
+    };
+    levels.iter().rev().map(level).collect()
+}
+
+fn groups_of_one(work: &Work) -> u32 {
+    work.params.count.div_ceil(work.kernel.workgroup[0])
+}
+
+/// Workgroups of all levels.
+fn groups_of(levels: &[Work]) -> u32 {
+    let last = levels.last();
+    last.map_or(0, |work| work.params.first_group + groups_of_one(work))
+}
+
 pub(super) const AREAS: usize = offset_of!(crate::Counts, areas);
+const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
 
 /// Where a member of [`crate::Counts`] lies, in words.
 pub(super) fn word_of(member: usize) -> u32 {
@@ -101,7 +151,6 @@ pub(crate) fn sum(mut params: Params, groups: u32, member: usize) -> Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MovingShape;
 
     /// Kernel, first element, count, workgroups that it is told of, whether listed.
     type Told = (&'static str, u32, u32, u32, u32);
@@ -119,32 +168,49 @@ mod tests {
     }
 
     #[test]
-    fn all_is_done_every_time_level_by_level() {
+    fn a_tree_is_done_whole_first_and_then_what_moves() {
         let tree = Shape {
             leaf_count: 501,
             levels: vec![0..1, 1..3, 3..200, 200..500],
+            moving: Some(MovingShape {
+                leaves: 2_000..2_009,
+                inner: 2_009..2_151,
+                levels: vec![2_009..2_010, 2_010..2_011, 2_011..2_149, 2_149..2_151],
+                degenerate_elsewhere: 3,
+            }),
             ..Shape::none(Layout::Bvh2)
         };
         let (mut progress, params) = (Progress::default(), Params::default());
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
-        let expected = vec![("expand", 0, 0, 0, 0), ("preprocess", 0, 501, 0, 0)];
-        assert_eq!((told(&work), uncounted), (expected, 0));
+        assert_eq!(uncounted, 0);
+        let expected = [
+            ("expand", 0, 0, 0, 0),
+            ("mark_moving", 2_009, 142, 0, 0),
+            ("preprocess", 0, 501, 0, 0),
+        ];
+        assert_eq!(told(&work), expected);
         progress.preprocessed(&tree);
         let (work, uncounted) = progress.preprocess(Method::default(), params, &tree);
-        let expected = vec![("preprocess", 0, 501, 0, 0)];
-        assert_eq!((told(&work), uncounted), (expected, 0));
+        assert_eq!(uncounted, 3);
+        assert_eq!(told(&work), [("preprocess", 2_000, 9, 0, 1)]);
+        let (work, extent) = progress.refit(Method::default(), params, &tree);
+        assert_eq!(extent, Extent::Whole);
         let expected = [
-            ("refit", 200, 300, 0, 0),
-            ("refit", 3, 197, 3, 0),
-            ("refit", 1, 2, 5, 0),
-            ("refit", 0, 1, 6, 0),
-            ("sum_costs", 4, 7, 7, 0),
+            ("areas_moving", 2_009, 142, 0, 0),
+            ("sum_costs", 6, 2, 0, 0),
         ];
-        for _ in 0..2 {
-            let work = progress.refit(Method::default(), params, &tree);
-            assert_eq!(told(&work), expected);
-            progress.refitted();
-        }
+        assert_eq!(told(&work[5..]), expected);
+        progress.refitted();
+        let (work, extent) = progress.refit(Method::default(), params, &tree);
+        assert_eq!(extent, Extent::Moving);
+        let expected = [
+            ("refit", 2_149, 2, 0, 1),
+            ("refit", 2_011, 138, 1, 1),
+            ("refit", 2_010, 1, 3, 1),
+            ("refit", 2_009, 1, 4, 1),
+            ("sum_costs", 6, 5, 0, 1),
+        ];
+        assert_eq!(told(&work), expected);
     }
 
     #[test]
@@ -159,6 +225,7 @@ mod tests {
             moving: Some(MovingShape {
                 levels: vec![500..507, 507..508, 508..509],
                 degenerate_elsewhere: 4,
+                ..MovingShape::default()
             }),
             ..Shape::none(Layout::Fast)
         };
@@ -172,21 +239,22 @@ mod tests {
         assert_eq!(beside(&work), [true, false]);
         assert_eq!(work[1].params.destination, 4);
         progress.preprocessed(&tree);
-        assert!(progress.refit(method, params, &tree).is_empty());
+        let (work, extent) = progress.refit(method, params, &tree);
+        assert!(work.is_empty() && extent == Extent::Whole);
         progress.submitted();
         let (work, uncounted) = progress.preprocess(method, params, &tree);
         let listed = vec![("preprocess_treelets_of_keys", 500, 7, 94, 1)];
         assert_eq!((told(&work), uncounted), (listed, 4));
         assert_eq!(beside(&work), [true]);
         assert_eq!(work[0].params.destination, 4);
-        let work = progress.refit(method, params, &tree);
+        let (work, _) = progress.refit(method, params, &tree);
         let whole = [
             ("refit_treelets", 90, 3, 0, 0),
             ("refit_treelets", 93, 1, 94, 0),
         ];
         assert_eq!(told(&work), whole);
         progress.refitted();
-        let work = progress.refit(method, params, &tree);
+        let (work, _) = progress.refit(method, params, &tree);
         let listed = [
             ("refit_treelets", 507, 1, 0, 1),
             ("refit_treelets", 508, 1, 94, 1),

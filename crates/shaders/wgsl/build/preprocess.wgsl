@@ -21,13 +21,14 @@ fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<
     return select(SOUND, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
 }
 
-// Positions to triangle records and boxes of leaves, in the tree's leaf order.
+// Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
 //
 // Variants: intersector.
 @compute @workgroup_size(128)
 fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let leaf = element(id, groups, 128u);
+    var leaf = element(id, groups, 128u);
     if leaf >= params.count { return; }
+    if params.listed == 1u { leaf = topology[params.first + leaf]; }
     let triangle = topology[params.leaf_triangles_at + leaf];
     let node = leaf_nodes[leaf];
     let given_a = corner(triangle, 0u);

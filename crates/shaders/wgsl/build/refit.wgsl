@@ -6,7 +6,7 @@ import package::lib::params::{element, params};
 // Areas of boxes, and their sums over a workgroup.
 
 // Invocations of a workgroup.
-@if(refit || sum_costs)
+@if(refit || areas_moving || sum_costs)
 const GROUP: u32 = 128u;
 @else
 const GROUP: u32 = 256u;
@@ -36,7 +36,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
     return sum;
 }
 
-// Places of inner nodes, by level.
+// Places of inner nodes, by level; a flag tells those with a moving leaf below.
 @if(refit)
 @group(0) @binding(next) var<storage, read> inner_nodes: array<u32>;
 @else
@@ -57,6 +57,10 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 // where first_group counts the workgroups of the levels dispatched before. So
 // costs holds one f32 for each workgroup of all levels, without gaps, and after
 // the last level `sum_costs` adds them up.
+//
+// Of a tree with lists of what moves, a refit of all nodes leaves out the areas
+// under those that are marked as moving: `areas_moving` adds those up. So what
+// lies still is summed once a tree, and what moves every frame.
 
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(min(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
@@ -68,15 +72,12 @@ fn box_max(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
 
 // Writes the box of one inner node and returns the half areas of both children.
 fn refit_node(inner: u32) -> f32 {
-    let at = 2u * (2u * inner + 1u);
-    let left_low = nodes[at];
-    let left_high = nodes[at + 1u];
-    let right_low = nodes[at + 2u];
-    let right_high = nodes[at + 3u];
-    let node = inner_nodes[inner];
-    nodes[2u * node] = vec4<u32>(box_min(left_low, right_low), 2u * inner + 1u);
-    nodes[2u * node + 1u] = vec4<u32>(box_max(left_high, right_high), 0u);
-    return half_area(left_low, left_high) + half_area(right_low, right_high);
+    let marked = inner_nodes[inner];
+    let node = marked & ~MOVES;
+    let pair = children(inner);
+    nodes[2u * node] = vec4<u32>(box_min(pair.left_low, pair.right_low), 2u * inner + 1u);
+    nodes[2u * node + 1u] = vec4<u32>(box_max(pair.left_high, pair.right_high), 0u);
+    return select(areas(pair), 0.0, params.listed == 0u && marked != node);
 }
 
 @compute @workgroup_size(128)
@@ -88,10 +89,51 @@ fn refit(
 ) {
     let i = element(id, groups, 128u);
     var area = 0.0;
-    if i < params.count { area = refit_node(params.first + i); }
+    if i < params.count {
+        var inner = params.first + i;
+        if params.listed == 1u { inner = topology[inner]; }
+        area = refit_node(inner);
+    }
     let sum = sum_of_group(local, area);
     // Of a dispatch in rows, the last workgroups may have no node.
     if local == 0u && i < params.count { costs[params.first_group + group.x + group.y * groups.x] = sum; }
+}
+
+// Boxes of an inner node's children.
+
+// Flags an inner node with a moving leaf below, in `inner_nodes`.
+const MOVES: u32 = 0x80000000u;
+
+struct Children {
+    left_low: vec4<u32>,
+    left_high: vec4<u32>,
+    right_low: vec4<u32>,
+    right_high: vec4<u32>,
+}
+
+fn children(inner: u32) -> Children {
+    let at = 2u * (2u * inner + 1u);
+    return Children(nodes[at], nodes[at + 1u], nodes[at + 2u], nodes[at + 3u]);
+}
+
+fn areas(pair: Children) -> f32 {
+    return half_area(pair.left_low, pair.left_high) + half_area(pair.right_low, pair.right_high);
+}
+
+// Half areas of the children of inner nodes that move, one partial sum a workgroup, as refit writes them.
+
+@compute @workgroup_size(128)
+fn areas_moving(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let i = element(id, groups, 128u);
+    var area = 0.0;
+    if i < params.count { area = areas(children(topology[params.first + i])); }
+    let sum = sum_of_group(local, area);
+    if local == 0u && i < params.count { costs[group.x + group.y * groups.x] = sum; }
 }
 
 // A record of a tree to the two lists that refit walks.
@@ -109,6 +151,16 @@ fn expand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     } else {
         inner_nodes[node - rank] = node;
     }
+}
+
+// Flags inner nodes with a moving leaf below, as the tree's list names them.
+
+@compute @workgroup_size(128)
+fn mark_moving(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = element(id, groups, 128u);
+    if i >= params.count { return; }
+    let inner = topology[params.first + i];
+    inner_nodes[inner] |= 0x80000000u;
 }
 
 // What refit's workgroups found, added up by one workgroup: params.count partial sums.

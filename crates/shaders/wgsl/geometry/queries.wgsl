@@ -84,7 +84,7 @@ fn is_void_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
 }
 
 // Where it is told that a ray is left to `extreme_*`.
-const LEFT_AT: u32 = 6u;
+const LEFT_AT: u32 = 16u;
 
 // Likewise, and those that are left to other kernels; an origin may be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
