@@ -6,7 +6,7 @@ import package::lib::params::{element, params};
 // Areas of boxes, and their sums over a workgroup.
 
 // Invocations of a workgroup.
-@if(refit || areas_moving || sum_costs)
+@if(refit || sum_costs)
 const GROUP: u32 = 128u;
 @else
 const GROUP: u32 = 256u;
@@ -59,7 +59,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 // the last level `sum_costs` adds them up.
 //
 // Of a tree with lists of what moves, a refit of all nodes leaves out the areas
-// under those that are marked as moving: `areas_moving` adds those up. So what
+// under those that are marked as moving: a refit of what moves adds those up. So what
 // lies still is summed once a tree, and what moves every frame.
 
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
@@ -118,22 +118,6 @@ fn children(inner: u32) -> Children {
 
 fn areas(pair: Children) -> f32 {
     return half_area(pair.left_low, pair.left_high) + half_area(pair.right_low, pair.right_high);
-}
-
-// Half areas of the children of inner nodes that move, one partial sum a workgroup, as refit writes them.
-
-@compute @workgroup_size(128)
-fn areas_moving(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
-    let i = element(id, groups, 128u);
-    var area = 0.0;
-    if i < params.count { area = areas(children(topology[params.first + i])); }
-    let sum = sum_of_group(local, area);
-    if local == 0u && i < params.count { costs[group.x + group.y * groups.x] = sum; }
 }
 
 // A record of a tree to the two lists that refit walks.
