@@ -34,7 +34,7 @@ impl Encoded {
         let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let answers = vec![0; 16 * rays.len()];
         Self {
-            vertices: own.buffer(&sheet(7.0), copied),
+            vertices: own.buffer(&sheet(7.0), copied | BufferUsages::STORAGE),
             rays: own.bytes(bytemuck::cast_slice(&rays), BufferUsages::STORAGE),
             answers: own.bytes(&answers, BufferUsages::STORAGE | copied),
             own,
@@ -49,8 +49,7 @@ impl Encoded {
     /// A camera and its rays, of sheets at such heights: one of them is there only when the commands are carried out.
     fn encode(&mut self, [on_device, on_host]: [f32; 2]) -> Step {
         let mut commands = self.commands();
-        let usage = BufferUsages::COPY_SRC | BufferUsages::STORAGE;
-        let from = self.own.buffer(&sheet(on_device), usage);
+        let from = self.own.buffer(&sheet(on_device), BufferUsages::COPY_SRC);
         commands.copy_buffer_to_buffer(&from, 0, &self.vertices, 0, None);
         let sheets = self.own.sheets;
         let mut step = self.own.tracer.step(0.0);
