@@ -35,8 +35,8 @@
 //! 580 passes on an H100. Buffers and semaphores stay valid when a mesh is [replaced](Tracer::replace).
 
 use crate::loaded::Loaded;
-use crate::motion::copy;
 use crate::step::apart;
+use crate::vertices::copy;
 use crate::{Error, Query, QueryId, Ray, Result, Step, Tracer};
 use backend::Rays;
 use gpu_vulkan::external::ExternalMemory;

@@ -50,6 +50,7 @@ mod replacement;
 pub mod shader_module;
 mod step;
 mod tracer;
+mod vertices;
 
 pub use backend::{Intersector, Layout, Rays};
 pub use device::Device;

@@ -3,12 +3,12 @@
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 use crate::device_vertices::DeviceVertices;
 use crate::mesh::Colour;
+use crate::vertices::{copy, set};
 use crate::{Error, Mesh, Point, Result};
 use backend::Backend;
-use geom::{Animation, KeyFrame, PointBuffer, Pose, lock};
-use rayon::prelude::*;
+use geom::{Animation, KeyFrame, PointBuffer, Pose};
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// Three rows of an affine map: a vertex `v` goes to `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]` on axis `i`,
 /// added from left to right, each operation rounded once.
@@ -340,62 +340,7 @@ fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     Animation::new(frames, triangles).map_err(Error::of_keys)
 }
 
-/// Vertices that the calling thread sets before a busy pool would take them up.
-const FEW: usize = 1 << 16;
-
-/// Sets each vertex by its number, by all threads where there are many.
-pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
-    let one = |(v, to): (usize, &mut Point)| *to = of(v);
-    match to.len() <= FEW {
-        true => to.iter_mut().enumerate().for_each(one),
-        false => {
-            let all = to.par_iter_mut().enumerate();
-            all.with_min_len(FEW / 4).for_each(one);
-        }
-    }
-}
-
-/// Vertices that the calling thread copies by itself.
-const MANY: usize = 1 << 16;
-/// Threads that help it with more. While trees are built beside, others are slow to wake: who comes late finds nothing left.
-const HELPERS: usize = 3;
-/// Vertices that are copied at a time.
-const RUN: usize = 1 << 13;
-
-/// Copies as many vertices, with others' help where there are many.
-pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
-    if to.len() <= MANY {
-        return to.copy_from_slice(from);
-    }
-    let runs = Mutex::new(to.chunks_mut(RUN).zip(from.chunks(RUN)));
-    let next = || lock(&runs).next();
-    let copy_runs = || {
-        while let Some((to, from)) = next() {
-            to.copy_from_slice(from);
-        }
-    };
-    rayon::in_place_scope(|scope| {
-        (0..HELPERS).for_each(|_| scope.spawn(|_| copy_runs()));
-        copy_runs();
-    });
-}
-
 /// Where a matrix brings a vertex.
 pub(crate) fn moved(m: &Matrix, v: Point) -> Point {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn many_vertices_are_copied_as_few_are() {
-        let from: Vec<Point> = (0..MANY + RUN + 3).map(|v| [v as f32; 3]).collect();
-        for from in [&from[..3], &from[..MANY], &from] {
-            let mut to = vec![[0.0; 3]; from.len()];
-            copy(&mut to, from);
-            assert!(to == from);
-        }
-    }
 }

@@ -1,6 +1,7 @@
 //! One moment of a scene: where meshes are, and what is asked of it.
 
-use crate::motion::{Motion, copy, moved, set};
+use crate::motion::{Motion, moved};
+use crate::vertices::{copy, set};
 use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
 use backend::{QueryKind, Rays};
 use geom::Camera;

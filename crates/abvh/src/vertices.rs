@@ -1,0 +1,59 @@
+//! Many vertices at a time, by several threads.
+
+use crate::Point;
+use geom::lock;
+use rayon::prelude::*;
+use std::sync::Mutex;
+
+/// Vertices that the calling thread sets or copies by itself, before a busy pool would take them up.
+const FEW: usize = 1 << 16;
+
+/// Sets each vertex by its number, by all threads where there are many.
+pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
+    let one = |(v, to): (usize, &mut Point)| *to = of(v);
+    match to.len() <= FEW {
+        true => to.iter_mut().enumerate().for_each(one),
+        false => {
+            let all = to.par_iter_mut().enumerate();
+            all.with_min_len(FEW / 4).for_each(one);
+        }
+    }
+}
+
+/// Threads that help to copy more. While trees are built beside, others are slow to wake: who comes late finds nothing left.
+const HELPERS: usize = 3;
+/// Vertices that are copied at a time.
+const RUN: usize = 1 << 13;
+
+/// Copies as many vertices, with others' help where there are many.
+pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
+    if to.len() <= FEW {
+        return to.copy_from_slice(from);
+    }
+    let runs = Mutex::new(to.chunks_mut(RUN).zip(from.chunks(RUN)));
+    let next = || lock(&runs).next();
+    let copy_runs = || {
+        while let Some((to, from)) = next() {
+            to.copy_from_slice(from);
+        }
+    };
+    rayon::in_place_scope(|scope| {
+        (0..HELPERS).for_each(|_| scope.spawn(|_| copy_runs()));
+        copy_runs();
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_vertices_are_copied_as_few_are() {
+        let from: Vec<Point> = (0..FEW + RUN + 3).map(|v| [v as f32; 3]).collect();
+        for from in [&from[..3], &from[..FEW], &from] {
+            let mut to = vec![[0.0; 3]; from.len()];
+            copy(&mut to, from);
+            assert!(to == from);
+        }
+    }
+}
