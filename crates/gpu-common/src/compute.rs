@@ -154,7 +154,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_arriving() {
             let later = work::kernels_of_arriving_keys(method);
-            engine.pipelines.begin(&engine.gpu, later);
+            let copies = D::COPIES.then(|| common("copy_points"));
+            engine.pipelines.begin(&engine.gpu, later.chain(copies));
         }
         engine.unload()?;
         self.tree = None;

@@ -148,6 +148,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// The rays that its owner told it of last, once.
     fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>>;
 
+    /// Whether it may ever have a kernel [copy positions](GpuDevice::take_copies).
+    const COPIES: bool = false;
+
     /// Positions that a kernel is to copy before key frames are read, once.
     fn take_copies(&mut self) -> Vec<PointsCopy<Self::Buffer>> {
         Vec::new()

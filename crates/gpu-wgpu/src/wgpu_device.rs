@@ -130,6 +130,8 @@ impl GpuDevice for WgpuDevice {
         self.scene.rays.due.pop_front()
     }
 
+    const COPIES: bool = true;
+
     fn take_copies(&mut self) -> Vec<PointsCopy<Buffer>> {
         let largest = self.gpu.limits.max_storage_buffer_binding_size;
         self.scene.points.take_copies(largest)

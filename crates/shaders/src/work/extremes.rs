@@ -73,12 +73,10 @@ pub(super) fn work(
     }
 }
 
-/// What vertices of the program's and key frames that nobody looked at take: [`super::copy_points`], [`measure_range`], and
-/// what follows it.
+/// Kernels that follow [`measure_range`], and its own.
 pub fn kernels_of_arriving_keys(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
-    let both = both.into_iter().filter(move |_| has_extremes(method));
-    both.chain([common("copy_points")])
+    both.into_iter().filter(move |_| has_extremes(method))
 }
 
 /// Where nobody knows how far the coordinates of a key frame of so many vertices reach, finds that out: into
