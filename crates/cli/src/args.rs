@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Conform(ConformArgs),
     /// Count wrong answers, leaks and double hits where arithmetic is hardest, against what is to be expected
     Stability(StabilityArgs),
+    /// Stream vertices step by step through the library, time the steps and check their hits
+    Stress(StressArgs),
     /// Describe a scene: size, motion, how refitting decays, what auto takes and why
     Inspect(InspectArgs),
     /// Describe this build and this machine: backends present and absent
@@ -344,5 +346,5 @@ mod render;
 mod tests;
 
 pub(crate) use measure::{BenchArgs, ChartArgs, ConformArgs, MeasureArgs};
-pub(crate) use measure::{RaysName, StabilityArgs, TestArgs};
+pub(crate) use measure::{RaysName, StabilityArgs, StressArgs, TestArgs};
 pub(crate) use render::RenderArgs;

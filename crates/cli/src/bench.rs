@@ -11,7 +11,7 @@ use crate::open::{has_own_trees, makes_trees};
 use crate::stop::Stop;
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
-pub(crate) use row::{Row, frame_ms, measure};
+pub(crate) use row::{Row, frame_ms, measure, random_rays};
 use scene::Scene;
 use serde_json::json;
 

@@ -18,6 +18,7 @@ mod resume;
 mod session;
 mod stability;
 mod stop;
+mod stress;
 mod table;
 mod talk;
 mod threads;
@@ -56,6 +57,7 @@ fn run(command: Command) -> Result<(), Stop> {
         Command::Chart(args) => chart::run(&args),
         Command::Conform(args) => conform::run(&args),
         Command::Stability(args) => stability::run(&args),
+        Command::Stress(args) => stress::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Info { json } => info::run(json),
         Command::Doctor => info::doctor(),

@@ -14,6 +14,7 @@ mod pages;
 mod runs;
 mod sandbox;
 mod stats;
+mod stress;
 mod video;
 
 use std::process::ExitCode;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         pages::trials(),
         runs::trials(),
         stats::trials(),
+        stress::trials(),
         video::trials(),
     ];
     let trials = rooms.into_iter().flatten().collect();

@@ -87,6 +87,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
             ]
         }
         Command::Chart(args) => vec![has_clip(&args.measure.scenes)],
+        Command::Stress(args) => vec![has_clip(scene(&args.scene))],
         Command::Inspect(args) => {
             let reduces = args.reduce_keys.is_some();
             vec![

@@ -207,6 +207,39 @@ pub(crate) struct StabilityArgs {
     pub(crate) seeds: u64,
 }
 
+#[derive(Args, Debug)]
+pub(crate) struct StressArgs {
+    /// Scene whose motion is streamed; `abvh render --help` explains how scenes are named
+    #[arg(default_value = "demo:collide", value_parser = values::scene())]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
+    #[command(flatten)]
+    pub(crate) test: TestArgs,
+    /// Update policies: async, refit, rebuild
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "async,refit"
+    )]
+    pub(crate) update: Vec<UpdateName>,
+    /// Timed steps of each run
+    #[arg(long, value_name = "N", default_value = "1000",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=10_000_000))]
+    pub(crate) steps: usize,
+    /// Poses over the whole motion, played forwards and backwards: fewer poses are faster motion
+    #[arg(long, value_name = "N", default_value = "256",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
+    pub(crate) poses: usize,
+    /// Rays of a step: a camera's, or as many at random from anywhere in the scene's box
+    #[arg(long, value_name = "NAME", default_value = "camera")]
+    pub(crate) rays: RaysName,
+    /// Pixels of the camera
+    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "640x480")]
+    pub(crate) size: [u32; 2],
+}
+
 fn law_names() -> BTreeSet<&'static str> {
     LAWS.iter().chain(OWN_TREE_LAWS).map(|l| l.name).collect()
 }

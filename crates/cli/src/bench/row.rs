@@ -88,7 +88,7 @@ pub(crate) fn measure(
     let query = match rays {
         RaysName::Camera => shading::query((&camera, view.light)),
         RaysName::Random => {
-            list = random(&scene.animation.bounds(), camera.pixels());
+            list = random_rays(&scene.animation.bounds(), camera.pixels());
             let (rays, kind) = (Rays::List(&list), QueryKind::Closest);
             Query { rays, kind }
         }
@@ -157,7 +157,7 @@ fn geometry(frame: &FrameStats) -> Option<f64> {
 }
 
 /// Rays from anywhere in a box in any direction, the same on every machine.
-fn random(bounds: &Aabb, count: usize) -> Vec<Ray> {
+pub(crate) fn random_rays(bounds: &Aabb, count: usize) -> Vec<Ray> {
     let mut rng = Rng::with_seed(0);
     let mut ray = || {
         let mut at = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
@@ -198,7 +198,7 @@ mod tests {
             min: [-1.0, 10.0, 0.0],
             max: [3.0, 11.0, 0.0],
         };
-        let rays = random(&bounds, 20_000);
+        let rays = random_rays(&bounds, 20_000);
         let within = |r: &Ray| bounds.with_point(r.origin) == bounds;
         assert!(rays.iter().all(|r| r.is_valid() && within(r)));
         let mean = |of: &dyn Fn(&Ray) -> f32| {
@@ -215,6 +215,6 @@ mod tests {
             };
             assert!((mean(&share) - 1.0 / 3.0).abs() < 0.01);
         }
-        assert_eq!(random(&bounds, 3), rays[..3]);
+        assert_eq!(random_rays(&bounds, 3), rays[..3]);
     }
 }

@@ -1,0 +1,41 @@
+//! `stress`: streamed steps of every backend have the host's hits.
+
+use crate::devices::{BACKENDS, HOST, Subject};
+use crate::sandbox::{Sandbox, list, trial};
+use libtest_mimic::Trial;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    let equal = |b: Subject| b.trial("stress::streamed_steps_have_the_hosts_hits", streamed);
+    let mut all = vec![
+        trial("stress::unsupported_choices_are_refused", refused),
+        equal(HOST),
+    ];
+    all.extend(BACKENDS.into_iter().map(equal));
+    all
+}
+
+fn streamed(sandbox: &Sandbox, backend: &str) {
+    let what = format!("stress demo:collide:600 --backend {backend} --update async,refit,rebuild");
+    let how = "--steps 20 --poses 12 --size 24x16 --rays random --quiet";
+    let json = sandbox.tells(&format!("{what} {how}"), "--json").1;
+    let rows = list(&json["rows"]);
+    assert_eq!(rows.len(), 6, "three policies, two sources: {json:#}");
+    for row in rows {
+        let checked = row["checked"].as_u64().expect("a count");
+        assert_eq!(
+            (row["wrong"].as_u64(), checked % (24 * 16)),
+            (Some(0), 0),
+            "{row:#}"
+        );
+        assert!(checked >= 4 * 24 * 16, "{row:#}");
+        let times = ["median_ms", "p99_ms", "worst_ms"].map(|name| row[name].as_f64());
+        assert!(times.iter().all(|ms| ms > &Some(0.0)), "{row:#}");
+    }
+}
+
+fn refused(sandbox: &Sandbox) {
+    let policy = "stress demo:collide:600 --update device-rebuild";
+    sandbox.refuses(policy, &["stress takes async, refit and rebuild"]);
+    let backend = "stress demo:collide:600 --backend vulkan-rt";
+    sandbox.refuses(backend, &["vulkan-rt takes no streamed vertices"]);
+}
