@@ -8,7 +8,7 @@ mod auto;
 
 pub use auto::{Vain, open_best};
 
-use backend::{AdapterInfo, Backend, DeviceKind};
+use backend::{AdapterInfo, Backend, DeviceKind, Method};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Opens the adapter of that index, or the backend's own choice; with host threads, where it uses them.
@@ -26,6 +26,8 @@ pub struct Known<'a> {
     covered_by: Option<&'static str>,
     /// Whether it makes and traces trees in ways of its own.
     pub has_own_trees: bool,
+    /// Whether it traces scenes by a method. Needs no device.
+    pub supports: fn(Method) -> bool,
     list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
@@ -76,6 +78,7 @@ const CPU: Known<'static> = Known {
     kinds: &[DeviceKind::Cpu],
     covered_by: None,
     has_own_trees: false,
+    supports: |_| true,
     list: &list_cpu,
     open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
 };
@@ -86,6 +89,7 @@ const VULKAN_RT: Known<'static> = Known {
     place: "it is there to be measured against",
     kinds: GPUS,
     has_own_trees: true,
+    supports: gpu_vulkan_rt::supports,
     list: &gpu_vulkan_rt::ray_adapters,
     open: &|adapter, _| open_vulkan_rt(adapter, gpu_vulkan_rt::Prefer::FastBuild),
     ..CPU

@@ -1,6 +1,7 @@
 //! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
+mod failure;
 mod results;
 mod row;
 
@@ -8,9 +9,11 @@ use crate::args::{BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, Upd
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
 use crate::open::{has_own_trees, makes_trees};
-use crate::stop::Stop;
+use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
+use failure::Failure;
+use pipeline::Frame;
 pub(crate) use row::{Row, frame_ms, measure, random_rays};
 use scene::Scene;
 use serde_json::json;
@@ -28,8 +31,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     if !args.compare.is_empty() {
         return compare::run(args);
     }
-    let rows = measure_all(args)?;
-    results::check(&rows, args.against.as_deref())?;
+    let results = measure_all(args)?;
+    let (rows, failures) = (&results.rows, &results.failures);
+    // A baseline that failed must not discard the other runs.
+    if failures.is_empty() {
+        results::check(rows, args.against.as_deref())?;
+    }
     let (cpu, size) = (info::cpu_model(), args.measure.size);
     if let Some(file) = &args.json {
         let report = json!({
@@ -39,19 +46,33 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
             "cpu": cpu,
             "cores": host::cores(),
             "size": size,
-            "ratios": results::ratios(&rows),
-            "rows": rows,
+            "ratios": results::ratios(rows),
+            "rows": results::json(&results),
         });
         output::write_json(file, &report)?;
     }
     if let Some(file) = &args.csv {
-        output::write_whole(file, results::csv(&rows)?.as_bytes())?;
+        output::write_whole(file, results::csv(&results)?.as_bytes())?;
     }
     let [width, height] = size;
     let cpu = cpu.as_deref().unwrap_or("unknown cpu");
-    let text = results::text(&rows, args.against.as_deref());
+    let text = results::text(&results, args.against.as_deref());
     let head = format!("medians in ms at {width}x{height} on {cpu}\n");
-    talk::print(&(head + &text))
+    talk::print(&(head + &text))?;
+    match failures.len() {
+        0 => Ok(()),
+        n => Err(Stop::failed(format!(
+            "{n} of {} runs failed; their rows give the reason",
+            n + rows.len()
+        ))),
+    }
+}
+
+/// Runs of all combinations.
+struct Results {
+    rows: Vec<Row>,
+    /// Combinations that could not be measured.
+    failures: Vec<Failure>,
 }
 
 pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> {
@@ -59,7 +80,7 @@ pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> 
     Ok(scene::open(spec, &options)?)
 }
 
-fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
+fn measure_all(args: &BenchArgs) -> Result<Results, Stop> {
     let (combinations, skipped) = combinations(args);
     let mut progress = Progress::new(0, args.measure.quiet);
     if combinations.is_empty() {
@@ -67,21 +88,44 @@ fn measure_all(args: &BenchArgs) -> Result<Vec<Row>, Stop> {
         return Err(Stop::bad(format!("nothing is left to measure: {why}")));
     }
     skipped.iter().for_each(|s| progress.say(s));
-    let mut rows = Vec::new();
+    let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
+    let runs: Vec<_> = args.rays.iter().flat_map(each).collect();
+    progress.lengthen((args.measure.scenes.len() * runs.len()) as u64);
+    let (mut rows, mut failures, mut stops) = (Vec::new(), Vec::new(), Vec::new());
     for spec in &args.measure.scenes {
-        let scene = open_scene(&args.measure, spec)?;
-        let keys = scene.animation.whole_times();
-        let frames = frames::list(Some(&args.measure.frames), args.time_range, keys, false)?;
-        progress.lengthen((args.rays.len() * combinations.len()) as u64);
-        let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
-        for (rays, ask) in args.rays.iter().flat_map(each) {
-            let row = measure(rays, &args.measure, (spec, &scene), &frames, ask)?;
-            let how = &row.setup;
-            progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
-            rows.push(row);
+        let opened = open_with_frames(args, spec);
+        for &(rays, ask) in &runs {
+            let measured = match &opened {
+                Ok((scene, frames)) => measure(rays, &args.measure, (spec, scene), frames, ask),
+                Err(stop) => Err(stop.clone()),
+            };
+            match measured {
+                Ok(row) => {
+                    let how = &row.setup;
+                    progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
+                    rows.push(row);
+                }
+                Err(stop) => {
+                    let failure = Failure::new((spec, rays), ask, &stop);
+                    progress.step(&failure.to_string());
+                    failures.push(failure);
+                    stops.push(stop);
+                }
+            }
         }
     }
-    Ok(rows)
+    match rows.is_empty() {
+        true => Err(stop::all_failed(stops)),
+        false => Ok(Results { rows, failures }),
+    }
+}
+
+/// Opens a scene, and lists the frames to measure.
+fn open_with_frames(args: &BenchArgs, spec: &str) -> Result<(Scene, Vec<Frame>), Stop> {
+    let scene = open_scene(&args.measure, spec)?;
+    let keys = scene.animation.whole_times();
+    let frames = frames::list(Some(&args.measure.frames), args.time_range, keys, false)?;
+    Ok((scene, frames))
 }
 
 /// Everything with everything that makes sense, and remarks on what does not.

@@ -147,14 +147,52 @@ fn layout(name: LayoutName) -> Option<Layout> {
     all.find(|l| l.name() == word(&name))
 }
 
-/// The layout asked for, or the one that is traced faster on a device.
-fn layout_on(device: DeviceKind, name: LayoutName) -> Choice<Layout> {
-    let (layout, why) = match (layout(name), device) {
-        (Some(named), _) => return (named, None),
-        (None, DeviceKind::Software) => (Layout::Bvh2, "software drivers trace it faster"),
-        (None, _) => (Layout::Fast, "it is traced faster"),
+/// Facts about a backend and its device that choices depend on.
+#[derive(Clone, Debug)]
+pub(crate) struct Capabilities {
+    /// The kind of the device.
+    device: DeviceKind,
+    /// The layouts that the backend traces by the intersector in use.
+    layouts: Vec<Layout>,
+    /// Whether trees can be built on the device.
+    makes_trees: bool,
+}
+
+impl Capabilities {
+    fn of(backend: &dyn Backend, intersector: Intersector) -> Self {
+        let supports = |method| backend.supports(method);
+        Self {
+            device: backend.device().kind,
+            layouts: layouts(supports, intersector),
+            makes_trees: backend.check_rebuild().is_ok(),
+        }
+    }
+
+    /// Returns the layout of that name. `auto` is the fastest layout that the backend supports.
+    fn layout(&self, name: LayoutName) -> Choice<Layout> {
+        if let Some(named) = layout(name) {
+            return (named, None);
+        }
+        let (fastest, why) = match self.device {
+            DeviceKind::Software => (Layout::Bvh2, "software drivers trace it faster"),
+            DeviceKind::Gpu | DeviceKind::Cpu => (Layout::Fast, "it is traced faster"),
+        };
+        let (layout, why) = match *self.layouts {
+            [only] if only != fastest => (only, "the backend supports no other"),
+            _ => (fastest, why),
+        };
+        (layout, Some(why.to_owned()))
+    }
+}
+
+/// Returns the layouts that go with an intersector, where `supports` knows the methods of a backend.
+fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<Layout> {
+    let method = |layout| Method {
+        intersector,
+        layout,
     };
-    (layout, Some(why.to_owned()))
+    let all = Layout::ALL.into_iter();
+    all.filter(|&layout| supports(method(layout))).collect()
 }
 
 /// What is taken, and why this update policy, this intersector, this layout, where it was left open.
@@ -173,16 +211,16 @@ pub(crate) fn settle(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
 ) -> Result<(Box<dyn Backend>, Settled), Stop> {
-    let device = backend.device().kind;
     let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
-    let (layout, why_layout) = layout_on(device, ask.method.layout);
+    let capabilities = Capabilities::of(backend.as_ref(), intersector);
+    let (layout, why_layout) = capabilities.layout(ask.method.layout);
     let method = Method {
         intersector,
         layout,
     };
     let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
         Some(run) => {
-            let (update, why) = facts(device, animation, ask, &run, method)?.choose();
+            let (update, why) = facts(&capabilities, animation, ask, &run, method)?.choose();
             (update, Some(why))
         }
         None => ask.update(),
@@ -192,12 +230,13 @@ pub(crate) fn settle(
 }
 
 fn facts(
-    device: DeviceKind,
+    capabilities: &Capabilities,
     animation: &Animation,
     ask: &Ask<'_>,
     run: &Run<'_>,
     method: Method,
 ) -> Result<RunFacts, Stop> {
+    let device = capabilities.device;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
     let rays = run.query.rays.count();
     let threads = ask.share(device, Update::Async(Pace::Free));
@@ -213,7 +252,9 @@ fn facts(
         rays,
         decay: RefitDecay::sample(animation, &times).map_err(Stop::failed)?,
         device,
-        rebuild_bytes: memory.device_bytes.filter(|_| device == DeviceKind::Gpu),
+        rebuild_bytes: memory
+            .device_bytes
+            .filter(|_| device == DeviceKind::Gpu && capabilities.makes_trees),
         threads: threads.render,
         builder_threads: threads.build,
     })

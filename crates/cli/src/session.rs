@@ -157,8 +157,11 @@ fn start_by<T>(
     Ok((traces, setup))
 }
 
-/// What is asked of a backend that makes its trees itself: nothing is left to choose there.
-fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
+/// Returns the request as the backend takes it. A backend that makes its trees itself leaves nothing to choose.
+///
+/// # Errors
+/// The backend makes its trees itself, and does not have what is named.
+pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     if !open::has_own_trees(ask.backend) {
         return Ok(*ask);
     }

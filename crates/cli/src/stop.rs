@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// The end of a command that did not do what was asked.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Stop {
     /// It was asked for something that cannot be: exit code 2.
     Bad(String),
@@ -38,6 +38,28 @@ impl Stop {
             Self::Bad(_) => 2,
             Self::Signal(signal) => 128 + signal,
         })
+    }
+}
+
+/// Returns the end of a command of which each part failed. It is bad usage only if each part was.
+pub(crate) fn all_failed(parts: Vec<Stop>) -> Stop {
+    let (mut reasons, mut is_bad) = (Vec::new(), true);
+    for part in parts {
+        match part {
+            Stop::Bad(why) => reasons.push(why),
+            Stop::Failed(why) => {
+                is_bad = false;
+                reasons.push(why);
+            }
+            end @ (Stop::Signal(_) | Stop::Shown) => return end,
+        }
+    }
+    reasons.dedup();
+    let why = reasons.join("; ");
+    if is_bad {
+        Stop::Bad(why)
+    } else {
+        Stop::Failed(why)
     }
 }
 
@@ -182,6 +204,15 @@ mod tests {
         assert_eq!(stop.to_string(), "cannot write a: disk full");
         let stop = Stop::bad("'a  b\n.obj' is no file");
         assert_eq!(stop.to_string(), "'a  b\n.obj' is no file");
+    }
+
+    #[test]
+    fn parts_that_all_fail_give_each_reason_once_and_the_worst_code() {
+        let (bad, failed) = (Stop::bad("no device"), Stop::failed("lost"));
+        let refused = all_failed(vec![bad.clone(), bad.clone()]);
+        assert!(matches!(&refused, Stop::Bad(why) if why == "no device"));
+        let broken = all_failed(vec![bad, failed]);
+        assert!(matches!(&broken, Stop::Failed(why) if why == "no device; lost"));
     }
 
     #[test]

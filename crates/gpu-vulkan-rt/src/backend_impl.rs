@@ -27,7 +27,7 @@ impl Backend for DriverTreeBackend {
     }
 
     fn supports(&self, method: Method) -> bool {
-        check("", method).is_ok()
+        crate::supports(method)
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {

@@ -74,6 +74,12 @@ fn check(backend: &'static str, method: Method) -> Result<()> {
     Err(BackendError::Unsupported { backend, what })
 }
 
+/// Whether the driver's trees can be traced by `method`. Needs no device.
+#[must_use]
+pub fn supports(method: Method) -> bool {
+    check("", method).is_ok()
+}
+
 impl DriverTreeBackend {
     /// Opens a device.
     ///

@@ -13,6 +13,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("bench::the_file_holds_every_frame_and_the_machine", file),
         trial("bench::what_moves_is_counted_in_every_input", moving),
         trial("bench::what_is_not_there_is_refused", refused),
+        trial("bench::a_run_that_fails_has_a_row_with_the_reason", failed),
         trial("bench::rays_at_random_have_rows_of_their_own", random_rays),
         warm(HOST),
     ];
@@ -136,6 +137,43 @@ fn random_rays(sandbox: &Sandbox) {
     let is_random = |name: &Value| name.as_str().is_some_and(|n| n.contains("random"));
     let alike = |r: &Value| is_random(&r["run"]) == is_random(&r["over"]);
     assert!(ratios.len() == 4 && ratios.iter().all(alike), "{ratios:?}");
+}
+
+/// The other runs keep their rows. Only the host has an adapter of that name.
+fn failed(sandbox: &Sandbox) {
+    let words = "bench no/such/scene demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
+                 --size 16x12 --frames 2 --quiet --against wgpu --json b.json --csv b.csv";
+    let run = sandbox.run(words);
+    says(
+        &run.stdout,
+        "cpu: |wgpu|no/such/scene wgpu refit watertight auto failed: ",
+    );
+    run.fails(1, &["3 of 4 runs failed"]);
+    let json = sandbox.json("b.json");
+    let rows = list(&json["rows"]);
+    let text = |row: &Value, key: &str| row[key].as_str().unwrap_or_default().to_owned();
+    let names = |row: &Value| [text(row, "scene"), text(row, "backend")].join(" ");
+    let named: Vec<_> = rows.iter().map(names).collect();
+    let failed = [
+        "no/such/scene wgpu",
+        "no/such/scene cpu",
+        "demo:twist:500 wgpu",
+    ];
+    assert_eq!(named, [&["demo:twist:500 cpu"][..], &failed].concat());
+    assert!(rows[0]["wall_ms"].is_number() && rows[0]["error"].is_null());
+    assert!(
+        text(&rows[1], "error").contains("no/such/scene"),
+        "{}",
+        rows[1]
+    );
+    assert!(text(&rows[3], "error").contains("wgpu"), "{}", rows[3]);
+    let csv = sandbox.text("b.csv");
+    assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");
+    // A later comparison has the one run.
+    says(
+        &sandbox.does("bench --compare b.json b.json").stdout,
+        "cpu refit|wall",
+    );
 }
 
 /// A run that is none of those measured, an adapter that is not there, and measurements that are not.

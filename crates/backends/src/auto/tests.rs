@@ -102,6 +102,7 @@ fn choose(
         },
         covered_by: fake.covered_by,
         has_own_trees: false,
+        supports: |_| true,
         list,
         open,
     });

@@ -94,7 +94,8 @@ fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
     };
     match json["rows"].as_array() {
         Some(rows) => {
-            let runs: Option<Vec<_>> = rows.iter().map(|row| run(row, "per_frame")).collect();
+            let measured = rows.iter().filter(|row| row["error"].is_null());
+            let runs: Option<Vec<_>> = measured.map(|row| run(row, "per_frame")).collect();
             runs.ok_or_else(|| at(&"a row has no frames"))
         }
         None => {

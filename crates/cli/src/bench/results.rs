@@ -1,6 +1,6 @@
 //! Results of a bench: as CSV, for people, and every run over every other of the same scene.
 
-use super::{Row, frame_ms};
+use super::{Failure, Results, Row, frame_ms};
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, ms, table};
 use output::plot::csv_table;
@@ -10,17 +10,25 @@ use std::collections::BTreeSet;
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
-     device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes";
+     device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,error";
 
 /// The most runs of a scene that are all set against each other for people; of more, only the baseline is.
 const MANY: usize = 12;
 
-/// A row a run, empty where nothing is known.
-pub(super) fn csv(rows: &[Row]) -> Result<String, Stop> {
+/// Returns all rows, those of combinations that failed last.
+pub(super) fn json(results: &Results) -> Vec<Value> {
+    let rows = results.rows.iter().map(|row| json!(row));
+    rows.chain(results.failures.iter().map(|failure| json!(failure)))
+        .collect()
+}
+
+/// Returns a table with one row a run. Unknown cells are empty.
+pub(super) fn csv(results: &Results) -> Result<String, Stop> {
     let columns = || COLUMNS.split(',');
-    let record = |row: &Row| -> Vec<String> {
-        let mut json = json!(row);
-        json["rays"] = row.rays.unwrap_or("camera").into();
+    let record = |mut json: Value| -> Vec<String> {
+        if json["rays"].is_null() {
+            json["rays"] = "camera".into();
+        }
         let cell = |column: &str| match &json[column] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
@@ -28,14 +36,21 @@ pub(super) fn csv(rows: &[Row]) -> Result<String, Stop> {
         };
         columns().map(cell).collect()
     };
-    csv_table(columns(), rows.iter().map(record)).map_err(Stop::failed)
+    let rows = json(results).into_iter().map(record);
+    csv_table(columns(), rows).map_err(Stop::failed)
 }
 
-/// One row a run, which device each backend ran on, and how runs compare.
-pub(super) fn text(rows: &[Row], against: Option<&str>) -> String {
+/// Returns one row a run, the reasons of runs that failed, the device of each backend, and how runs compare.
+pub(super) fn text(results: &Results, against: Option<&str>) -> String {
+    let (rows, failures) = (&results.rows, &results.failures);
     let adapter = |r: &Row| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
     let adapters: BTreeSet<String> = rows.iter().map(adapter).collect();
-    let mut text = table(rows.iter().map(cells), 4);
+    let of_failures = rows.first().into_iter().flat_map(|row| {
+        let failed = failures.iter();
+        failed.map(move |failure| failed_cells(failure, row))
+    });
+    let mut text = table(rows.iter().map(cells).chain(of_failures), 4);
+    text.extend(failures.iter().map(|failure| format!("{failure}\n")));
     text.extend(adapters);
     for row in rows {
         if let Some(warmed) = row.warm_up.filter(|warmed| !warmed.steady) {
@@ -85,6 +100,20 @@ fn cells(r: &Row) -> Cells<'static> {
         ("SAH", short(r.median("sah_ratio"))),
         ("SAH cost", short(r.median("sah_cost"))),
     ]
+}
+
+/// Returns the row of a combination that failed: its names, and no numbers. `row` has the same columns.
+fn failed_cells(failure: &Failure, row: &Row) -> Cells<'static> {
+    let rays = failure
+        .rays
+        .map_or(String::new(), |r| format!(", {r} rays"));
+    let method = format!("{} {}{rays}", failure.intersector, failure.layout);
+    let (scene, backend) = (failure.scene.clone(), failure.backend.clone());
+    let mut names = [scene, backend, failure.update.clone(), method].into_iter();
+    let columns = cells(row).into_iter().map(|(column, _)| column);
+    columns
+        .map(|column| (column, names.next().unwrap_or_else(|| "-".to_owned())))
+        .collect()
 }
 
 fn unless_predicted(r: &Row, what: &'static str) -> &'static str {

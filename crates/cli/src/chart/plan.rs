@@ -141,6 +141,40 @@ mod tests {
     }
 
     #[test]
+    fn auto_charts_gpus_and_the_host_but_no_software_driver() {
+        let presence = |backend, kinds: &[DeviceKind]| {
+            let adapter = |(index, &kind): (usize, &DeviceKind)| AdapterInfo {
+                index,
+                name: kind.name().to_owned(),
+                driver: String::new(),
+                kind,
+                limits: Vec::new(),
+            };
+            Presence {
+                backend,
+                absent: kinds.is_empty().then(|| "no loader".to_owned()),
+                adapters: kinds.iter().enumerate().map(adapter).collect(),
+                intersectors: Vec::new(),
+                layouts: Vec::new(),
+                own_trees: false,
+            }
+        };
+        use DeviceKind::{Cpu, Gpu, Software};
+        for (backend, kinds, why) in [
+            ("cpu", &[Cpu][..], None),
+            ("vulkan", &[Software, Gpu], None),
+            ("wgpu", &[Gpu], None),
+            ("wgpu", &[Software], Some("no GPU but 0: software")),
+            ("vulkan", &[], Some("no loader")),
+        ] {
+            let found = why_not(presence(backend, kinds));
+            let told = found.as_deref().unwrap_or_default();
+            let right = why.map_or(found.is_none(), |why| told.contains(why));
+            assert!(right, "{backend} {kinds:?}: {found:?}");
+        }
+    }
+
+    #[test]
     fn a_shell_reads_every_word_as_one() {
         for (word, shell) in [
             ("demo:grove:50", "demo:grove:50"),

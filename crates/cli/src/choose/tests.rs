@@ -3,6 +3,7 @@
 use super::*;
 use crate::open;
 use backend::QueryKind;
+use clap::ValueEnum;
 use geom::Hit;
 use scene::Scene;
 
@@ -56,6 +57,85 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
         let method = MethodArgs::of(intersector, layout);
         let found = beyond_drivers(method, UpdateName::Rebuild);
         assert_eq!(found.as_deref(), beyond);
+    }
+}
+
+/// A real GPU is not needed: choices depend on the kind of device and on what backends support.
+#[test]
+fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
+    let mut chosen = 0;
+    for known in backends::KNOWN {
+        let name = BackendName::from_str(known.name, true).unwrap();
+        for (&device, usual) in known.kinds.iter().flat_map(|kind| {
+            let layouts = LayoutName::value_variants().iter();
+            layouts.map(move |&layout| (kind, layout))
+        }) {
+            for (&update, &by) in UpdateName::value_variants().iter().flat_map(|update| {
+                let intersectors = IntersectorName::value_variants().iter();
+                intersectors.map(move |by| (update, by))
+            }) {
+                let ask = Ask::of(name, MethodArgs::of(by, usual), update);
+                let context = format!("{ask} {usual:?} on {device:?}");
+                let beyond = known
+                    .has_own_trees
+                    .then(|| beyond_drivers(ask.method, update));
+                let Ok(settled) = session::for_backend(&ask) else {
+                    assert!(beyond.flatten().is_some(), "{context} is refused");
+                    continue;
+                };
+                let intersector = intersector(settled.method.intersector).0;
+                let capabilities = Capabilities {
+                    device,
+                    layouts: layouts(known.supports, intersector),
+                    makes_trees: known.has_own_trees,
+                };
+                let (layout, why) = capabilities.layout(settled.method.layout);
+                let method = Method {
+                    intersector,
+                    layout,
+                };
+                assert!((known.supports)(method), "{context}: {method:?}");
+                let named = self::layout(settled.method.layout);
+                assert_eq!(named.is_none(), why.is_some(), "{context}");
+                let expected = match (known.has_own_trees, device) {
+                    (true, _) | (_, DeviceKind::Software) => Layout::Bvh2,
+                    _ => Layout::Fast,
+                };
+                assert_eq!(layout, named.unwrap_or(expected), "{context}");
+                chosen += 1;
+            }
+        }
+    }
+    let ours = backends::KNOWN.iter().filter(|known| !known.has_own_trees);
+    let devices: usize = ours.map(|known| known.kinds.len()).sum();
+    assert!(chosen > devices * 6 * 5 * 3, "{chosen} combinations");
+}
+
+#[test]
+fn trees_are_left_to_a_device_only_where_it_can_build_them() {
+    let scene = demo("demo:collide:400");
+    // Frames so far apart that every frame needs a new tree.
+    let frames = [0.0, 4.0, 8.0].map(|time| Frame { index: 0, time });
+    let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
+    let run = Run {
+        frames: &frames,
+        query: Query { rays, kind },
+    };
+    let ask = Ask::of(BackendName::Vulkan, AUTO, UpdateName::Auto);
+    for (device, makes_trees, expected) in [
+        (DeviceKind::Gpu, true, Update::DeviceRebuild),
+        (DeviceKind::Gpu, false, Update::Rebuild),
+        (DeviceKind::Software, true, Update::Rebuild),
+        (DeviceKind::Cpu, false, Update::Rebuild),
+    ] {
+        let capabilities = Capabilities {
+            device,
+            layouts: Layout::ALL.to_vec(),
+            makes_trees,
+        };
+        let method = Method::default();
+        let facts = facts(&capabilities, &scene.animation, &ask, &run, method).unwrap();
+        assert_eq!(facts.choose().0, expected, "{device:?} {makes_trees}");
     }
 }
 
