@@ -212,7 +212,7 @@ mod tests {
                 obj(2, "f 1 2 4\n"),
                 ["face 1 joins other vertices", "1.obj"],
             ),
-            (obj(2, "f 1 2\n"), ["line 5: a face of 2", ""]),
+            (obj(2, "f 1 2\n"), ["0 triangles, but", "has 1"]),
             (String::new(), ["0 triangles, but", ""]),
             (obj(2, ""), ["1.obj has 1;", ""]),
         ] {
