@@ -68,15 +68,16 @@ struct Statements {
 #[derive(Clone, Copy, Default)]
 struct Skipped {
     count: usize,
-    /// The line of the first one.
-    line: usize,
+    first_line: usize,
+    last_line: usize,
 }
 
 impl Skipped {
     fn add(&mut self, line: usize) {
         if self.count == 0 {
-            self.line = line;
+            self.first_line = line;
         }
+        self.last_line = line;
         self.count += 1;
     }
 }
@@ -93,7 +94,9 @@ impl Statements {
         let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
         let decoded = lines(text).map(String::from_utf8_lossy);
         let mut numbered = (1..).zip(decoded);
+        let mut last_line = 0;
         while let Some((number, line)) = numbered.next() {
+            last_line = number;
             let statement = match continued(&line) {
                 None => line,
                 Some(head) => {
@@ -103,6 +106,11 @@ impl Statements {
             };
             let done = found.statement(number, &statement);
             done.map_err(|e| (number, e))?;
+        }
+        if found.open_end && found.short_faces.last_line == last_line {
+            let cause =
+                "a face of fewer than 3 vertices in a line without end; the file is cut short";
+            return Err((last_line, cause.to_owned()));
         }
         found.topology.vertices = found.points.len();
         found.check_references()?;
@@ -187,12 +195,16 @@ impl Statements {
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
         let of_keyword = |(word, skipped): (&String, &Skipped)| {
-            let Skipped { count, line } = skipped;
+            let (count, line) = (skipped.count, skipped.first_line);
             format!("{file}: skipped {count} '{word}' statements, the first in line {line}")
         };
         let mut notes: Vec<_> = self.skipped.iter().map(of_keyword).collect();
-        let Skipped { count, line } = self.short_faces;
-        notes.extend(short_faces_note(path, count, ("line", line)));
+        let short = self.short_faces;
+        notes.extend(short_faces_note(
+            path,
+            short.count,
+            ("line", short.first_line),
+        ));
         if self.open_end {
             notes.push(format!(
                 "{file}: the last line has no end; the file may be cut short"
@@ -310,6 +322,7 @@ mod tests {
             ("f 1 2 3/1/1/1\n", "line 5: \"3/1/1/1\""),
             ("f 1 2 /3\n", "line 5: \"/3\""),
             ("f 1 2 99999999999999999999\n", "line 5"),
+            ("f 1 2 3\nf 1", "line 6: a face of fewer than 3 vertices"),
             ("f 1 2 3\nv 1 2\n", "line 6: a vertex of 2 numbers"),
             (
                 "f 1 2 3\nv 1 2 1.0.0\n",
