@@ -164,7 +164,9 @@ impl Colours {
 
     /// Converts all colours. If a component is above 1, they range to 255, which adds a remark.
     pub(crate) fn into_display(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
-        let is_above_one = |c: &f32| *c > 1.0 && c.is_finite();
+        /// Rounding leaves components of white slightly above 1.
+        const MAX_ONE: f32 = 1.01;
+        let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
         let mut scale = 1.0;
         if self.0.as_flattened().iter().any(is_above_one) {
             scale = 255.0;
