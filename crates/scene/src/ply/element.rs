@@ -80,7 +80,11 @@ fn indices(property: &Property) -> Option<Vec<u32>> {
 /// a number stays as it is, and the parser refuses it.
 pub(super) fn push_number(text: &mut String, word: &str) {
     text.push(' ');
-    match number::<f64>(word).filter(|_| !is_plain(word)) {
+    if is_plain(word) {
+        text.push_str(word);
+        return;
+    }
+    match number::<f64>(word) {
         None => text.push_str(word),
         Some(f64::NEG_INFINITY) => text.push_str("-1e999"),
         // Writing to a string cannot fail.
