@@ -111,8 +111,8 @@ impl PreparedRay {
     /// limits.
     ///
     /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the limits themselves serve where
-    /// `t` is normal. Subnormal numbers have fewer digits than scaled ones: [`Limits::after`] and [`Limits::before`]
-    /// exclude them, and what becomes infinite.
+    /// `t` is normal. Subnormal numbers have fewer digits than scaled ones. So the result excludes distances below
+    /// `2^-125` and beyond `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));

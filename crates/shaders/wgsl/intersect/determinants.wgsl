@@ -10,7 +10,7 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{CROSSINGS, words};
 
-// Whether the triangle is met, or takes longer numbers to know; about t, and t rounded once, as bits.
+// Whether the triangle is met, or takes longer numbers to decide; about t, and t rounded once, as bits.
 struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About, t: u32 }
 
 struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }

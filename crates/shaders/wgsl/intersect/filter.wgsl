@@ -115,7 +115,7 @@ fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
 
 // Whether every t of a span, rounded once in the ray's own units, lies within the ray's limits. A float beyond t_min is at least
 // the next one, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
-// digits than scaled ones: what is below 2^-125 or beyond 2^127 is left open.
+// digits than scaled ones. So distances below 2^-125 or beyond 2^127 are left open.
 fn rounds_within(ray: Prepared, span: vec2<f32>) -> bool {
     let small = power_of_two(max(ray.exponent - 125, -99));
     let large = power_of_two(ray.exponent + 127);

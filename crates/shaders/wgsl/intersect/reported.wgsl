@@ -3,8 +3,8 @@
 
 import package::geometry::ray::{Prepared, most_of, permute};
 import package::geometry::units::{in_ray_units, scale_bits};
-import package::intersect::sheared::{Turned, turned_corners};
-import package::lib::ieee::{Divisor, add, divisor, mul, rest_of_division, sub};
+import package::intersect::sheared::turned_corners;
+import package::lib::ieee::{add, divisor, mul, rest_of_division, sub};
 import package::lib::twofold::{
     Twofold, exact_product, exact_sum, negative_of, ordered_sum, product_of, sum_of, add_each, mul_each,
 };
@@ -13,13 +13,13 @@ import package::lib::params::params;
 // A hit as it is written, if it is `sure`.
 struct Reported { hit: vec4<u32>, sure: bool }
 
-// 2^-44: what an edge function, a difference of two products, may be off by over the sum of their sizes.
+// 2^-44: bounds the error of an edge function, relative to the sizes of its two products.
 const EDGE: f32 = 5.684341886080802e-14;
-// 2^-66: what a sheared coordinate may be off by over the sizes that cancel in it.
+// 2^-66: bounds the error of a sheared coordinate, relative to the terms that cancel in it.
 const CANCELLED: f32 = 1.3552527156068805e-20;
-// 2^-60: the same where a coordinate may have been below 2^-64.
+// 2^-60: bounds the same error where a coordinate of zero may stand for one below 2^-64.
 const FLUSHED: f32 = 8.673617379884035e-19;
-// 2^-118: the same for an edge function, of parts that underflow.
+// 2^-118: bounds the parts of an edge function that underflow.
 const UNDERFLOWN: f32 = 3.0092655e-36;
 
 // The three corners' x * dz - dx * z, where x and z are exact. All sums are exact but for that of the smallest parts.
@@ -58,7 +58,7 @@ fn total_of(a: Twofold) -> Twofold {
 // A quotient of floats, and whether it is the exact one rounded once.
 struct Rounded { value: f32, sure: bool }
 
-// n / d, of which either is a sum of two floats; `error` bounds what the quotient is off by without its own roundings.
+// Divides n by d, both sums of two floats. `error` bounds the error of the quotient before its own roundings.
 fn round_once(n: vec2<f32>, d: vec2<f32>, error: f32) -> Rounded {
     let by = divisor(d.x);
     let guess = mul(n.x, by.inverse);
@@ -86,7 +86,7 @@ fn unflushed(given: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(given.x, exponent), scale_bits(given.y, exponent), scale_bits(given.z, exponent));
 }
 
-// A triangle that is surely hit, by a ray whose direction is `given`.
+// Rounds the hit of a triangle that is surely hit, by a ray whose direction is `given`.
 fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let k = turned_corners(ray, leaf);
     let x = exactly_from(k.x, ray.start.x);
@@ -99,7 +99,7 @@ fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let det = total_of(edges.value);
     let size = abs(det.high.x);
 
-    // How far all this may be off.
+    // Error bounds.
     let deepest = 1.01 * most_of(abs(z.high));
     let reach = 2.0 * (max(most_of(abs(x.high)), most_of(abs(y.high))) + deepest);
     let small = has_zero(k.x) || has_zero(k.y) || has_zero(k.z) || has_zero(ray.start);
@@ -125,7 +125,7 @@ fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let v = round_once(vec2<f32>(weights.high.z, weights.low.z), whole, (errors.z + error * share.y) * inverse);
     let bits = in_ray_units(t.value, ray.exponent);
     let hit = vec4<u32>(bits, bitcast<u32>(u.value), bitcast<u32>(v.value), k.triangle);
-    // The error in the bounds themselves, and in t where it is subnormal.
+    // Bounds hold where det is clear of its error. A subnormal t would be rounded twice.
     let is_clear = 512.0 * error < size && ((bits >> 23u) & 255u) - 1u < 254u;
     return Reported(hit, is_clear && t.sure && u.sure && v.sure);
 }
