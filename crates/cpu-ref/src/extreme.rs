@@ -13,13 +13,13 @@ use std::sync::atomic::Ordering::Relaxed;
 /// What counts as a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// Triangles are closed, and the exact `t` counts: `exact`.
+    /// Triangles are closed. The exact `t` orders hits, and its rounded value is compared with the limits: `exact`.
     Closed,
     /// The ray is moved by an infinitely small way, and `t` as rounded counts: `watertight`.
     Moved,
 }
 
-/// The least `t`, then the least index; `t` and weights rounded once, `t` within the ray's limits.
+/// The least `t`, then the least index; `t` and weights rounded once.
 #[cold]
 #[inline(never)]
 pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
@@ -43,7 +43,7 @@ pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
     });
     let (crossing, triangle) = best?;
     let [u, v] = line.weights(&asked.geometry.corners(triangle));
-    let t = asked.ray.nearest_within(crossing.t());
+    let t = crossing.t();
     Some(Hit { t, u, v, triangle })
 }
 

@@ -75,6 +75,15 @@ pub struct PreparedRay {
     unscale: i32,
 }
 
+/// An open interval of distances in scaled units.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Distances are beyond this.
+    pub after: f32,
+    /// Distances are less than this.
+    pub before: f32,
+}
+
 impl PreparedRay {
     /// `None` for a ray that cannot hit anything.
     #[inline]
@@ -96,6 +105,29 @@ impl PreparedRay {
             t_max: flushed(ldexp(ray.t_max, up)),
             unscale: -up,
         })
+    }
+
+    /// Limits on an exact `t'` within which `t`, rounded once in the ray's own units, lies strictly within the ray's
+    /// limits.
+    ///
+    /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the limits themselves serve where
+    /// `t` is normal. Subnormal numbers have fewer digits than scaled ones. So the result excludes distances below
+    /// `2^-125` and beyond `2^127` in the ray's own units.
+    pub fn sure_limits(&self) -> Limits {
+        // 2^-125 and 2^127 in the ray's own units.
+        let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
+        let large = ldexp(1.0, 127 - self.unscale);
+        let outward = |limit: f32, small: f32| {
+            if limit.abs() < small.abs() {
+                small
+            } else {
+                limit
+            }
+        };
+        Limits {
+            after: outward(self.t_min, small).max(-large),
+            before: outward(self.t_max, -small).min(large),
+        }
     }
 
     /// A distance in units of the given ray's direction. A zero is a positive one.

@@ -10,6 +10,8 @@ use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::{Float, Signed, ToPrimitive, Zero};
 use std::cmp::Ordering;
 
+mod surely;
+
 type Vector = [BigInt; 3];
 
 /// A ray asked of triangles that are scaled by a power of two.
@@ -19,6 +21,17 @@ pub struct Line {
     pub ray: Ray,
     /// Corners are multiplied by `2^-this`, exactly, before the ray is asked.
     pub shift: i32,
+}
+
+/// Where a ray hits a triangle: exact numbers, each rounded once to the nearest float, ties to even.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RoundedHit {
+    /// Distance in units of the ray's direction; infinite where it is too large.
+    pub t: f32,
+    /// Weight of the second corner.
+    pub u: f32,
+    /// Weight of the third corner.
+    pub v: f32,
 }
 
 /// Where a line passes through a triangle: `t = n / d * 2^e`, exactly.
@@ -31,15 +44,14 @@ pub struct Crossing {
 }
 
 impl Line {
-    /// Where the line meets the closed triangle within the ray's open interval, if it does and lies not in its plane.
+    /// Where the line meets the closed triangle, if it does and is not in its plane.
     ///
-    /// The ray must be [valid](Ray::is_valid) and the corners finite.
+    /// The rounded [`t`](Crossing::t) lies within the ray's open interval. So a ray that continues from a reported `t`
+    /// never meets the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
         let crossing = self.cross(corners, passes_within)?;
-        let (t_min, t_max) = (self.ray.t_min, self.ray.t_max);
-        let ahead = t_min == f32::NEG_INFINITY || crossing.order(&Crossing::at(t_min)).is_gt();
-        let before = t_max == f32::INFINITY || crossing.order(&Crossing::at(t_max)).is_lt();
-        (ahead && before).then_some(crossing)
+        let t = crossing.t();
+        (self.ray.t_min < t && t < self.ray.t_max).then_some(crossing)
     }
 
     /// Where the line, moved by an infinitely small way that is the same for all triangles, passes through the triangle, at
@@ -78,6 +90,20 @@ impl Line {
         let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
         let e = position_unit - self.shift - direction_unit;
         (direction, corners, e)
+    }
+
+    /// Returns the distance and the weights where the line passes through a triangle that it [meets](Self::meet), each
+    /// rounded once, if double precision decides all three roundings.
+    pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
+        surely::rounded_surely(self, corners)
+    }
+
+    /// Returns the distance and the weights where the line passes through a triangle that it [meets](Self::meet), each
+    /// rounded once.
+    pub fn rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
+        let t = self.cross(corners, passes_within)?.t();
+        let [u, v] = self.weights(corners);
+        Some(RoundedHit { t, u, v })
     }
 
     /// The weights of the second and the third corner where the line passes through a triangle that it
@@ -157,16 +183,9 @@ fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
 }
 
 impl Crossing {
-    /// A given finite `t`.
-    fn at(t: f32) -> Self {
-        let e = unit(&[[t; 3]]);
-        let ([n, ..], d) = (whole([t; 3], e), BigInt::from(1));
-        Self { n, d, e }
-    }
-
-    /// `t`, rounded once; infinite where it is too large.
+    /// `t`, rounded once; infinite where it is too large. A zero is positive.
     pub fn t(&self) -> f32 {
-        rounded(&self.n, self.d.magnitude(), self.e)
+        rounded(&self.n, self.d.magnitude(), self.e) + 0.0
     }
 
     /// The order along the line of two crossings of it.

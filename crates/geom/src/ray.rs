@@ -47,19 +47,6 @@ impl Ray {
             && self.direction.iter().any(|&x| x != 0.0)
             && self.t_min < self.t_max
     }
-
-    /// The float strictly within the ray's limits that is nearest to `t`, or `t` itself where there is none.
-    /// A zero is a positive one.
-    #[inline]
-    pub fn nearest_within(&self, t: f32) -> f32 {
-        let (least, most) = (self.t_min.next_up(), self.t_max.next_down());
-        let within = if least > most {
-            t
-        } else {
-            t.max(least).min(most)
-        };
-        within + 0.0
-    }
 }
 
 /// The closest hit of one ray, or [`Hit::MISS`]. 16 bytes.
@@ -95,29 +82,5 @@ impl Hit {
     #[inline]
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn distances_are_brought_within_open_limits() {
-        let within = |t_min, t_max, t| {
-            let ray = Ray::new([0.0; 3], [1.0; 3]);
-            Ray {
-                t_min,
-                t_max,
-                ..ray
-            }
-            .nearest_within(t)
-        };
-        assert_eq!(within(0.0, f32::INFINITY, 0.0), f32::from_bits(1));
-        assert_eq!(within(0.0, f32::INFINITY, f32::INFINITY), f32::MAX);
-        assert_eq!(within(1.0, 2.0, 2.0), 2.0_f32.next_down());
-        assert_eq!(within(1.0, 2.0, 1.5), 1.5);
-        assert_eq!(within(1.0, 1.0_f32.next_up(), 1.0), 1.0);
-        assert_eq!(within(-f32::from_bits(1), 1.0, -1.0).to_bits(), 0);
     }
 }

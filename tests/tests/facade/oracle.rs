@@ -106,9 +106,12 @@ impl Stage {
         let done = step.submit().unwrap();
         let hits = self.live.hits(done, closest).unwrap();
         let one = self.demo.triangle_count() as u32;
-        let triangle = |hit: Hit| hit.mesh.index() as u32 * one + hit.triangle;
+        let answer = |hit: Hit| Answer {
+            triangle: hit.mesh.index() as u32 * one + hit.triangle,
+            values: [hit.t, hit.u, hit.v].map(f32::to_bits),
+        };
         let found: Vec<_> = (0..rays.len())
-            .map(|i| hits.closest(i).map(triangle))
+            .map(|i| hits.closest(i).map(answer))
             .collect();
         assert!(found.iter().flatten().count() > rays.len() / 2);
         let any = self.live.hits(done, any).unwrap();
@@ -129,16 +132,27 @@ impl Stage {
     }
 }
 
-/// The first ray whose closest triangle or whose any hit is not the exact one.
+/// A triangle among those of all meshes, and the bits of `t`, `u` and `v`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Answer {
+    triangle: u32,
+    values: [u32; 3],
+}
+
+/// The first ray whose closest hit or whose any hit is not the exact one.
 fn first_wrong(
     oracle: &Oracle,
     rays: &[Ray],
-    (closest, any): (&[Option<u32>], Hits<'_>),
+    (closest, any): (&[Option<Answer>], Hits<'_>),
 ) -> Option<String> {
     (0..rays.len()).into_par_iter().find_map_first(|i| {
         let (ray, found, any) = (&rays[i], closest[i], any.is_hit(i));
         let expected = oracle.closest(ray);
-        let is_right = found == expected.map(|e| e.triangle) && any == expected.is_some();
+        let exact = expected.map(|e| Answer {
+            triangle: e.triangle,
+            values: e.rounded.map(f32::to_bits),
+        });
+        let is_right = found == exact && any == expected.is_some();
         let text = || format!("{ray:?} hits {found:?} (any: {any}), expected {expected:?}");
         (!is_right).then(text)
     })

@@ -56,10 +56,15 @@ pub(crate) fn check(
     stage.plant(time);
     let closest = stage.closest(time, rays).closest;
     let any = stage.trace(time, Rays::List(rays), QueryKind::Any).blocked;
+    let bits = |values: [f32; 3]| values.map(f32::to_bits);
     let answered = (0..rays.len()).into_par_iter().map(|i| {
         let expected = oracle.closest(&rays[i]);
-        let triangle = expected.map_or(Hit::MISS.triangle, |e| e.triangle);
-        let same = closest[i].triangle == triangle && (any[i] == 1) == expected.is_some();
+        let miss = (Hit::MISS.triangle, [f32::INFINITY, 0.0, 0.0]);
+        let (triangle, values) = expected.map_or(miss, |e| (e.triangle, e.rounded));
+        let hit = closest[i];
+        let same = hit.triangle == triangle
+            && bits([hit.t, hit.u, hit.v]) == bits(values)
+            && (any[i] == 1) == expected.is_some();
         let (ray, found, any) = (rays[i], closest[i], any[i]);
         assert!(
             same,

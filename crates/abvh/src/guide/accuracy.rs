@@ -6,8 +6,12 @@
 //! | `Exact` | that of exact arithmetic, for every ray | the same bits |
 //! | `MollerTrumbore`, `Woop` | the textbook's, in single precision: rays leak near edges | within rounding |
 //!
-//! `Watertight` follows Woop, Benthin and Wald (2013). With `Exact`, triangles include their edges, and a ray in a
-//! triangle's plane misses it. In both, `t`, `u` and `v` are rounded to single precision.
+//! `Watertight` follows Woop, Benthin and Wald (2013). It computes `t`, `u` and `v` in single precision, and `t` lies
+//! within the triangle's bounding box. Triangles that the ray meets at a small angle lose digits.
+//!
+//! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the exact
+//! values, each rounded once to the nearest float.
+//!
 //! Rays are *extreme* that start so far away, or where some vertex is so far away, that single precision does not bound its
 //! own error. Both answer these in exact arithmetic, slowly: from very far away a ray tries all triangles.
 //!
@@ -47,8 +51,37 @@
 //! # What misses
 //!
 //! - A ray whose direction is zero, whose origin or direction is not finite, or whose interval is empty.
-//! - Whatever lies at `t_min` or before it, at `t_max` or behind it. Nothing is added to `t_min`: a ray that starts on a
-//!   surface needs one above 0 to leave it.
+//! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. Nothing is added to `t_min`: a ray that
+//!   starts on a surface needs one above 0 to leave it.
 //! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both.
 //!
 //! Both sides of a triangle are hit.
+//!
+//! # All hits along a ray
+//!
+//! A ray that continues with `t_min` equal to the reported `t` never meets the same triangle again. With `Exact`, such a
+//! walk visits all crossings in the order of their exact `t`. It skips only triangles that report the same `t` as the
+//! one before, such as the second triangle at a shared edge.
+//!
+//! ```
+//! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};
+//!
+//! let floor = |z: f32| Mesh::fixed(&[[-3.0, -2.0, z], [4.0, -1.0, z + 0.1], [0.0, 5.0, z - 0.3]], &[[0, 1, 2]]);
+//! let mut scene = Scene::new();
+//! for number in 0..10 {
+//!     scene.add(floor(number as f32 / 7.0)?);
+//! }
+//! let builder = Tracer::builder().device(Device::Cpu).intersector(Intersector::Exact);
+//! let mut tracer = builder.build(scene)?;
+//! let mut ray = Ray::new([0.3, 0.1, 5.0], [-0.07, 0.11, -1.3]);
+//! let mut crossings = 0;
+//! loop {
+//!     let mut step = tracer.step(0.0);
+//!     let closest = step.trace(&[ray], Query::Closest)?;
+//!     let done = step.submit()?;
+//!     let Some(hit) = tracer.hits(done, closest)?.closest(0) else { break };
+//!     (ray.t_min, crossings) = (hit.t, crossings + 1);
+//! }
+//! assert_eq!(crossings, 10);
+//! # Ok::<_, abvh::Error>(())
+//! ```

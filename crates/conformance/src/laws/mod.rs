@@ -6,6 +6,7 @@ mod geometry;
 mod reports;
 mod still;
 mod trees;
+mod walk;
 mod within;
 
 use crate::stage::{self, open};
@@ -103,6 +104,11 @@ fn usual(c: &Check<'_>) -> Result<Vec<Method>> {
     by(c, |i| i == Method::default().intersector)
 }
 
+/// The exact intersector on every layout.
+fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
+    by(c, |i| i == Intersector::Exact)
+}
+
 /// Those whose answers are the same everywhere.
 fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
     by(c, |i| {
@@ -149,6 +155,7 @@ pub const LAWS: &[Law] = laws! {
     all a_camera_is_its_rays: answers::camera_is_rays;
     all any_hit_agrees_with_closest_hit: answers::any_is_closest;
     all queries_together_find_what_each_does: answers::together;
+    exact a_ray_that_continues_visits_every_crossing_once: walk::visits_every_crossing_once;
     usual closed_bodies_do_not_leak: answers::leaks;
     all tree_age_does_not_change_hits: trees::age;
     all tree_shape_does_not_change_hits: trees::shape;

@@ -1,5 +1,6 @@
 //! One ray against one triangle in integers: every finite `f32` is `m * 2^e`.
 
+use super::nearest::{is_nearest_above, is_nearest_below};
 use geom::{Ray, Triangle};
 use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
@@ -10,6 +11,8 @@ use num_traits::{Float, Signed};
 pub(super) struct Crossing {
     /// Exact distance in units of the direction; not reduced.
     pub(super) t: BigRational,
+    /// Exact weights of the second and the third corner; not reduced.
+    pub(super) weights: [BigRational; 2],
     /// Whether the crossing lies on an edge or a vertex.
     pub(super) edge: bool,
 }
@@ -36,12 +39,13 @@ pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
         return None;
     }
     let edge = has(Sign::NoSign);
-    let divisor: BigInt = weights.into_iter().sum();
-    let t = quotient(dot(&a, &b_c), divisor, point_exponent - direction_exponent);
-    let limit = BigRational::from_float;
-    let begun = limit(ray.t_min).map_or(ray.t_min < 0.0, |t_min| t > t_min);
-    let ended = limit(ray.t_max).map_or(ray.t_max < 0.0, |t_max| t >= t_max);
-    (begun && !ended).then_some(Crossing { t, edge })
+    let divisor: BigInt = weights.iter().sum();
+    let [_, v, w] = weights;
+    let exponent = point_exponent - direction_exponent;
+    let t = quotient(dot(&a, &b_c), divisor.clone(), exponent);
+    let weights = [v, w].map(|weight| quotient(weight, divisor.clone(), 0));
+    let is_within = is_nearest_above(&t, ray.t_min) && is_nearest_below(&t, ray.t_max);
+    is_within.then_some(Crossing { t, weights, edge })
 }
 
 fn cross_product(a: &Vector, b: &Vector) -> Vector {

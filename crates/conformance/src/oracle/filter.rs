@@ -43,7 +43,8 @@ pub(super) fn judge(ray: &Ray, corners: &Triangle) -> Option<Candidate> {
     let [low, high] = quotient(determinant(a, b, c), sum(weights));
     let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
     let inside = plus == [true; 3] || minus == [true; 3];
-    let is_sure = inside && low > t_min && high < t_max;
+    // What rounds to a float beyond a limit is beyond the limit itself. It surely is where `f32` rounds so.
+    let is_sure = inside && (low as f32) > ray.t_min && (high as f32) < ray.t_max;
     (high > t_min && low < t_max).then_some(Candidate { low, high, is_sure })
 }
 

@@ -2,8 +2,8 @@
 //!
 //! The reference for every backend, so it shares no code with any: from `geom` it takes plain types only. Its definition is
 //! the contract's `exact`. Triangles are closed: a ray through an edge or a vertex hits every triangle that shares it. A ray
-//! in a triangle's plane misses it. Inactive triangles and those of zero area are never hit. `t` lies in the open interval
-//! `(t_min, t_max)`. Least exact `t` wins, then least index.
+//! in a triangle's plane misses it. Inactive triangles and those of zero area are never hit. The float nearest to `t` lies in
+//! the open interval `(t_min, t_max)`. Least exact `t` wins, then least index.
 //!
 //! Each ray passes three stages, and the first two only ever discard what is surely missed: boxes (`cull`), double precision
 //! with proven error bounds (`filter`), and what is left in integers (`exact`).
@@ -11,6 +11,7 @@
 mod cull;
 mod exact;
 mod filter;
+mod nearest;
 #[cfg(test)]
 mod tests;
 
@@ -18,6 +19,7 @@ use cull::Boxes;
 use exact::{Crossing, cross};
 use filter::{Candidate, judge};
 use geom::{Moment, Ray, Triangle};
+use nearest::nearest;
 use num_traits::ToPrimitive;
 
 /// One exact hit.
@@ -27,6 +29,8 @@ pub struct ExactHit {
     pub triangle: u32,
     /// The exact distance in units of the direction, rounded once.
     pub t: f64,
+    /// The exact distance and the exact weights of the second and the third corner, each rounded once.
+    pub rounded: [f32; 3],
     /// Whether the hit point lies exactly on an edge or a vertex of the triangle.
     pub edge: bool,
     /// Whether another triangle is hit at exactly the same distance.
@@ -100,6 +104,7 @@ impl Oracle {
         let exact = |(i, (triangle, crossing)): (usize, &(u32, Crossing))| ExactHit {
             triangle: *triangle,
             t: to_f64(crossing),
+            rounded: [&crossing.t, &crossing.weights[0], &crossing.weights[1]].map(nearest),
             edge: crossing.edge,
             tie: same(i, i + 1) || (i > 0 && same(i, i - 1)),
         };

@@ -12,12 +12,12 @@ fn closest(corners: &[Triangle], ray: &Ray) -> Option<ExactHit> {
     Oracle::new(corners.to_vec()).closest(ray)
 }
 
-/// A hit of triangle 0 at `t = 1`.
-fn first([edge, tie]: [bool; 2]) -> Option<ExactHit> {
-    let (triangle, t) = (0, 1.0);
+/// A hit of triangle 0 at `t = 1` with these weights.
+fn first([u, v]: [f32; 2], [edge, tie]: [bool; 2]) -> Option<ExactHit> {
     Some(ExactHit {
-        triangle,
-        t,
+        triangle: 0,
+        t: 1.0,
+        rounded: [1.0, u, v],
         edge,
         tie,
     })
@@ -28,11 +28,17 @@ fn the_greatest_and_the_least_numbers_are_no_trouble() {
     for s in [f32::MAX, 1e30, 1e-30, f32::from_bits(8)] {
         let corners = SQUARE.map(|t| t.map(|p| p.map(|x| x * s)));
         let ray = Ray::new([0.5 * s, 0.25 * s, s], [0.0, 0.0, -s]);
-        assert_eq!(closest(&corners, &ray), first([false, false]), "{s}");
+        assert_eq!(
+            closest(&corners, &ray),
+            first([0.25, 0.25], [false, false]),
+            "{s}"
+        );
     }
-    let far = Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -f32::from_bits(1)]);
-    let t = closest(&SQUARE, &far).map(|h| h.t);
-    assert_eq!(t, Some(f64::from(f32::MAX) / f64::from(f32::from_bits(1))));
+    let far = |d: f32| Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -d]);
+    let t = closest(&SQUARE, &far(1.0)).map(|h| h.t);
+    assert_eq!(t, Some(f64::from(f32::MAX)));
+    // The distance rounds to infinity, which lies within no limits.
+    assert_eq!(closest(&SQUARE, &far(f32::from_bits(1))), None);
 }
 
 /// Through exactly the middle of an edge that two triangles share.
@@ -49,7 +55,7 @@ fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
         [327_078.0, 199_645.0, -108_473.0],
     );
     let corners = [[a, b, c], [d, b, a]];
-    assert_eq!(closest(&corners, &ray), first([true, true]));
+    assert_eq!(closest(&corners, &ray), first([0.5, 0.0], [true, true]));
     assert_eq!(naive::all(&ray, &corners).len(), 2);
 }
 
@@ -77,6 +83,7 @@ fn the_oracle_agrees_with_the_naive_version() {
             for (i, h) in all.iter().enumerate() {
                 let tie = naive.iter().filter(|n| n.0 == naive[i].0).count() > 1;
                 assert_eq!((h.tie, Some(h.t)), (tie, naive[i].0.to_f64()));
+                assert_eq!(h.rounded[0], nearest(&naive[i].0));
             }
             assert_eq!(oracle.closest(ray), all.first().copied());
         }
@@ -101,6 +108,7 @@ fn double_precision_is_never_wrong_when_it_is_sure() {
 
 /// The definition written down once more, as plainly as rational numbers allow.
 mod naive {
+    use super::super::nearest::nearest;
     use geom::{Point, Ray, Triangle};
     use num_rational::BigRational;
     use num_traits::{Signed, Zero};
@@ -132,9 +140,9 @@ mod naive {
         let side = |a: &Vector, b: &Vector| dot(&n, &cross(&sub(b, a), &sub(&p, a)));
         let sides = [side(&a, &b), side(&b, &c), side(&c, &a)];
         let inside = !sides.iter().any(Signed::is_negative);
-        let beyond = BigRational::from_float(ray.t_min).map_or(ray.t_min < 0.0, |x| t > x);
-        let before = BigRational::from_float(ray.t_max).map_or(ray.t_max > 0.0, |x| t < x);
-        (inside && beyond && before).then(|| (t, sides.iter().any(Zero::is_zero)))
+        let rounded = nearest(&t);
+        let within = ray.t_min < rounded && rounded < ray.t_max;
+        (inside && within).then(|| (t, sides.iter().any(Zero::is_zero)))
     }
 
     fn vector(p: Point) -> Vector {

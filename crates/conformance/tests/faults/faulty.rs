@@ -90,6 +90,13 @@ impl Faulty {
             }
             "every third scene is empty" if seen.loads.is_multiple_of(3) => found.for_each(miss),
             "second trace misses" if seen.traces_since_refit > 1 => found.for_each(miss),
+            "hit again where the ray begins" => {
+                for (hit, ray) in hits.closest.iter_mut().zip(&seen.rays) {
+                    if !hit.is_hit() && ray.t_min > 0.0 {
+                        (hit.t, hit.triangle) = (ray.t_min.next_up(), 0);
+                    }
+                }
+            }
             "interval is closed" => {
                 let ends = seen.rays.iter().map(|r| r.t_max);
                 for (hit, end) in hits.closest.iter_mut().zip(ends) {

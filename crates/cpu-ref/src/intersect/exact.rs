@@ -4,11 +4,11 @@
 //! numbers. The bounds and their proof stand in `docs/design/hits.md`.
 
 use super::watertight::{Shear, Watertight, solve};
-use super::{Asked, Meeting, Search, TriangleTest};
+use super::{Asked, Search, TriangleTest};
 use crate::extreme::Rule;
-use crate::scale::{LEAST, PreparedRay, flushed};
+use crate::scale::{LEAST, Limits, PreparedRay};
 use crate::traverse::{Leaf, Stack, Tree};
-use exact::Crossing;
+use exact::{Crossing, RoundedHit};
 use geom::Hit;
 use glam::Vec4;
 use std::cmp::Ordering;
@@ -27,7 +27,25 @@ pub(crate) struct Candidate {
     /// The exact `t`, if it is hit, lies in `low..=high`.
     low: f32,
     high: f32,
-    meeting: Meeting,
+}
+
+/// A ray in the forms that [`judge`] reads.
+struct Seen {
+    ray: PreparedRay,
+    shear: Shear,
+    /// A `t` between these rounds to one within the ray's limits.
+    sure: Limits,
+}
+
+impl Seen {
+    fn new<N>(asked: &Asked<'_, N>) -> Option<Self> {
+        let ray = PreparedRay::new(&asked.ray, asked.scale)?;
+        Some(Self {
+            shear: Watertight::prepare(&ray),
+            sure: ray.sure_limits(),
+            ray,
+        })
+    }
 }
 
 /// Bounds the error of a sheared coordinate over the size of its terms, `9.5 * 2^-24`.
@@ -41,29 +59,27 @@ impl<N: Tree> Search<N> for Exact {
     const EXTREMES: Option<Rule> = Some(Rule::Closed);
 
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit> {
-        let ray = PreparedRay::new(&asked.ray, asked.scale)?;
+        let seen = Seen::new(asked)?;
         let (waiting, candidates) = (&mut stack.waiting, &mut stack.candidates);
         candidates.clear();
-        let shear = Watertight::prepare(&ray);
-        asked.tree.visit(&ray, waiting, |leaf, bound| {
-            let candidate = judge(asked.tree, (&ray, &shear), leaf).filter(|c| c.low <= bound);
+        asked.tree.visit(&seen.ray, waiting, |leaf, bound| {
+            let candidate = judge(asked.tree, &seen, leaf).filter(|c| c.low <= bound);
             candidates.extend(candidate);
             let sure = candidate.filter(|c| c.sure);
             Some(sure.map_or(bound, |c| bound.min(c.high)))
         });
-        nearest(asked, &ray, candidates)
+        nearest(asked, seen.ray.t_max, candidates)
     }
 
     fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack<N>) -> bool {
         let other = |place: usize| skipped.is_none() || asked.tree.triangle(place) != skipped;
-        let Some(ray) = PreparedRay::new(&asked.ray, asked.scale) else {
+        let Some(seen) = Seen::new(asked) else {
             return false;
         };
         let (waiting, candidates) = (&mut stack.waiting, &mut stack.candidates);
         candidates.clear();
-        let shear = Watertight::prepare(&ray);
-        let blocked = asked.tree.visit(&ray, waiting, |leaf, bound| {
-            let candidate = judge(asked.tree, (&ray, &shear), leaf).filter(|c| other(c.place));
+        let blocked = asked.tree.visit(&seen.ray, waiting, |leaf, bound| {
+            let candidate = judge(asked.tree, &seen, leaf).filter(|c| other(c.place));
             candidates.extend(candidate);
             (!candidate.is_some_and(|c| c.sure)).then_some(bound)
         });
@@ -76,9 +92,9 @@ impl<N: Tree> Search<N> for Exact {
     }
 }
 
-/// What can be said of a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
+/// Tests a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
 #[inline(always)]
-fn judge<N: Tree>(tree: N, (ray, shear): (&PreparedRay, &Shear), leaf: &Leaf) -> Option<Candidate> {
+fn judge<N: Tree>(tree: N, Seen { shear, sure, .. }: &Seen, leaf: &Leaf) -> Option<Candidate> {
     let sheared = shear.apply(&tree.record::<Watertight>(leaf.place));
     let edges = sheared.edges();
     let largest = |v: Vec4| v.abs().truncate().max_element();
@@ -94,26 +110,14 @@ fn judge<N: Tree>(tree: N, (ray, shear): (&PreparedRay, &Shear), leaf: &Leaf) ->
     }
     let certain = (least > doubt || most < -doubt) && edges.truncate().is_finite();
     let depths = shear.depths(&sheared);
-    let meeting = solve(edges, depths);
-    let [low, high] = span(leaf, meeting.t, (edges, depths), certain.then_some(doubt));
-    let within_limits = low > ray.t_min && high < ray.t_max;
+    let t = solve(edges, depths).t;
+    let [low, high] = span(leaf, t, (edges, depths), certain.then_some(doubt));
     Some(Candidate {
         place: leaf.place,
-        sure: certain && within_limits,
+        sure: certain && low > sure.after && high < sure.before,
         low,
         high,
-        meeting: Meeting {
-            t: flushed(meeting.t.max(leaf.entry).min(leaf.exit)),
-            u: weight(meeting.u),
-            v: weight(meeting.v),
-        },
     })
-}
-
-/// A weight within `[0, 1]`; 0 for what is not a number.
-#[inline]
-fn weight(x: f32) -> f32 {
-    if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
 
 /// Where the exact `t` lies: within the triangle's own box, and near the rounded `t` if the triangle is surely hit.
@@ -136,34 +140,32 @@ fn span(leaf: &Leaf, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) 
     if near[0] <= near[1] { near } else { own_box }
 }
 
-/// The closest of the candidates, with `t` in the ray's own units.
-fn nearest<N: Tree>(
-    asked: &Asked<'_, N>,
-    ray: &PreparedRay,
-    found: &mut Vec<Candidate>,
-) -> Option<Hit> {
+/// The closest of the candidates, its numbers rounded once.
+fn nearest<N: Tree>(asked: &Asked<'_, N>, t_max: f32, found: &mut Vec<Candidate>) -> Option<Hit> {
     let surely = found.iter().filter(|c| c.sure).map(|c| c.high);
-    let bound = surely.fold(ray.t_max, f32::min);
+    let bound = surely.fold(t_max, f32::min);
     found.retain(|c| c.low <= bound);
-    let chosen = match found[..] {
+    let mut is_settled = false;
+    let place = match found[..] {
         [] => return None,
-        [only] if only.sure => only,
+        [only] if only.sure => only.place,
         _ => {
+            is_settled = true;
             asked.settled.fetch_add(1, Relaxed);
             let crossings = found
                 .iter()
                 .filter_map(|c| Some((c.place, meet(asked, c.place)?)));
-            let (place, _) = first(asked, crossings)?;
-            *found.iter().find(|c| c.place == place)?
+            first(asked, crossings)?.0
         }
     };
-    let Meeting { t, u, v } = chosen.meeting;
-    Some(Hit {
-        t: asked.ray.nearest_within(ray.unscaled(t)),
-        u,
-        v,
-        triangle: asked.tree.triangle(chosen.place)?,
-    })
+    let triangle = asked.tree.triangle(place)?;
+    let (line, corners) = (asked.line(), asked.geometry.corners(triangle));
+    let rounded = line.rounded_surely(&corners).or_else(|| {
+        asked.settled.fetch_add(u64::from(!is_settled), Relaxed);
+        line.rounded(&corners)
+    });
+    let RoundedHit { t, u, v } = rounded?;
+    Some(Hit { t, u, v, triangle })
 }
 
 /// Least exact `t`, then least index.

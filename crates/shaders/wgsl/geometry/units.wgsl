@@ -69,9 +69,5 @@ fn ordered(bits: u32) -> i32 {
 
 fn from_ordered(x: i32) -> u32 { return select(bitcast<u32>(x), bitcast<u32>(-x) | 0x80000000u, x < 0); }
 
-// The float nearest to t strictly within two limits, or t itself where there is none; all as bits.
-fn nearest_within(t: u32, limits: vec2<u32>) -> u32 {
-    let least = ordered(limits.x) + 1;
-    let most = ordered(limits.y) - 1;
-    return from_ordered(select(clamp(ordered(t), least, most), ordered(t), least > most));
-}
+// 2^e within the range of normal floats.
+fn power_of_two(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }

@@ -1,17 +1,17 @@
 // Whether and where a ray meets a triangle, by four determinants in registers: what one invocation does for itself.
 
 import package::geometry::triangle::points_of;
-import package::intersect::line::{Crossing, line, units_of};
+import package::intersect::line::{Crossing, is_within, line, units_of};
 import package::intersect::candidates::{NO_NOTE, note_at};
 import package::lib::buffers::{counts, occluded, records};
 import package::lib::fixed::{
-    About, Vector64, Whole192, about_192, add_192, compare_about, in_units, negated_192, quotient_about, sign_192,
-    sub_64, triple_192,
+    About, Vector64, Whole192, about_192, add_192, in_units, negated_192, quotient_about, rounded_192, sign_192, sub_64,
+    triple_192,
 };
 import package::lib::integers::{CROSSINGS, words};
 
-// Whether the triangle is met, or takes longer numbers to know; about t.
-struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About }
+// Whether the triangle is met, or takes longer numbers to decide; about t, and t rounded once, as bits.
+struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About, t: u32 }
 
 struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }
 
@@ -25,10 +25,10 @@ fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
     return Vector64(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
 }
 
-// Corners from the ray's start, if they and the direction have 62 bits at most, and the ray does not begin before it.
+// Corners from the ray's start, if they and the direction have 60 bits at most, and the ray does not begin before it.
 fn fixed(points: array<vec3<u32>, 3>) -> Fixed {
     let units = units_of(points);
-    if units.y - units.x + 25 > 62 || line.bits > 62 || line.t_min > 0x80000000u { return Fixed(); }
+    if units.y - units.x + 25 > 60 || line.bits > 60 || line.t_min > 0x80000000u { return Fixed(); }
     return Fixed(true, units.x, fixed_point(points[0], units.x), fixed_point(points[1], units.x), fixed_point(points[2], units.x));
 }
 
@@ -65,10 +65,8 @@ fn conclude(given: Decided, f: Four) -> Concluded {
     // In the triangle's plane, or behind the start.
     if all(signs == vec3<i32>(0)) || sign_192(c.n) <= 0 { return c; }
     c.made.about = quotient_about(about_192(c.n), about_192(c.d), c.made.exponent);
-    let since = select(order_of_limit(c.made.about, line.t_min), 1, (line.t_min << 1u) == 0u);
-    let until = order_of_limit(c.made.about, line.t_max);
-    c.made.met = select(0u, 1u, since > 0 && until < 0);
-    c.made.hard = select(0u, 1u, since >= 0 && until <= 0 && (since == 0 || until == 0));
+    c.made.t = rounded_192(c.n, c.d, c.made.exponent);
+    c.made.met = select(0u, 1u, is_within(c.made.t));
     return c;
 }
 
@@ -91,22 +89,13 @@ fn put_192(at: u32, n: Whole192) {
     words[at + 6u] = n.high.z;
 }
 
-// -1 before a limit, which is not negative, 1 beyond it, 0 if near.
-fn order_of_limit(about: About, bits: u32) -> i32 {
-    if bits == 0x7f800000u { return -1; }
-    // Subnormal limits are rare.
-    if (bits >> 23u) - 1u >= 254u { return 0; }
-    let limit = About(bitcast<f32>((bits & 0x7fffffu) | 0x3f800000u), i32(bits >> 23u) - 127);
-    return compare_about(about, limit);
-}
-
 // Whether and where rays meet the triangles of their notes. A workgroup of 64 takes four
 // rays at a time and four notes of each; four invocations share a note, one for each of the determinants U, V, W and N.
 
 const RAYS: u32 = 4u;
 
-// By invocation: a determinant. Then by note: D, and in the third place after it N, where the ray meets the triangle
-// at t = N / D * 2^exponent.
+// By invocation: a determinant. Then by note: D, V, W, and N, where the ray meets the triangle at t = N / D * 2^exponent. V and
+// W have either sign.
 var<workgroup> determinants: array<Whole192, 64>;
 var<workgroup> decided: array<Decided, 16>;
 // Open rays of this submission, and whether a ray of this round has more notes.

@@ -3,7 +3,9 @@
 import package::geometry::layout::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
 import package::geometry::record::corners_of;
-import package::intersect::filter::{judge, reported, set_view};
+import package::geometry::queries::way_through;
+import package::intersect::filter::{judge, set_view};
+import package::intersect::reported::surely_reported;
 import package::intersect::candidates::{NO_NOTE, OPEN, OPEN_RAYS, with_note};
 import package::lib::buffers::{counts, occluded, rays};
 import package::lib::params::params;
@@ -23,11 +25,11 @@ fn exact_nothing_found(ray: Prepared) -> ExactFound {
     return ExactFound(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
 
-// t_min and t_max of a ray that is given or a pixel's.
+// The direction of a ray that is given or a pixel's, as bits.
 @if(trace_rays)
-fn exact_limits_of(i: u32) -> vec2<u32> { return vec2<u32>(rays[2u * i].w, rays[2u * i + 1u].w); }
+fn exact_direction_of(i: u32) -> vec3<u32> { return rays[2u * i + 1u].xyz; }
 @else
-fn exact_limits_of(i: u32) -> vec2<u32> { return vec2<u32>(0u, 0x7f800000u); }
+fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(way_through(i)); }
 
 // Nodes entered beyond this need no visit.
 fn exact_limit(found: ExactFound) -> f32 { return found.bound; }
@@ -51,8 +53,10 @@ fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
         return left_open(i, found.bound, notes);
     }
     if found.leaf == NO_LEAF { return MISS; }
+    let reported = surely_reported(ray, found.leaf, exact_direction_of(i));
+    if !reported.sure { return left_open(i, found.bound, with_note(NO_NOTE, found.leaf)); }
     atomicAdd(&counts[2], 1u);
-    return reported(ray, found.leaf, exact_limits_of(i));
+    return reported.hit;
 }
 
 // Lists a ray. Nothing beyond `bound` is sought.

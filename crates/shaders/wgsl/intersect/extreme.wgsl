@@ -4,16 +4,13 @@ import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of}
 import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;
-import package::geometry::units::{from_ordered, nearest_within, ordered, scale_bits};
-import package::intersect::line::{
-    Crossing, cross_exactly, is_within, line, make_line, order_crossings, put_corners, put_side,
-};
+import package::geometry::units::{from_ordered, ordered, power_of_two, scale_bits};
+import package::intersect::line::{Crossing, cross_exactly, is_within, line, make_line, order_crossings};
+import package::intersect::rounded::{rounded, weights_of};
 import package::lib::buffers::{counts, nodes, records};
-import package::lib::ieee::{parts, round_quotient};
+import package::lib::ieee::parts;
 import package::lib::params::params;
-import package::lib::integers::{
-    CROSSINGS, ONE, PRODUCT, PRODUCTS, accumulate, bit_length, bits_from, clear, compare_sizes, finish, words,
-};
+import package::lib::integers::CROSSINGS;
 
 // What a line surely passes by, in floats of which the greatest is brought near 1: boxes and triangles of any size.
 
@@ -50,9 +47,6 @@ fn make_coarse() {
     coarse_direction = scaled_by(line.direction, -coarse_exponent);
     coarse_inverse = 1.0 / pushed_from_zero(coarse_direction);
 }
-
-// 2^e within what a float holds.
-fn power_of_two(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }
 
 // Whether the line may pass through a box in scaled units before `bound`, as bits, and not all before t_min. A plane at zero may
 // stand for a coordinate that counts as zero, below 2^-64.
@@ -112,45 +106,6 @@ fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
     return min(u, min(v, w)) < 0 && max(u, max(v, w)) > 0;
 }
 
-// A quotient of whole numbers of any length, rounded once to a float, as bits.
-fn rounded(c: Crossing) -> u32 {
-    let bits_n = bit_length(c.numerator, c.len);
-    if bits_n == 0 { return 0u; }
-    let up = bits_n - bit_length(c.denominator, c.len);
-    // Both brought to one length, bit by bit: 26 bits of the quotient.
-    let len = c.len + 1u;
-    let a = PRODUCTS;
-    let b = PRODUCTS + PRODUCT;
-    for (var i = 0u; i < 2u; i += 1u) {
-        let side = select(c.numerator, c.denominator, i == 1u);
-        let by = max(select(-up, up, i == 1u), 0);
-        let to = select(a, b, i == 1u);
-        words[to] = 0u;
-        for (var k = 0u; k < len; k += 1u) { words[to + 1u + k] = bits_from(side, c.len, 32 * i32(k) - by); }
-    }
-    var quotient = 0u;
-    for (var i = 0u; i < 26u; i += 1u) {
-        let fits = compare_sizes(a, len, 0, b, len, 0) >= 0;
-        quotient = 2u * quotient + select(0u, 1u, fits);
-        if fits { accumulate(a, len, b, len, ONE, 1u, 1u); }
-        double_up(a, len);
-    }
-    let sticky = bit_length(a, len) != 0;
-    let sign = words[c.numerator] << 31u;
-    if quotient < 0x2000000u { return sign | round_quotient(quotient, sticky, up + c.exponent + 126); }
-    return sign | round_quotient(quotient >> 1u, sticky || (quotient & 1u) == 1u, up + c.exponent + 127);
-}
-
-// Doubles a magnitude.
-fn double_up(at: u32, len: u32) {
-    var carry = 0u;
-    for (var i = at + 1u; i <= at + len; i += 1u) {
-        let x = words[i];
-        words[i] = (x << 1u) | carry;
-        carry = x >> 31u;
-    }
-}
-
 // Extreme rays: what they hit, in whole numbers of any length. See "Extreme rays" in docs/design/hits.md. Who uses it declares
 // `nodes`, `records`, `triangles`, `positions` and `counts`.
 
@@ -162,7 +117,7 @@ var<private> best_triangle: u32;
 // The slot that the first so far does not take.
 fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == CROSSINGS); }
 
-// Whether the rule is that of `watertight`: an infinitely small move of the ray, and t as rounded.
+// Whether the rule is that of `watertight`: an infinitely small move of the ray, and hits in the order of rounded t.
 fn rule_moves() -> bool { return params.rule == 1u; }
 
 // Offers a triangle; whether it is met within the limits.
@@ -170,9 +125,9 @@ fn offer_extreme(triangle: u32) -> bool {
     let points = points_of(triangle);
     if surely_passes_by(points) { return false; }
     let c = cross_exactly(points, spare_slot(), rule_moves());
-    if !c.met || (!rule_moves() && !is_within(c)) { return false; }
+    if !c.met { return false; }
     let t = rounded(c);
-    if rule_moves() && (ordered(t) <= ordered(line.t_min) || ordered(t) >= ordered(line.t_max)) { return false; }
+    if !is_within(t) { return false; }
     if best_triangle != NO_TRIANGLE {
         var order = select(0, 1, ordered(t) > ordered(best_t)) - select(0, 1, ordered(t) < ordered(best_t));
         if !rule_moves() { order = order_crossings(c, best); }
@@ -227,32 +182,11 @@ fn hit_extreme(any: bool) -> vec4<u32> {
     atomicAdd(&counts[2], 1u);
     if any { return vec4<u32>(0u, 0u, 0u, best_triangle); }
     let weights = weights_of(points_of(best_triangle));
-    return vec4<u32>(nearest_within(best_t, vec2<u32>(line.t_min, line.t_max)), weights, best_triangle);
+    return vec4<u32>(best_t, weights, best_triangle);
 }
 
 // Whether the line that is set meets any triangle but one.
 fn any_extreme(ignore: u32) -> bool {
     search_extreme(ignore, true);
     return best_triangle != NO_TRIANGLE;
-}
-
-// The weights of the second and the third corner, each rounded once. The line passes through the triangle.
-fn weights_of(points: array<vec3<u32>, 3>) -> vec2<u32> {
-    let placed = put_corners(points);
-    let len = placed.len;
-    let sum = CROSSINGS;
-    let sides = vec2<u32>(CROSSINGS + 28u, CROSSINGS + 56u);
-    clear(sum, len.triple);
-    for (var side = 0u; side < 3u; side += 1u) {
-        let to = select(PRODUCTS, select(sides.x, sides.y, side == 2u), side > 0u);
-        put_side(to, side, len);
-        accumulate(sum, len.triple, to, len.triple, ONE, 1u, 0u);
-    }
-    finish(sum, len.triple);
-    var weights: vec2<u32>;
-    for (var i = 0u; i < 2u; i += 1u) {
-        words[sides[i]] = 0u;
-        weights[i] = rounded(Crossing(true, sides[i], sum, len.triple, 0));
-    }
-    return weights;
 }

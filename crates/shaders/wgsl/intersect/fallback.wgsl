@@ -2,15 +2,16 @@
 
 import package::geometry::layout::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
 import package::geometry::light::{ray_to_light, set_line_along, to_light};
-import package::geometry::queries::{asked, limits_of, ray_of, set_line_of};
+import package::geometry::queries::{asked, ray_of, set_line_of};
 import package::geometry::ray::{MISS, Prepared, meets_box};
 import package::geometry::record::corners_of;
 import package::geometry::triangle::points_of;
 import package::intersect::determinants::decide_alone;
-import package::intersect::filter::{judge, reported, set_view};
-import package::intersect::line::{make_line, meet_exactly};
+import package::intersect::filter::{judge, set_view};
+import package::intersect::line::make_line;
+import package::intersect::rounded::{meet_exactly, rounded, weights_of};
 import package::intersect::candidates::{FIRST_NOTE, HARD, OPEN, OPEN_RAYS, OPEN_SHADOWS, answer_any};
-import package::intersect::resolve_exact::{first_leaf, free_slot, offer, put_crossing};
+import package::intersect::resolve_exact::{first, first_leaf, first_triangle, free_slot, offer, put_crossing};
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::params::params;
 
@@ -112,11 +113,11 @@ fn consider(leaf: u32) {
     let alone = decide_alone(leaf, points);
     let told = alone.made.hard == 0u;
     if told {
-        if alone.made.met == 1u { offer(alone.made, triangle, put_crossing(alone.made.exponent, alone.n, alone.d), true); }
+        if alone.made.met == 1u { _ = offer(alone.made, triangle, put_crossing(alone.made.exponent, alone.n, alone.d), true); }
         return;
     }
     let c = meet_exactly(points, free_slot());
-    if c.met { offer(alone.made, triangle, c, false); }
+    if c.met { _ = offer(alone.made, triangle, c, false); }
 }
 
 // Writes the hit of the ray at a place, whose line is set.
@@ -129,7 +130,8 @@ fn fallback_closest(place: u32, i: u32, ray: Prepared) {
         hits[i] = MISS;
         return;
     }
-    hits[i] = reported(ray, first_leaf, limits_of(i));
+    let t = rounded(first);
+    hits[i] = vec4<u32>(t, weights_of(points_of(first_triangle)), first_triangle);
     atomicAdd(&counts[2], 1u);
 }
 

@@ -2,11 +2,9 @@
 
 import package::geometry::ray::{Prepared, unpermute};
 import package::geometry::record::Corners;
-import package::geometry::units::{flushed, in_ray_units, nearest_within};
-import package::intersect::sheared::{
-    Turned, crossing, edges_of, loose_within, own_box, own_span, span_of_depths, turned_corners,
-};
-import package::lib::ieee::{add, divide_by, divisor, mul, sub};
+import package::geometry::units::power_of_two;
+import package::intersect::sheared::span_of_depths;
+import package::lib::ieee::{add, mul, sub};
 
 // A triangle seen along a ray, in the device's own arithmetic, and how far that may be off: "The filter" in docs/design/exact-arithmetic.md.
 
@@ -112,7 +110,18 @@ fn judge_near(ray: Prepared, corners: Corners, s: Seen) -> Judged {
         span = span_of_depths(ray, mul(depths.x, ray.shear_z), mul(depths.y, ray.shear_z), mul(depths.z, ray.shear_z));
     }
     if span.y <= ray.t_min || span.x >= ray.t_max { return OUT; }
-    return Judged(true, certain && span.x > ray.t_min && span.y < ray.t_max, span.x, span.y);
+    return Judged(true, certain && rounds_within(ray, span), span.x, span.y);
+}
+
+// Whether every t of a span, rounded once in the ray's own units, lies within the ray's limits. A float beyond t_min is at least
+// the next one, and rounding is monotone, so the limits themselves serve where t is normal. Subnormal numbers have fewer
+// digits than scaled ones. So distances below 2^-125 or beyond 2^127 are left open.
+fn rounds_within(ray: Prepared, span: vec2<f32>) -> bool {
+    let small = power_of_two(max(ray.exponent - 125, -99));
+    let large = power_of_two(ray.exponent + 127);
+    let after = max(select(ray.t_min, small, abs(ray.t_min) < small), -large);
+    let before = min(select(ray.t_max, -small, abs(ray.t_max) < small), large);
+    return span.x > after && span.y < before;
 }
 
 // Where the exact t of a hit lies, by the rounded one.
@@ -124,28 +133,4 @@ fn loose_span(s: Seen, z: vec3<f32>, det: f32, doubt: f32) -> vec2<f32> {
     // 24 * 2^-24
     let error = 3.02 * doubt * spread * abs(inverse) + (1.430511474609375e-6 * size + SMALL);
     return vec2<f32>(t - error, t + error);
-}
-
-// What is written for a triangle that is hit: t as the watertight test has it, clamped to the box and the ray's limits, weights to [0, 1].
-fn reported(ray: Prepared, leaf: u32, limits: vec2<u32>) -> vec4<u32> {
-    let corners = turned_corners(ray, leaf);
-    let c = crossing(edges_of(ray, corners));
-    let by = divisor(c.det);
-    let t = reported_distance(ray, corners, divide_by(c.t, by));
-    return vec4<u32>(nearest_within(in_ray_units(t, ray.exponent), limits), weight(divide_by(c.v, by)), weight(divide_by(c.w, by)), corners.triangle);
-}
-
-fn reported_distance(ray: Prepared, k: Turned, t: f32) -> f32 {
-    let own = own_box(ray, k);
-    if t > ray.t_min && loose_within(ray, own, t) { return flushed(t); }
-    let span = own_span(ray, own);
-    let entry = max(span.x, ray.t_min);
-    let later = select(entry, t, t > entry);
-    return flushed(select(span.y, later, later < span.y));
-}
-
-// A weight within [0, 1], 0 for what is not a number; by bits, since it may be subnormal.
-fn weight(x: f32) -> u32 {
-    let bits = bitcast<u32>(x);
-    return select(min(bits, 0x3f800000u), 0u, bits > 0x7f800000u);
 }

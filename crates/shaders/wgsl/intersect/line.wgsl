@@ -1,7 +1,8 @@
 // Where a ray meets a triangle, in whole numbers: the crate `exact`.
 
+import package::geometry::units::ordered;
 import package::lib::integers::{
-    COORDINATE, CORNERS, CROSS, CROSSINGS, DIRECTION, LIMIT, ONE, PRODUCT, PRODUCTS, accumulate, add_shifted, clear,
+    COORDINATE, CORNERS, CROSS, CROSSINGS, DIRECTION, ONE, PRODUCT, PRODUCTS, accumulate, add_shifted, clear,
     compare_sizes, finish, mantissa_of, sign_of_number, unit_of, words,
 };
 
@@ -123,14 +124,8 @@ fn put_side(to: u32, side: u32, len: Lengths) {
     triple(to, select(DIRECTION, CORNERS, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
 }
 
-// The crossing of the line with a closed triangle within the ray's limits, kept in place `slot` of two.
-fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
-    let made = cross_exactly(corners, slot, false);
-    if !made.met || !is_within(made) { return NOT_MET; }
-    return made;
-}
-
-// The same at any t; if `moves`, for the line after an infinitely small move.
+// The crossing of the line with a closed triangle at any t, kept in place `slot` of two; if `moves`, for the line after an
+// infinitely small move.
 fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
     let placed = put_corners(corners);
     let numbers = CROSSINGS + 56u * slot;
@@ -185,17 +180,8 @@ fn moved_sign(side: u32, len: Lengths) -> i32 {
     return 0;
 }
 
-fn is_within(c: Crossing) -> bool {
-    for (var i = 0u; i < 2u; i += 1u) {
-        let limit = select(line.t_min, line.t_max, i == 1u);
-        if (limit & 0x7fffffffu) == 0x7f800000u { continue; }
-        words[LIMIT] = limit >> 31u;
-        words[LIMIT + 1u] = mantissa_of(limit);
-        let order = order_crossings(c, Crossing(true, LIMIT, ONE, 1u, unit_of(limit)));
-        if order != select(1, -1, i == 1u) { return false; }
-    }
-    return true;
-}
+// Whether a rounded t, as bits, lies within the ray's limits.
+fn is_within(t: u32) -> bool { return ordered(t) > ordered(line.t_min) && ordered(t) < ordered(line.t_max); }
 
 // The order of two crossings along the line: -1, 0 or 1.
 fn order_crossings(a: Crossing, b: Crossing) -> i32 {

@@ -2,16 +2,15 @@
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{set_line_along, to_light};
-import package::geometry::queries::{asked, limits_of, ray_of, set_line_of};
-import package::geometry::ray::{MISS, Prepared};
+import package::geometry::queries::{asked, set_line_of};
+import package::geometry::ray::MISS;
 import package::intersect::determinants::{
     Decided, RAYS, Rest, begin_rounds, crossing_in, decide_notes, decided, determinants, put_192, rest_of,
 };
-import package::intersect::filter::reported;
 import package::intersect::line::{Crossing, order_crossings};
 import package::intersect::candidates::{HARD, NO_NOTE, OPEN_RAYS, TOO_MANY, answer_any, listed};
 import package::lib::buffers::{counts, hits, occluded, records};
-import package::lib::fixed::{About, Whole192, compare_about};
+import package::lib::fixed::{About, Whole192, compare_about, rounded_192, size_192};
 import package::lib::params::params;
 import package::lib::integers::CROSSINGS;
 
@@ -34,20 +33,21 @@ fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
     return c;
 }
 
-// Keeps a triangle that is met at `c` if that is before all others: least t, then least index. `told` says whether
-// it is known about where.
-fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) {
+// Keeps a triangle that is met at `c` if that is before all others: least t, then least index. `told` is whether
+// it is known about where. Returns whether it was kept.
+fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) -> bool {
     if first_leaf != NO_LEAF {
         var order = 0;
         if told && first_told { order = compare_about(made.about, first_about); }
         if order == 0 { order = order_crossings(c, first); }
-        if order > 0 || (order == 0 && triangle > first_triangle) { return; }
+        if order > 0 || (order == 0 && triangle > first_triangle) { return false; }
     }
     first = c;
     first_about = made.about;
     first_told = told;
     first_leaf = made.leaf;
     first_triangle = triangle;
+    return true;
 }
 
 // Settles which of a ray's candidates is first, by its notes.
@@ -55,14 +55,22 @@ fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) {
 // In place of a leaf: notes do not tell.
 const UNTOLD: u32 = 0xfffffffeu;
 
+// The first so far as it is written, with t and both weights rounded once.
+var<private> first_hit: vec4<u32>;
+
 // Looks over four notes that are decided, the first of which stands in place `at`; whether they all tell.
 fn offer_decided(at: u32) -> bool {
     for (var k = at; k < at + 4u; k += 1u) {
         let made = decided[k];
         if made.hard == 1u { return false; }
         if made.met == 1u {
-            let c = put_crossing(made.exponent, determinants[4u * k + 3u], determinants[4u * k]);
-            offer(made, records[3u * made.leaf].w, c, true);
+            let d = determinants[4u * k];
+            let triangle = records[3u * made.leaf].w;
+            if offer(made, triangle, put_crossing(made.exponent, determinants[4u * k + 3u], d), true) {
+                let u = rounded_192(size_192(determinants[4u * k + 1u]), d, 0);
+                let v = rounded_192(size_192(determinants[4u * k + 2u]), d, 0);
+                first_hit = vec4<u32>(made.t, u, v, triangle);
+            }
         }
     }
     return true;
@@ -81,8 +89,8 @@ fn first_of_notes(list: u32, local: u32) -> u32 {
     return select(UNTOLD, first_leaf, tells);
 }
 
-// Writes the hit of one ray, whose line is set, if its notes tell it.
-fn resolve_exact_closest(i: u32, ray: Prepared, told: u32) {
+// Writes the hit of one ray if its notes tell it.
+fn resolve_exact_closest(i: u32, told: u32) {
     if told == UNTOLD || hits[i].y == TOO_MANY {
         atomicAdd(&counts[OPEN_RAYS + HARD], 1u);
         return;
@@ -91,7 +99,7 @@ fn resolve_exact_closest(i: u32, ray: Prepared, told: u32) {
         hits[i] = MISS;
         return;
     }
-    hits[i] = reported(ray, told, limits_of(i));
+    hits[i] = first_hit;
     atomicAdd(&counts[2], 1u);
 }
 
@@ -109,7 +117,7 @@ fn resolve_exact_hits(local: u32, number: u32, sharers: u32) {
             set_line_of(i);
         }
         let leaf = first_of_notes(list, local);
-        if k < open && local % 16u == 0u { resolve_exact_closest(i, ray_of(i), leaf); }
+        if k < open && local % 16u == 0u { resolve_exact_closest(i, leaf); }
     }
 }
 
@@ -188,7 +196,7 @@ fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @built
 
 // The closest hits that `trace_camera` or `trace_rays` left open: as many invocations as there may be share the list.
 //
-// Variants: intersector(exact), arithmetic.
+// Variants: intersector(exact).
 @compute @workgroup_size(64)
 fn resolve_exact_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = group.x + group.y * groups.x;

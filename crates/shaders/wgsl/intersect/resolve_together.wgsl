@@ -2,11 +2,12 @@
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::light::{ToLight, ray_to_light, set_line_along, to_light};
-import package::geometry::queries::{eye, limits_of, ray_of};
+import package::geometry::queries::{eye, ray_of, way_through};
 import package::geometry::ray::{Prepared, meets_box};
 import package::geometry::record::corners_of;
 import package::intersect::determinants::{begin_rounds, note_after};
-import package::intersect::filter::{judge, reported, set_view};
+import package::intersect::filter::{judge, set_view};
+import package::intersect::reported::surely_reported;
 import package::intersect::candidates::{
     NOTES, NO_NOTE, OPEN_RAYS, OPEN_SHADOWS, TOO_MANY, answer_any, listed, new_note, note_at, shadow_of,
 };
@@ -157,9 +158,12 @@ fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
 // All that `trace_and_shadow_camera` left open, at once: workgroups share the hits, as many share the shadows, and where open
 // hits are few all others seek the shadows that they will have, a workgroup a candidate, so as not to wait for the hits.
 
-// Whether the way from a candidate to the light is occluded, as its note will say.
+// Whether the way from a candidate to the light is occluded, as its note will say. It stays unknown where about 48 bits
+// do not decide how the hit is rounded. Those bits are meaningful for any candidate that turns out to be the hit.
 fn seek_shadow(i: u32, note: u32, local: u32) {
-    let hit = reported(ray_of(i), occluded[note_at(note)], limits_of(i));
+    let reported = surely_reported(ray_of(i), occluded[note_at(note)], bitcast<vec3<u32>>(way_through(i)));
+    if !reported.sure { return; }
+    let hit = reported.hit;
     let sought = seek_along(to_light(hit, eye()), hit.w, local);
     if local == 0u { occluded[shadow_of(note)] = known(sought); }
 }

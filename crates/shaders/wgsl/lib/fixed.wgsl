@@ -1,6 +1,7 @@
 // Whole numbers of 64, 128 and 192 bits, in two's complement and in registers: enough for the coordinates of nearly
 // every triangle and ray (lab notes of others: 42 to 45 bits for real models).
 
+import package::lib::ieee::round_quotient;
 import package::lib::integers::{add_32, mantissa_of, multiply_32, unit_of};
 
 // The least words first.
@@ -89,7 +90,7 @@ fn sign_192(a: Whole192) -> i32 {
     return 0;
 }
 
-// x . (p x q). Of coordinates below 2^62 it is below 2^189. A loop, since instructions have to be fetched too.
+// x . (p x q). Of coordinates below 2^60 it is below 2^183. A loop, since instructions have to be fetched too.
 fn triple_192(given_x: Vector64, given_p: Vector64, given_q: Vector64) -> Whole192 {
     var x = given_x;
     var p = given_p;
@@ -151,4 +152,68 @@ fn compare_about(a: About, b: About) -> i32 {
     // Near each other they are at most 2 and a little, and each off by 2^-20 of that at most.
     if abs(x - y) < 7.62939453125e-6 { return 0; }
     return select(-1, 1, x > y);
+}
+
+// n * 2^by, without what exceeds 192 bits.
+fn shifted_192(n: Whole192, by: u32) -> Whole192 {
+    var w = n;
+    for (var i = 0u; i < (by >> 5u); i += 1u) {
+        w = Whole192(vec3<u32>(0u, w.low.xy), vec3<u32>(w.low.z, w.high.xy));
+    }
+    let within = by & 31u;
+    if within == 0u { return w; }
+    let up = vec3<u32>(within);
+    let down = vec3<u32>(32u - within);
+    let low = (w.low << up) | (vec3<u32>(0u, w.low.xy) >> down);
+    return Whole192(low, (w.high << up) | (vec3<u32>(w.low.z, w.high.xy) >> down));
+}
+
+// n * k for a positive n, without what exceeds 192 bits.
+fn times_192(n: Whole192, k: u32) -> Whole192 {
+    let p0 = multiply_add(n.low.x, k, 0u, 0u);
+    let p1 = multiply_add(n.low.y, k, p0.y, 0u);
+    let p2 = multiply_add(n.low.z, k, p1.y, 0u);
+    let p3 = multiply_add(n.high.x, k, p2.y, 0u);
+    let p4 = multiply_add(n.high.y, k, p3.y, 0u);
+    let p5 = multiply_add(n.high.z, k, p4.y, 0u);
+    return Whole192(vec3<u32>(p0.x, p1.x, p2.x), vec3<u32>(p3.x, p4.x, p5.x));
+}
+
+fn sub_192(a: Whole192, b: Whole192) -> Whole192 { return add_192(a, negated_192(b)); }
+
+fn is_negative_192(a: Whole192) -> bool { return (a.high.z >> 31u) == 1u; }
+
+fn size_192(a: Whole192) -> Whole192 {
+    if is_negative_192(a) { return negated_192(a); }
+    return a;
+}
+
+// n / d * 2^exponent, rounded once to a float, as bits. Both are below 2^186; n is not negative, and d is positive.
+fn rounded_192(n: Whole192, d: Whole192, exponent: i32) -> u32 {
+    if sign_192(n) == 0 { return 0u; }
+    let about_n = about_192(n);
+    let about_d = about_192(d);
+    // The first bit of both in one place, which leaves six bits for the rest of the division.
+    let a = shifted_192(n, u32(185 - about_n.exponent));
+    let b = shifted_192(d, u32(185 - about_d.exponent));
+    let below = is_negative_192(sub_192(a, b));
+    let by = select(24u, 25u, below);
+    let whole = shifted_192(a, by);
+    // Off by less than 16, which the rest tells.
+    var value = u32(about_n.mantissa / about_d.mantissa * select(16777216.0, 33554432.0, below));
+    var rest = sub_192(whole, times_192(b, value));
+    let step = i32(floor(f32(bitcast<i32>(rest.high.z)) / f32(b.high.z)));
+    value = bitcast<u32>(bitcast<i32>(value) + step);
+    rest = sub_192(whole, times_192(b, value));
+    if is_negative_192(rest) {
+        rest = add_192(rest, b);
+        value -= 1u;
+    }
+    let less = sub_192(rest, b);
+    if !is_negative_192(less) {
+        rest = less;
+        value += 1u;
+    }
+    let up = about_n.exponent - about_d.exponent + exponent;
+    return round_quotient(value, sign_192(rest) != 0, up + select(127, 126, below));
 }

@@ -17,7 +17,6 @@ const DIRECTION: u32 = 90u;
 const CROSS: u32 = 120u;
 // Two crossings' numerators and denominators, 28 words each.
 const CROSSINGS: u32 = 140u;
-const LIMIT: u32 = 252u;
 const ONE: u32 = 254u;
 const PRODUCTS: u32 = 256u;
 const PRODUCT: u32 = 55u;

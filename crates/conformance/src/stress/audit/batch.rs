@@ -6,7 +6,7 @@ use crate::oracle::ExactHit;
 use crate::stage::{ask, is_extreme, triangles};
 use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::Answered;
-use backend::{Backend, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
 use geom::{Aabb, Hit, Ray, Triangle, is_active};
 use serde::Serialize;
 use std::ops::AddAssign;
@@ -37,7 +37,8 @@ pub struct AuditCounts {
     pub settled: u64,
     /// Rays whose triangle or miss is not the exact one's.
     pub wrong: u64,
-    /// Rays whose `t` is not within their limits or off by more than is documented.
+    /// Rays whose `t` is not within their limits or off by more than is documented. With `exact`, rays whose `t`, `u`
+    /// or `v` is not the exact number rounded once.
     pub wrong_t: u64,
     /// Rays that hit anything where nothing is, or nothing where something is.
     pub wrong_any: u64,
@@ -64,7 +65,12 @@ impl Batch {
         for (number, (expected, (hit, &any))) in self.answered.exact.iter().zip(found).enumerate() {
             let wrong = hit.triangle != self.answered.triangle(number);
             let wrong_any = (any == 1) != expected.is_some();
-            let right_t = |e: ExactHit| bounds.allow(&scene.rays[number], &e, hit.t);
+            let right_t = |e: ExactHit| match method.intersector {
+                Intersector::Exact => {
+                    [hit.t, hit.u, hit.v].map(f32::to_bits) == e.rounded.map(f32::to_bits)
+                }
+                _ => bounds.allow(&scene.rays[number], &e, hit.t),
+            };
             let wrong_t = !wrong && !expected.is_none_or(right_t);
             tally.rays += 1;
             tally.hits += u64::from(expected.is_some());
@@ -85,13 +91,13 @@ impl Batch {
         let scene = &self.answered.scene;
         let name = |t| triangle_text(&scene.animation, scene.time, t);
         format!(
-            "ray {number} of batch {}, {}: hits {} at t = {:?} (any: {any}), exactly {} at {:?}",
+            "ray {number} of batch {}, {}: hits {} at t, u, v = {:?} (any: {any}), exactly {} at {:?}",
             self.spec.number,
             ray_text(&scene.rays[number]),
             name(found.triangle),
-            found.t,
+            [found.t, found.u, found.v],
             name(self.answered.triangle(number)),
-            self.answered.exact[number].map_or(f64::INFINITY, |e| e.t),
+            self.answered.exact[number].map(|e| (e.t, e.rounded)),
         )
     }
 }
@@ -114,7 +120,7 @@ impl AddAssign for AuditCounts {
 /// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;
 
-/// What decides how far `t` may be off in a scene (`docs/design/hits.md`, "What is reported").
+/// How far `t` of intersectors that round may be off in a scene (`docs/design/hits.md`, "Hit").
 struct TBounds<'a> {
     scene: &'a StressScene,
     corners: Vec<Triangle>,
@@ -133,8 +139,8 @@ impl<'a> TBounds<'a> {
         }
     }
 
-    /// Whether `t` may be reported for an exact hit: within the ray's limits, where a float lies there; rounded once
-    /// if the ray is extreme, else within the padded box of the triangle.
+    /// Returns whether an intersector that rounds may report `t` for an exact hit: within the ray's limits, where a float
+    /// lies there; rounded once if the ray is extreme, else within the padded box of the triangle.
     fn allow(&self, ray: &Ray, hit: &ExactHit, t: f32) -> bool {
         let (least, most) = (ray.t_min.next_up(), ray.t_max.next_down());
         if least <= most && !(least..=most).contains(&t) {

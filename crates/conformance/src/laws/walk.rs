@@ -1,0 +1,64 @@
+//! Rays that continue from the distance last reported.
+
+use super::Check;
+use crate::compare::{ray_text, same_hit, triangle_text};
+use crate::oracle::{ExactHit, Oracle};
+use crate::stage::triangles;
+use anyhow::{Result, ensure};
+use backend::{QueryKind, Rays};
+use geom::{Hit, Ray};
+
+/// A ray that continues, and every crossing of its line within its first limits.
+struct Walk {
+    ray: Ray,
+    crossings: Vec<ExactHit>,
+}
+
+impl Walk {
+    /// Returns the next hit. Crossings whose rounded `t` equals the last one are skipped.
+    fn expected(&self) -> Hit {
+        let mut ahead = self.crossings.iter();
+        let next = ahead.find(|crossing| crossing.rounded[0] > self.ray.t_min);
+        next.map_or(
+            Hit::MISS,
+            |&ExactHit {
+                 triangle, rounded, ..
+             }| {
+                let [t, u, v] = rounded;
+                Hit { t, u, v, triangle }
+            },
+        )
+    }
+}
+
+/// A ray that always continues with `t_min` equal to the `t` last reported visits the exact crossings in order, meets no
+/// triangle twice, and ends.
+pub(super) fn visits_every_crossing_once(c: &mut Check<'_>) -> Result<()> {
+    let (animation, time) = (&c.case.animation, c.case.times[1]);
+    let oracle = Oracle::new(triangles(animation, time));
+    let start = |&ray: &Ray| Walk {
+        crossings: oracle.all(&ray),
+        ray,
+    };
+    let mut walks: Vec<Walk> = c.case.rays.iter().map(start).collect();
+    c.open(c.case.times[0])?;
+    c.stand(time)?;
+    while !walks.is_empty() {
+        let rays: Vec<Ray> = walks.iter().map(|walk| walk.ray).collect();
+        let closest = c.ask(Rays::List(&rays), QueryKind::Closest)?.closest;
+        let any = c.ask(Rays::List(&rays), QueryKind::Any)?.blocked;
+        for ((walk, hit), any) in walks.iter_mut().zip(&closest).zip(&any) {
+            let expected = walk.expected();
+            ensure!(
+                same_hit(hit, &expected) && (*any == 1) == expected.is_hit(),
+                "at time {time:?}: hit {hit:?} (any: {any}), expected {expected:?}; {}; {} against {}",
+                ray_text(&walk.ray),
+                triangle_text(animation, time, hit.triangle),
+                triangle_text(animation, time, expected.triangle),
+            );
+            walk.ray.t_min = hit.t;
+        }
+        walks.retain(|walk| walk.ray.t_min < f32::INFINITY);
+    }
+    Ok(())
+}

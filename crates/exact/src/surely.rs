@@ -1,0 +1,158 @@
+//! Distances and weights by double precision, where its error bounds decide how they round.
+
+use crate::{Line, RoundedHit};
+use geom::{Point, Triangle};
+
+/// A number and how far it may be from the exact one.
+#[derive(Clone, Copy)]
+struct Bounded {
+    value: f64,
+    error: f64,
+}
+
+/// Bounds a few roundings over the size of what is rounded: eight units of `2^-53`.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// See [`Line::rounded_surely`].
+///
+/// Corners are sheared along the direction's largest component, as in the watertight test but without a division:
+/// `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to its distance.
+pub(crate) fn rounded_surely(line: &Line, corners: &Triangle) -> Option<RoundedHit> {
+    // A power of two within the normal range: shifts are scales of scenes, or differences of two.
+    let scale = f64::from_bits(((1023 - line.shift) as u64) << 52);
+    let axes = axes_along(line.ray.direction);
+    let direction = axes.map(|k| f64::from(line.ray.direction[k]));
+    let origin = axes.map(|k| f64::from(line.ray.origin[k]));
+    let seen = corners.map(|corner| {
+        let at = |i: usize| f64::from(corner[axes[i]]) * scale - origin[i];
+        [at(0), at(1), at(2)]
+    });
+    let [a, b, c] = seen.map(|p| [0, 1].map(|i| sheared(p, direction, i)));
+    let [u, v, w] = [edge(c, b), edge(a, c), edge(b, a)];
+    let sum = Bounded {
+        value: u.value + v.value + w.value,
+        error: 2.0 * (u.error + v.error + w.error),
+    };
+    let depth = |i: usize| seen[i][2];
+    let deepest = depth(0).abs().max(depth(1).abs()).max(depth(2).abs());
+    let numerator = Bounded {
+        value: u.value * depth(0) + v.value * depth(1) + w.value * depth(2),
+        error: sum.error * deepest,
+    };
+    let denominator = Bounded {
+        value: sum.value * direction[2],
+        error: sum.error * direction[2].abs(),
+    };
+    Some(RoundedHit {
+        t: quotient(numerator, denominator)?,
+        u: quotient(v, sum)?,
+        v: quotient(w, sum)?,
+    })
+}
+
+/// The axes in an order that ends with that of the largest component.
+fn axes_along(direction: Point) -> [usize; 3] {
+    let [x, y, z] = direction.map(f32::abs);
+    match () {
+        () if x >= y && x >= z => [1, 2, 0],
+        () if y >= z => [2, 0, 1],
+        () => [0, 1, 2],
+    }
+}
+
+/// `x * dz - dx * z`: differences are rounded once, products too, then the difference.
+fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> Bounded {
+    let (x, z) = (p[i] * direction[2], direction[i] * p[2]);
+    Bounded {
+        value: x - z,
+        error: 0.5 * ROUNDING * (x.abs() + z.abs()),
+    }
+}
+
+/// The edge function `px * qy - py * qx`. Its error includes eight more roundings, those of sums and products that follow.
+fn edge(p: [Bounded; 2], q: [Bounded; 2]) -> Bounded {
+    let product = |a: Bounded, b: Bounded| Bounded {
+        value: a.value * b.value,
+        error: a.error * b.value.abs() + a.value.abs() * b.error + a.error * b.error,
+    };
+    let (l, r) = (product(p[0], q[1]), product(p[1], q[0]));
+    Bounded {
+        value: l.value - r.value,
+        error: 1.01 * (l.error + r.error) + 2.0 * ROUNDING * (l.value.abs() + r.value.abs()),
+    }
+}
+
+/// The float that all possible quotients round to, if there is one.
+fn quotient(n: Bounded, d: Bounded) -> Option<f32> {
+    let q = n.value / d.value;
+    let least = d.value.abs() - d.error;
+    let error = (n.error + q.abs() * d.error) / least * 1.01 + ROUNDING * q.abs();
+    let (low, high) = ((q - error) as f32, (q + error) as f32);
+    // Not true of a NaN either.
+    (least > 0.0 && low == high).then_some(low + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geom::Ray;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_triangle_seen_from_its_side_reports_the_exact_distance() {
+        let corners = [
+            [0.002, -0.004, -0.003],
+            [-0.002, 0.0, 0.003],
+            [0.002, -0.004, 0.0],
+        ];
+        let ray = Ray::new([0.004, -0.006, -0.006], [-0.0050000004, 0.005, 0.01]);
+        let line = Line { ray, shift: 0 };
+        let hit = line.rounded(&corners).unwrap();
+        // Single precision computes 0.39999816.
+        assert_eq!(hit.t, 0.5);
+        let surely = line.rounded_surely(&corners);
+        assert!(surely.is_none_or(|surely| surely == hit), "{surely:?}");
+    }
+
+    #[test]
+    fn most_hits_are_rounded_by_double_precision() {
+        let corners = [[0.1, 0.2, 1.0], [1.3, 0.1, 1.2], [0.2, 1.7, 0.9]];
+        let few = |i: u32| (i as f32 * 0.618).fract() - 0.5;
+        let count = (0..1000).filter(|&i| {
+            let ray = Ray::new(
+                [few(i), few(3 * i + 1), -7.0],
+                [0.1 * few(7 * i), 0.05, 1.1],
+            );
+            let line = Line { ray, shift: 0 };
+            line.rounded(&corners).is_none() || line.rounded_surely(&corners).is_some()
+        });
+        assert!(count.count() > 990);
+    }
+
+    fn point() -> impl Strategy<Value = Point> {
+        [-1e3_f32..1e3, -1e3_f32..1e3, -1e3_f32..1e3]
+    }
+
+    proptest! {
+        #[test]
+        fn what_double_precision_rounds_is_the_exact_number_rounded_once(
+            corners in [point(), point(), point()], from in point(), weights in [0.0_f32..1.0, 0.0_f32..1.0],
+            thin in 0_i32..20, far in -10_i32..40, size in -60_i32..60, e in -60_i32..60, shift in -3_i32..4,
+        ) {
+            // Of any shape and size, from near and far.
+            let [a, b, c] = corners;
+            let c = std::array::from_fn(|i| a[i] + (c[i] - a[i]) * (-thin as f32).exp2());
+            let corners = [a, b, c].map(|p| p.map(|x| x * (size as f32).exp2()));
+            let [v, w] = [weights[0], weights[1] * (1.0 - weights[0])];
+            let scale = (-shift as f32).exp2();
+            let at = |i: usize| scale * (corners[0][i] * (1.0 - v - w) + corners[1][i] * v + corners[2][i] * w);
+            let origin: Point = std::array::from_fn(|i| from[i] * ((size + far) as f32).exp2());
+            let direction: Point = std::array::from_fn(|i| (at(i) - origin[i]) * (e as f32).exp2());
+            let line = Line { ray: Ray::new(origin, direction), shift };
+            prop_assume!(line.ray.is_valid());
+            if let (Some(surely), Some(exact)) = (line.rounded_surely(&corners), line.rounded(&corners)) {
+                prop_assert_eq!(surely, exact);
+            }
+        }
+    }
+}
