@@ -8,13 +8,13 @@ mod row;
 use crate::args::{BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, word};
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
-use crate::open::{has_own_trees, makes_trees};
+use crate::open::{Opening, has_own_trees, makes_trees};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
 use failure::Failure;
 use pipeline::Frame;
-pub(crate) use row::{Row, frame_ms, measure, random_rays};
+pub(crate) use row::{Combination, Row, frame_ms, measure, random_rays};
 use scene::Scene;
 use serde_json::json;
 
@@ -95,12 +95,21 @@ fn measure_all(args: &BenchArgs) -> Result<Results, Stop> {
     for spec in &args.measure.scenes {
         let opened = open_with_frames(args, spec);
         for &(rays, ask) in &runs {
-            let measured = match &opened {
-                Ok((scene, frames)) => measure(rays, &args.measure, (spec, scene), frames, ask),
-                Err(stop) => Err(stop.clone()),
-            };
+            let measured = opened.as_ref().map_err(Stop::clone);
+            let measured = measured.and_then(|(scene, frames)| {
+                let combination = Combination {
+                    spec,
+                    scene,
+                    frames,
+                    rays,
+                    size: args.measure.size,
+                    warm_up: args.measure.warm_up,
+                    ask,
+                };
+                measure(&combination, Opening::default())
+            });
             match measured {
-                Ok(row) => {
+                Ok((row, _)) => {
                     let how = &row.setup;
                     progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
                     rows.push(row);

@@ -1,9 +1,11 @@
 //! `abvh chart`: how fast every way of tracing a scene is, against how often it is wrong.
 //!
-//! Times are those of `bench`: what the device took, and what the frame waited for its own tree before
-//! that (with `rebuild`), over all frames but the first, which warms up. Answers are compared with the exact oracle's,
-//! which shares no code with any backend. Shadows, whose rays begin at the reported hit, are compared with
-//! those of `exact` on the host over fresh trees.
+//! Times are those of `bench`: the device's time, and what the frame waited for its own tree before that (with `rebuild`),
+//! over all frames but the first, which warms up. Answers are compared with the exact oracle's, which shares no code with any
+//! backend. Shadows, whose rays begin at the reported hit, are compared with those of `exact` on the host over fresh trees.
+//!
+//! Layout and policy change no hit. So each way traces a few rays, and all ways of one intersector and backend that give the
+//! same hits, bit for bit, are judged together ([`accuracy`]). A way whose hits differ is judged by itself.
 //!
 //! First all is timed, then all is judged, so that the memory of the process is not the judge's. The host's memory is
 //! all that is resident of the process, with whatever earlier runs left behind.
@@ -12,22 +14,52 @@ mod accuracy;
 mod hard;
 mod plan;
 
-use crate::args::{ChartArgs, RaysName};
-use crate::bench::{self, Row};
-use crate::choose::Ask;
-use crate::stop::Stop;
+use crate::args::{BackendName, ChartArgs, RaysName};
+use crate::bench::{self, Combination, Row};
+use crate::choose::{self, Ask};
+use crate::open::{self, Opening};
+use crate::session;
+use crate::stop::{self, Stop};
 use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
+use accuracy::{STAGES, Sampler, Tally};
+use backend::{Backend, DeviceKind, Hits, Intersector};
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
+use pipeline::Frame;
+use scene::Scene;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
+    after an eighth and after half of the rays, methods stop whose 95 % intervals (Wilson; of none wrong 3 / rays) are apart\n\
     t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
 
-/// A point, and the way it stands for.
-type Measured = (Ask<'static>, Point);
+/// Seconds of warm-up where the previous run was on the same device. It has hardly cooled down: the scene was loaded and a first
+/// tree built. As ever, the warm-up goes on until frames take the same time.
+const LATER_WARM_UP: f64 = 0.2;
+
+/// One way with its point, and the answers to a few rays.
+struct Measured {
+    way: Ask<'static>,
+    point: Point,
+    probe: Vec<Hits>,
+    /// The number of the tally that counts its wrong answers.
+    group: usize,
+}
+
+impl Measured {
+    fn intersector(&self) -> Intersector {
+        choose::intersector(self.way.method.intersector).0
+    }
+
+    /// Whether two ways answer alike.
+    fn is_like(&self, other: &Self) -> bool {
+        self.way.backend == other.way.backend
+            && self.intersector() == other.intersector()
+            && self.probe == other.probe
+    }
+}
 
 pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     let (ways, skipped) = plan::ways(args)?;
@@ -41,34 +73,48 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
         date: time::OffsetDateTime::now_utc().date().to_string(),
         adapters: Vec::new(),
     };
+    let methods = plan::methods(&ways);
+    let steps = scenes.len() * (ways.len() + STAGES.len() * (1 + methods)) + methods;
     let mut work = Work {
         args,
-        progress: Progress::new(0, args.measure.quiet),
+        progress: Progress::new(steps as u64, args.measure.quiet),
         chart: Chart {
             machine,
             ..Chart::default()
         },
+        stops: Vec::new(),
+        spare: None,
     };
     let mut measured = Vec::new();
     for spec in &scenes {
         measured.push(work.time_scene(spec, &ways)?);
     }
-    work.ask_hard_rays(&mut measured)?;
+    work.ask_hard_rays(&mut measured);
     for (spec, points) in scenes.iter().zip(&mut measured) {
-        work.judge_scene(spec, points)?;
+        if let Err(stop) = work.judge_scene(spec, points) {
+            work.fail_all(points, &stop, |_| true);
+        }
     }
-    let points = measured.into_iter().flatten().map(|(_, point)| point);
+    let points = measured.into_iter().flatten().map(|m| m.point);
     work.chart.points = points.collect();
     if work.chart.points.is_empty() {
-        return Err(Stop::failed("nothing could be measured"));
+        return Err(stop::all_failed(work.stops));
     }
     drop(work.progress);
-    finish(args, &work.chart)
+    finish(args, &work.chart)?;
+    match work.chart.failures.len() {
+        0 => Ok(()),
+        n => Err(Stop::failed(format!(
+            "{n} of {} points could not be measured; chart.html and points.csv give the reasons",
+            n + work.chart.points.len()
+        ))),
+    }
 }
 
 /// Writes the four files, up to the first that cannot be written; links there are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
     let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
+    text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
     for (name, content) in [
         ("chart.svg", plot::svg(chart)),
         ("chart.html", plot::html(chart)),
@@ -88,46 +134,125 @@ struct Work<'a> {
     args: &'a ChartArgs,
     progress: Progress,
     chart: Chart,
+    /// The reasons of all failures.
+    stops: Vec<Stop>,
+    /// The device of the latest run, which is ready for another scene.
+    spare: Option<(BackendName, Box<dyn Backend>)>,
 }
 
 impl Work<'_> {
-    /// Every way's times over one scene.
+    /// Times every way over one scene.
     fn time_scene(&mut self, spec: &str, ways: &[Ask<'static>]) -> Result<Vec<Measured>, Stop> {
-        let scene = bench::open_scene(&self.args.measure, spec)?;
+        let (scene, frames) = match self.open(spec) {
+            Ok(opened) => opened,
+            Err(stop) => {
+                for way in ways {
+                    self.fail(spec, way, stop.clone());
+                }
+                self.progress.skip(ways.len() as u64);
+                return Ok(Vec::new());
+            }
+        };
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        let (keys, measure) = (scene.animation.whole_times(), &self.args.measure);
-        let frames = frames::list(Some(&measure.frames), None, keys, false)?;
         // Its own name, or what it was requested by, where that alone is unique.
         let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
-        let name = match frames::is_demo(spec) || is_taken {
-            true => spec.to_owned(),
-            false => scene.name.clone(),
+        let name = if frames::is_demo(spec) || is_taken {
+            spec.to_owned()
+        } else {
+            scene.name.clone()
         };
         self.chart.scenes.push(plot::Scene {
             name: name.clone(),
             triangles: scene.animation.triangle_count() as u64,
-            size: measure.size,
+            size: self.args.measure.size,
             frames: frames.len() as u64,
         });
-        let mut points = Vec::new();
-        self.progress.lengthen(2 * ways.len() as u64 + 1);
+        let mut measured = Vec::new();
         for &way in ways {
-            let of = (spec, &scene);
-            let row = bench::measure(RaysName::Camera, measure, of, &frames, &way);
-            self.progress.step(&format!("{name} timed {way}"));
-            match row {
-                Ok(row) => {
+            match self.time((spec, &scene), &frames, way) {
+                Ok((row, probe)) => {
+                    self.progress.step(&format!("{name} timed {way}"));
                     self.add_adapter(&row);
                     let command = plan::command(self.args, spec, &row);
-                    points.push((way, timed(&name, &row, command)));
+                    let point = timed(&name, &row, command);
+                    measured.push(Measured {
+                        way,
+                        point,
+                        probe,
+                        group: 0,
+                    });
                 }
-                Err(stop) if measure.backend.contains(&way.backend) => return Err(stop),
-                Err(stop) => self.progress.say(&format!("{way} is skipped: {stop}")),
+                Err(stop) => {
+                    self.progress.step(&format!("{name} {way} failed: {stop}"));
+                    self.fail(&name, &way, stop);
+                }
             }
         }
-        Ok(points)
+        Ok(measured)
+    }
+
+    /// Opens a scene, and lists the frames to measure.
+    fn open(&self, spec: &str) -> Result<(Scene, Vec<Frame>), Stop> {
+        let measure = &self.args.measure;
+        let scene = bench::open_scene(measure, spec)?;
+        let keys = scene.animation.whole_times();
+        let frames = frames::list(Some(&measure.frames), None, keys, false)?;
+        Ok((scene, frames))
+    }
+
+    /// Times one way, then traces a few rays.
+    fn time(
+        &mut self,
+        (spec, scene): (&str, &Scene),
+        frames: &[Frame],
+        way: Ask<'static>,
+    ) -> Result<(Row, Vec<Hits>), Stop> {
+        let (opening, is_warm) = self.opening(way.backend);
+        let warm_up = self.args.measure.warm_up;
+        let combination = Combination {
+            spec,
+            scene,
+            frames,
+            rays: RaysName::Camera,
+            size: self.args.measure.size,
+            warm_up: warm_up.or(is_warm.then_some(LATER_WARM_UP)),
+            ask: &way,
+        };
+        let (row, mut driver) = bench::measure(&combination, opening)?;
+        let probe = Sampler::new(&scene.animation, self.args).probe(&mut driver)?;
+        self.spare = Some((way.backend, driver.into_backend()));
+        Ok((row, probe))
+    }
+
+    /// Returns the backend of the latest run if it has that name, and whether it is a GPU that is warm.
+    fn opening(&mut self, name: BackendName) -> (Opening, bool) {
+        let spare = self.spare.take();
+        match spare.filter(|(spare, _)| *spare == name) {
+            Some((_, backend)) => {
+                let is_warm = backend.device().kind == DeviceKind::Gpu;
+                (Opening::of(backend), is_warm)
+            }
+            None => (Opening::default(), false),
+        }
+    }
+
+    fn fail(&mut self, scene: &str, way: &Ask<'_>, stop: Stop) {
+        self.chart.failures.push(plan::failure(scene, way, &stop));
+        self.stops.push(stop);
+    }
+
+    /// Turns points into failures.
+    fn fail_all(
+        &mut self,
+        points: &mut Vec<Measured>,
+        stop: &Stop,
+        is_failed: impl Fn(&Measured) -> bool,
+    ) {
+        for failed in points.extract_if(.., |m| is_failed(m)) {
+            self.fail(&failed.point.scene, &failed.way, stop.clone());
+        }
     }
 
     fn add_adapter(&mut self, row: &Row) {
@@ -143,37 +268,119 @@ impl Work<'_> {
         }
     }
 
-    /// Closed bodies and scenes of mixed range, once by each backend and method.
-    fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) -> Result<(), Stop> {
-        let families = hard::families(self.args.rays);
-        let mut known = Vec::new();
-        for (way, point) in measured.iter_mut().flatten() {
-            let kind = (way.backend, way.method);
-            if !known.iter().any(|(of, _)| *of == kind) {
-                known.push((kind, hard::ask(way, &families, self.args.rays)?));
-                self.progress.lengthen(1);
-                self.progress.step(&format!("hard rays {way}"));
+    /// Traces closed bodies and scenes of mixed range, once by each backend and intersector.
+    fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) {
+        let rays = self.args.rays;
+        let families = hard::families(rays);
+        let mut methods: Vec<(BackendName, Intersector)> = Vec::new();
+        for m in measured.iter().flatten() {
+            let method = (m.way.backend, m.intersector());
+            if !methods.contains(&method) {
+                methods.push(method);
             }
-            let found = known.iter().find(|(of, _)| *of == kind);
-            (point.mixed_range, point.leaks) = found.map(|f| f.1.clone()).unwrap_or_default();
         }
-        Ok(())
+        for (name, intersector) in methods {
+            let is_of = |m: &Measured| (m.way.backend, m.intersector()) == (name, intersector);
+            let spare = self.spare.take().filter(|(spare, _)| *spare == name);
+            let opened = spare.map_or_else(
+                || open::bare(name, None, host::cores()),
+                |(_, backend)| Ok(backend),
+            );
+            let found = opened.and_then(|mut backend| {
+                let found = hard::ask(backend.as_mut(), intersector, (&families, rays))?;
+                self.spare = Some((name, backend));
+                Ok(found)
+            });
+            let name = crate::args::word(&name);
+            self.progress
+                .step(&format!("hard rays {name} {intersector}"));
+            match found {
+                Ok((mixed_range, leaks)) => {
+                    for m in measured.iter_mut().flatten().filter(|m| is_of(m)) {
+                        m.point.mixed_range.clone_from(&mixed_range);
+                        m.point.leaks.clone_from(&leaks);
+                    }
+                }
+                Err(stop) => {
+                    for points in measured.iter_mut() {
+                        self.fail_all(points, &stop, is_of);
+                    }
+                }
+            }
+        }
     }
 
-    /// Every way's answers over one scene.
-    fn judge_scene(&mut self, spec: &str, points: &mut [Measured]) -> Result<(), Stop> {
-        let Some(name) = points.first().map(|(_, point)| point.scene.clone()) else {
+    /// Compares every method's answers over one scene with exact ones, as many as it takes to tell methods apart.
+    fn judge_scene(&mut self, spec: &str, points: &mut Vec<Measured>) -> Result<(), Stop> {
+        let Some(name) = points.first().map(|m| m.point.scene.clone()) else {
             return Ok(());
         };
         let animation = bench::open_scene(&self.args.measure, spec)?.animation;
-        let truth = accuracy::GroundTruth::of(&animation, self.args)?;
-        self.progress.step(&format!("{name} exact answers"));
-        for (way, point) in points {
-            truth.judge(&animation, way, point)?;
-            self.progress.step(&format!("{name} judged {way}"));
+        let sampler = Sampler::new(&animation, self.args);
+        let mut tallies = tallies(points);
+        for (number, stage) in STAGES.iter().enumerate() {
+            if number > 0 {
+                accuracy::decide(&mut tallies);
+            }
+            if !tallies.iter().any(Tally::is_going) {
+                self.progress.skip(1 + tallies.len() as u64);
+                continue;
+            }
+            let answered = sampler.stage(stage, &tallies)?;
+            let part = format!("{name} {}/{}", number + 1, STAGES.len());
+            self.progress.step(&format!("{part} exact answers"));
+            for mut tally in std::mem::take(&mut tallies) {
+                let way = tally.way;
+                if !tally.is_going() {
+                    self.progress.skip(1);
+                    tallies.push(tally);
+                    continue;
+                }
+                let (opening, _) = self.opening(way.backend);
+                let traced = session::start_driver_on(opening, &animation, &way);
+                let traced = traced.and_then(|(mut driver, _)| {
+                    sampler.judge(&mut driver, &answered, &mut tally)?;
+                    Ok(driver.into_backend())
+                });
+                match traced {
+                    Ok(backend) => {
+                        self.spare = Some((way.backend, backend));
+                        self.progress.step(&format!("{part} judged {way}"));
+                        tallies.push(tally);
+                    }
+                    Err(stop) => {
+                        self.progress.step(&format!("{part} {way} failed: {stop}"));
+                        self.fail_all(points, &stop, |m| m.group == tally.group);
+                    }
+                }
+            }
+        }
+        for tally in &mut tallies {
+            let spread = tally.take_errors();
+            let members = points.iter_mut().filter(|m| m.group == tally.group);
+            members.for_each(|m| tally.write(spread, &mut m.point));
         }
         Ok(())
     }
+}
+
+/// Groups ways that answer alike. The fastest way of each group traces its rays.
+fn tallies(points: &mut [Measured]) -> Vec<Tally> {
+    let mut firsts: Vec<usize> = Vec::new();
+    for i in 0..points.len() {
+        let group = firsts.iter().position(|&f| points[f].is_like(&points[i]));
+        points[i].group = group.unwrap_or_else(|| {
+            firsts.push(i);
+            firsts.len() - 1
+        });
+    }
+    let ms = |m: &&Measured| m.point.ms_per_frame.median.unwrap_or(f64::INFINITY);
+    let tally = |group| {
+        let members = points.iter().filter(|m| m.group == group);
+        let fastest = members.min_by(|a, b| ms(a).total_cmp(&ms(b)))?;
+        Some(Tally::new(fastest.way, fastest.intersector(), group))
+    };
+    (0..firsts.len()).filter_map(tally).collect()
 }
 
 fn timed(scene: &str, row: &Row, command: String) -> Point {

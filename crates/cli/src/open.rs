@@ -70,6 +70,18 @@ impl Opening {
         Self { opened, thread }
     }
 
+    /// Returns a backend that is open already.
+    pub(crate) fn of(backend: Box<dyn Backend>) -> Self {
+        let (sender, opened) = channel();
+        // The receiver is alive.
+        let _ = sender.send(Ok((backend, None)));
+        let opened = Some(opened);
+        Self {
+            opened,
+            thread: None,
+        }
+    }
+
     /// What came of it; `None` if it was never begun, or if that was told before.
     pub(crate) fn wait(&mut self) -> Option<Result<Opened, Stop>> {
         let opened = self.opened.take()?.recv();

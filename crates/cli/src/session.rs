@@ -72,13 +72,22 @@ pub(crate) fn start(
     start_by(&scene.animation, ask, opening, load)
 }
 
-/// Likewise, to measure each stage.
+/// Settles what is left to `auto`, and loads the scene for a driver, which measures each stage.
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
 ) -> Result<(Driver, Setup), Stop> {
+    start_driver_on(Opening::default(), animation, ask)
+}
+
+/// Loads the scene for a driver of the backend that is being opened.
+pub(crate) fn start_driver_on(
+    mut opening: Opening,
+    animation: &Arc<Animation>,
+    ask: &Ask<'_>,
+) -> Result<(Driver, Setup), Stop> {
     let load = |taking| driver(animation, taking);
-    start_by(animation, ask, &mut Opening::default(), load)
+    start_by(animation, ask, &mut opening, load)
 }
 
 /// The library's words for what a driver is to do.

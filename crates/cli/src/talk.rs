@@ -112,6 +112,11 @@ impl Progress {
         }
     }
 
+    /// Counts steps that turned out to be unnecessary.
+    pub(crate) fn skip(&mut self, steps: u64) {
+        self.bar.inc(steps);
+    }
+
     /// A remark among the steps.
     pub(crate) fn say(&self, text: &str) {
         if !self.quiet {

@@ -141,12 +141,13 @@ fn random_rays(sandbox: &Sandbox) {
 
 /// The other runs keep their rows. Only the host has an adapter of that name.
 fn failed(sandbox: &Sandbox) {
-    let words = "bench no/such/scene demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
+    sandbox.write("bad.obj", "f 1 2 3");
+    let words = "bench bad.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
                  --size 16x12 --frames 2 --quiet --against wgpu --json b.json --csv b.csv";
     let run = sandbox.run(words);
     says(
         &run.stdout,
-        "cpu: |wgpu|no/such/scene wgpu refit watertight auto failed: ",
+        "cpu: |wgpu|bad.obj wgpu refit watertight auto failed: ",
     );
     run.fails(1, &["3 of 4 runs failed"]);
     let json = sandbox.json("b.json");
@@ -154,18 +155,10 @@ fn failed(sandbox: &Sandbox) {
     let text = |row: &Value, key: &str| row[key].as_str().unwrap_or_default().to_owned();
     let names = |row: &Value| [text(row, "scene"), text(row, "backend")].join(" ");
     let named: Vec<_> = rows.iter().map(names).collect();
-    let failed = [
-        "no/such/scene wgpu",
-        "no/such/scene cpu",
-        "demo:twist:500 wgpu",
-    ];
+    let failed = ["bad.obj wgpu", "bad.obj cpu", "demo:twist:500 wgpu"];
     assert_eq!(named, [&["demo:twist:500 cpu"][..], &failed].concat());
     assert!(rows[0]["wall_ms"].is_number() && rows[0]["error"].is_null());
-    assert!(
-        text(&rows[1], "error").contains("no/such/scene"),
-        "{}",
-        rows[1]
-    );
+    assert!(text(&rows[1], "error").contains("bad.obj"), "{}", rows[1]);
     assert!(text(&rows[3], "error").contains("wgpu"), "{}", rows[3]);
     let csv = sandbox.text("b.csv");
     assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");

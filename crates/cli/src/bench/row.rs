@@ -1,15 +1,16 @@
 //! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
 
 use super::FOV;
-use crate::args::{MeasureArgs, RaysName};
+use crate::args::RaysName;
 use crate::choose::Ask;
+use crate::open::Opening;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
 use geom::{Aabb, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Time, mrays};
-use pipeline::{Frame, FrameRecord, Wanted, Warmed, warm_up};
+use pipeline::{Driver, Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -74,15 +75,34 @@ pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
+/// One combination to measure.
+pub(crate) struct Combination<'a> {
+    pub(crate) spec: &'a str,
+    pub(crate) scene: &'a Scene,
+    pub(crate) frames: &'a [Frame],
+    pub(crate) rays: RaysName,
+    pub(crate) size: [u32; 2],
+    /// Seconds for which the device is warmed up, unless that is left to the kind of device.
+    pub(crate) warm_up: Option<f64>,
+    pub(crate) ask: &'a Ask<'a>,
+}
+
+/// Measures on the backend that is being opened. Returns the driver too, with the scene loaded.
 pub(crate) fn measure(
-    rays: RaysName,
-    args: &MeasureArgs,
-    (spec, scene): (&str, &Scene),
-    frames: &[Frame],
-    ask: &Ask<'_>,
-) -> Result<Row, Stop> {
-    let view = shading::frame_scene(&scene.animation, FOV, args.size);
-    let camera = view.camera(args.size);
+    combination: &Combination<'_>,
+    opening: Opening,
+) -> Result<(Row, Driver), Stop> {
+    let Combination {
+        spec,
+        scene,
+        frames,
+        rays,
+        size,
+        ask,
+        ..
+    } = *combination;
+    let view = shading::frame_scene(&scene.animation, FOV, size);
+    let camera = view.camera(size);
     let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
     let list;
     let query = match rays {
@@ -94,7 +114,7 @@ pub(crate) fn measure(
         }
     };
     let ask = ask.over(frames, query);
-    let (mut driver, setup) = session::start_driver(&scene.animation, &ask)?;
+    let (mut driver, setup) = session::start_driver_on(opening, &scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
     let mut note = |frame: &FrameRecord| {
         stats.push(FrameStats::of(frame));
@@ -102,7 +122,7 @@ pub(crate) fn measure(
         held = both.max_by_key(|bytes| bytes.total());
         Ok::<(), Stop>(())
     };
-    let (warm_up, rest) = warm_up(args.warm_up, &mut driver, frames, query, &mut note)?;
+    let (warm_up, rest) = warm_up(combination.warm_up, &mut driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
     let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
@@ -117,7 +137,7 @@ pub(crate) fn measure(
         let shadows = if is_camera { f.hits as f64 } else { 0.0 };
         mrays(query.rays.count() as f64 + shadows, ms)
     });
-    Ok(Row {
+    let row = Row {
         scene: spec.to_owned(),
         triangles,
         moving: scene.animation.moving_count(),
@@ -135,7 +155,8 @@ pub(crate) fn measure(
         device_bytes: held.map(|bytes| bytes.total()),
         medians,
         per_frame: stats,
-    })
+    };
+    Ok((row, driver))
 }
 
 /// Memory of a device by what it holds, whole and a triangle.

@@ -1,114 +1,264 @@
-//! Rays of a scene with their exact answers; how often a way is wrong, and how far off where it is right.
+//! Rays of a scene with their exact answers; how often a method is wrong, and how far off where it is right.
+//!
+//! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector get more
+//! rays. Intervals are Wilson's, or the rule of three where no answer was wrong ([`Rate`]).
 
 use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
 use crate::bench;
 use crate::choose::Ask;
 use crate::session;
 use crate::stop::Stop;
-use backend::{Hits, QueryKind};
+use backend::{Hits, Intersector, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
-use output::plot::{self, TError};
+use output::plot::{self, Rate, TError};
+use pipeline::Driver;
 use rayon::prelude::*;
 use shading::View;
-use std::iter;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Moments of a scene at which it is traced.
 const MOMENTS: usize = 4;
 /// The most rays that are traced at a time.
 const MOST: usize = 1 << 20;
+/// Rays are numbered modulo the end of the last stage. Each stage traces those of some remainders: an eighth of the rays, then
+/// three eighths, then the other half. The stages of any scene are the same on every machine.
+pub(super) const STAGES: [Range<usize>; 3] = [0..1, 1..4, 4..8];
+/// Rays of a probe at each of two moments.
+const PROBE: usize = 1 << 10;
 
-pub(super) struct GroundTruth {
-    light: Point,
-    sheets: Vec<Sheet>,
+/// Rays of a scene, and how they are traced.
+pub(super) struct Sampler<'a> {
+    animation: &'a Arc<Animation>,
+    view: View,
+    /// Rays of all stages that are not aimed.
+    rays: usize,
 }
 
-/// Rays that are traced at a time.
+/// Rays that are traced at a time, without answers.
 struct Sheet {
     time: f64,
     rays: Vec<Ray>,
-    /// Whether they are aimed at edges and vertices.
+    /// Whether the rays are aimed at edges and vertices.
     is_aimed: bool,
+}
+
+/// A sheet with its reference answers.
+struct Answered {
+    sheet: Sheet,
     /// By exact arithmetic: the triangle and the distance.
     closest: Vec<Option<(u32, f64)>>,
-    /// By the reference: 1 where the hit is in shadow.
+    /// By the reference: 1 where the hit is in shadow. Empty for aimed rays.
     blocked: Vec<u8>,
 }
 
-impl GroundTruth {
-    pub(super) fn of(animation: &Arc<Animation>, args: &ChartArgs) -> Result<Self, Stop> {
-        let view = shading::frame_scene(animation, bench::FOV, args.measure.size);
-        let moments = moments(animation, MOMENTS);
-        let plain = args.rays.div_ceil(moments.len());
+/// The reference answers of one stage, which all methods share.
+pub(super) struct Stage(Vec<Answered>);
+
+/// One method on one backend, with what was counted so far.
+pub(super) struct Tally {
+    /// The way that traces the rays.
+    pub(super) way: Ask<'static>,
+    intersector: Intersector,
+    /// The number of the group of ways that answer alike.
+    pub(super) group: usize,
+    /// Whether the next stage traces more rays, by sort: plain ones and aimed ones.
+    goes_on: [bool; 2],
+    counted: plot::Point,
+    errors: Vec<f64>,
+}
+
+impl<'a> Sampler<'a> {
+    pub(super) fn new(animation: &'a Arc<Animation>, args: &ChartArgs) -> Self {
+        Self {
+            animation,
+            view: shading::frame_scene(animation, bench::FOV, args.measure.size),
+            rays: args.rays,
+        }
+    }
+
+    /// Traces a few rays of both sorts.
+    pub(super) fn probe(&self, driver: &mut Driver) -> Result<Vec<Hits>, Stop> {
+        let mut sheets = Vec::new();
+        for time in moments(self.animation, 2) {
+            let [plain, aimed] = rays_at(self.animation, &self.view, time, PROBE);
+            let rays = [plain, aimed].concat();
+            sheets.push((time, rays));
+        }
+        let lists = sheets.iter().map(|(time, rays)| (*time, &rays[..]));
+        session::trace_lists(driver, self.kind(false), lists)
+    }
+
+    /// Returns the rays of a stage. Those of all stages are the same whichever stages are traced.
+    fn sheets(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<Sheet> {
+        let moments = moments(self.animation, MOMENTS);
+        let count = self.rays.div_ceil(moments.len());
+        let modulus = STAGES[STAGES.len() - 1].end;
         let mut sheets = Vec::new();
         for time in moments {
-            let oracle = Oracle::at(&animation.at(time).map_err(Stop::bad)?);
-            let answer = |ray: &Ray| oracle.closest(ray).map(|hit| (hit.triangle, hit.t));
-            let sorts = rays_at(animation, &view, time, plain);
-            for (rays, is_aimed) in sorts.iter().zip([false, true]) {
-                sheets.extend(rays.chunks(MOST).map(|rays| Sheet {
+            let all = rays_at(self.animation, &self.view, time, count);
+            for (rays, is_aimed) in all.into_iter().zip([false, true]) {
+                if !sorts[usize::from(is_aimed)] {
+                    continue;
+                }
+                let numbered = rays.into_iter().enumerate();
+                let here = numbered.filter(|(i, _)| stage.contains(&(i % modulus)));
+                let here: Vec<Ray> = here.map(|(_, ray)| ray).collect();
+                sheets.extend(here.chunks(MOST).map(|rays| Sheet {
                     time,
                     is_aimed,
-                    closest: rays.par_iter().map(answer).collect(),
-                    blocked: Vec::new(),
                     rays: rays.to_vec(),
                 }));
             }
         }
-        let light = view.light;
-        let mut truth = Self { light, sheets };
-        // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Bvh2);
-        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
-        let shadows = truth.trace(animation, &ask)?;
-        for (sheet, hits) in truth.sheets.iter_mut().zip(shadows) {
-            sheet.blocked = hits.blocked;
-        }
-        Ok(truth)
+        sheets
     }
 
-    /// Traces all rays one way, and counts in its point how often that is wrong.
+    /// Answers the rays of a stage exactly: those sorts that any method goes on with.
+    pub(super) fn stage(&self, stage: &Range<usize>, tallies: &[Tally]) -> Result<Stage, Stop> {
+        let sorts = [0, 1].map(|sort| tallies.iter().any(|tally| tally.goes_on[sort]));
+        let mut oracle: Option<(f64, Oracle)> = None;
+        let mut all = Vec::new();
+        for sheet in self.sheets(stage, sorts) {
+            let moment = self.animation.at(sheet.time).map_err(Stop::bad)?;
+            let known = oracle.take().filter(|(time, _)| *time == sheet.time);
+            let (_, of_moment) =
+                oracle.insert(known.unwrap_or_else(|| (sheet.time, Oracle::at(&moment))));
+            let rays = sheet.rays.par_iter();
+            all.push(Answered {
+                closest: rays.map(|ray| of_moment.closest_triangle(ray)).collect(),
+                blocked: Vec::new(),
+                sheet,
+            });
+        }
+        // Shadows are compared with those of `exact` on the host, over fresh trees.
+        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
+        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
+        let (mut driver, _) = session::start_driver(self.animation, &ask)?;
+        for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
+            answered.blocked = self.trace(&mut driver, &answered.sheet)?.blocked;
+        }
+        Ok(Stage(all))
+    }
+
+    fn kind(&self, is_aimed: bool) -> QueryKind {
+        let light = self.view.light;
+        if is_aimed {
+            QueryKind::Closest
+        } else {
+            QueryKind::ClosestAndShadow { light }
+        }
+    }
+
+    fn trace(&self, driver: &mut Driver, sheet: &Sheet) -> Result<Hits, Stop> {
+        let list = [(sheet.time, &sheet.rays[..])];
+        let mut hits = session::trace_lists(driver, self.kind(sheet.is_aimed), list)?;
+        hits.pop()
+            .ok_or_else(|| Stop::failed("a trace has no result"))
+    }
+
+    /// Traces the rays of a stage by one method, and counts wrong answers.
     pub(super) fn judge(
         &self,
-        animation: &Arc<Animation>,
-        ask: &Ask<'_>,
-        point: &mut plot::Point,
+        driver: &mut Driver,
+        stage: &Stage,
+        tally: &mut Tally,
     ) -> Result<(), Stop> {
-        let traced = self.trace(animation, ask)?;
-        let answers = self.sheets.iter().zip(&traced);
-        let errors = answers.flat_map(|(sheet, hits)| count(sheet, hits, point));
-        point.t_error_ulp = spread(errors.collect());
+        // The first tree is of the motion's begin.
+        session::trace_lists(driver, QueryKind::Closest, [(0.0, &[][..])])?;
+        for answered in &stage.0 {
+            if tally.goes_on[usize::from(answered.sheet.is_aimed)] {
+                let hits = self.trace(driver, &answered.sheet)?;
+                let errors = count(answered, &hits, &mut tally.counted);
+                tally.errors.extend(errors);
+            }
+        }
         Ok(())
     }
+}
 
-    /// Traces all one way, whose first tree is of the motion's begin.
-    fn trace(&self, animation: &Arc<Animation>, ask: &Ask<'_>) -> Result<Vec<Hits>, Stop> {
-        let (mut driver, _) = session::start_driver(animation, ask)?;
-        let kind = QueryKind::ClosestAndShadow { light: self.light };
-        let sheets = self.sheets.iter();
-        let sheets = sheets.map(|sheet| (sheet.time, &sheet.rays[..]));
-        let lists = iter::once((0.0, &[][..])).chain(sheets);
-        Ok(session::trace_lists(&mut driver, kind, lists)?.split_off(1))
+impl Tally {
+    pub(super) fn new(way: Ask<'static>, intersector: Intersector, group: usize) -> Self {
+        Self {
+            way,
+            intersector,
+            group,
+            goes_on: [true; 2],
+            counted: plot::Point::default(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// Whether the next stage traces rays of any sort.
+    pub(super) fn is_going(&self) -> bool {
+        self.goes_on.contains(&true)
+    }
+
+    /// The rates of wrong answers so far, of plain rays and of aimed ones.
+    fn rates(&self) -> [Option<Rate>; 2] {
+        let (plain, aimed) = (&self.counted, &self.counted.aimed);
+        [
+            Rate::of(plain.wrong, plain.rays_tested),
+            Rate::of(aimed.wrong, aimed.rays),
+        ]
+    }
+
+    /// Copies the counts to a point.
+    pub(super) fn write(&self, spread: Option<TError>, point: &mut plot::Point) {
+        point.rays_tested = self.counted.rays_tested;
+        point.wrong = self.counted.wrong;
+        point.wrong_shadow = self.counted.wrong_shadow;
+        point.aimed = self.counted.aimed;
+        point.t_error_ulp = spread;
+    }
+
+    /// How far `t` was off.
+    pub(super) fn take_errors(&mut self) -> Option<TError> {
+        spread(std::mem::take(&mut self.errors))
+    }
+}
+
+/// Decides which methods the next stage traces. A method goes on with a sort of rays while its interval overlaps that of
+/// another intersector on the same backend. One without a rival goes on to the end.
+pub(super) fn decide(tallies: &mut [Tally]) {
+    let rates: Vec<_> = tallies
+        .iter()
+        .map(|tally| (tally.way.backend, tally.intersector, tally.rates()))
+        .collect();
+    for tally in tallies {
+        let is_rival = |&&(backend, by, _): &&(BackendName, Intersector, [Option<Rate>; 2])| {
+            backend == tally.way.backend && by != tally.intersector
+        };
+        let rivals: Vec<_> = rates.iter().filter(is_rival).collect();
+        let own = tally.rates();
+        for (sort, goes_on) in tally.goes_on.iter_mut().enumerate() {
+            let overlaps = |rival: &Option<Rate>| match (own[sort], rival) {
+                (Some(own), Some(rival)) => own.low <= rival.high && rival.low <= own.high,
+                _ => true,
+            };
+            let is_open = rivals.is_empty() || rivals.iter().any(|rival| overlaps(&rival.2[sort]));
+            *goes_on = *goes_on && is_open;
+        }
     }
 }
 
 /// Counts wrong answers. How far off `t` is in units in the last place, wherever the triangle is right.
-fn count(sheet: &Sheet, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
+fn count(answered: &Answered, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
     let mut errors = Vec::new();
-    let truth = sheet.closest.iter().zip(&sheet.blocked);
-    let answers = hits.closest.iter().zip(&hits.blocked);
-    for ((truth, in_shadow), (hit, blocked)) in truth.zip(answers) {
+    for (i, (truth, hit)) in answered.closest.iter().zip(&hits.closest).enumerate() {
         let right = truth.map_or(!hit.is_hit(), |(triangle, _)| triangle == hit.triangle);
-        let (tested, wrong) = match sheet.is_aimed {
-            true => (&mut point.aimed.rays, &mut point.aimed.wrong),
-            false => (&mut point.rays_tested, &mut point.wrong),
+        let (tested, wrong) = if answered.sheet.is_aimed {
+            (&mut point.aimed.rays, &mut point.aimed.wrong)
+        } else {
+            (&mut point.rays_tested, &mut point.wrong)
         };
         *tested += 1;
         *wrong += u64::from(!right);
-        if right && !sheet.is_aimed {
-            point.wrong_shadow += u64::from(blocked != in_shadow);
+        if right && !answered.sheet.is_aimed {
+            let shadows = [answered.blocked.get(i), hits.blocked.get(i)];
+            point.wrong_shadow += u64::from(shadows[0] != shadows[1]);
             errors.extend(truth.map(|(_, t)| off(hit, t)));
         }
     }
@@ -215,10 +365,12 @@ mod tests {
 
     #[test]
     fn every_sort_of_fault_is_counted_where_it_belongs() {
-        let sheet = |is_aimed, closest: &[Option<u32>]| Sheet {
-            time: 0.0,
-            rays: vec![Ray::new([0.0; 3], [1.0; 3]); closest.len()],
-            is_aimed,
+        let sheet = |is_aimed, closest: &[Option<u32>]| Answered {
+            sheet: Sheet {
+                time: 0.0,
+                rays: vec![Ray::new([0.0; 3], [1.0; 3]); closest.len()],
+                is_aimed,
+            },
             closest: closest.iter().map(|hit| hit.map(|t| (t, 1.0))).collect(),
             blocked: [vec![1], vec![0; closest.len() - 1]].concat(),
         };
@@ -239,6 +391,61 @@ mod tests {
         assert_eq!((point.aimed.rays, point.aimed.wrong), (2, 1));
         let t = spread(errors).unwrap();
         assert_eq!((t.median, t.worst), (Some(0.0), Some(1.0)));
+    }
+
+    fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {
+        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
+        let way = Ask::of(BackendName::Cpu, method, UpdateName::Refit);
+        let mut tally = Tally::new(way, intersector, 0);
+        (tally.counted.rays_tested, tally.counted.wrong) = (1_000_000, wrong);
+        tally.counted.aimed = plot::Aimed {
+            rays: 1000,
+            wrong: aimed,
+        };
+        tally
+    }
+
+    #[test]
+    fn only_methods_whose_intervals_overlap_get_more_rays() {
+        use Intersector::{Exact, MollerTrumbore, Watertight, Woop};
+        let mut all = [
+            tally(MollerTrumbore, [31, 200]),
+            tally(Woop, [29, 190]),
+            tally(Watertight, [2, 100]),
+            tally(Exact, [0, 0]),
+        ];
+        decide(&mut all);
+        // Two pairs are close. Aimed rays tell all but the first two apart.
+        let goes_on: Vec<_> = all.iter().map(|t| t.goes_on).collect();
+        let (both, plain) = ([true, true], [true, false]);
+        assert_eq!(goes_on, [both, both, plain, plain]);
+        // A method that was told apart stays so, and another backend is no rival.
+        all[1].counted.wrong = 90;
+        all[3].way.backend = BackendName::Vulkan;
+        decide(&mut all);
+        let goes_on: Vec<_> = all.iter().map(|t| t.goes_on).collect();
+        let aimed = [false, true];
+        assert_eq!(goes_on, [aimed, aimed, [false; 2], plain]);
+    }
+
+    #[test]
+    fn stages_share_out_every_ray_once() {
+        let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
+        let sampler = Sampler {
+            animation: &scene.animation,
+            view: shading::frame_scene(&scene.animation, 40.0, [64, 40]),
+            rays: 1000,
+        };
+        let rays = |stage: &Range<usize>| -> Vec<Ray> {
+            let sheets = sampler.sheets(stage, [true; 2]);
+            sheets.into_iter().flat_map(|sheet| sheet.rays).collect()
+        };
+        let all = rays(&(0..STAGES[STAGES.len() - 1].end));
+        let staged: Vec<Vec<Ray>> = STAGES.iter().map(rays).collect();
+        assert_eq!(staged.iter().map(Vec::len).sum::<usize>(), all.len());
+        let is_in = |ray: &&Ray| staged.iter().filter(|s| s.contains(ray)).count() == 1;
+        assert!(all.iter().filter(is_in).count() > 1200, "{}", all.len());
+        assert!(sampler.sheets(&STAGES[0], [false; 2]).is_empty());
     }
 
     #[test]

@@ -1,37 +1,37 @@
 //! Rays at closed bodies and in scenes of mixed range, by every method.
 
-use crate::choose::{self, Ask};
-use crate::open;
 use crate::stop::Stop;
-use backend::{Intersector, Method};
+use backend::{Backend, Intersector, Method};
 use conformance::leaks::{self, Aim, LeakPlan, LeakRow, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
 
 const SEED: u64 = 1;
-const LEAST: usize = 6_000;
+/// Rays at closed bodies at each offset: at least and at most. Rates there differ so much that more rays tell nothing.
+const LEAKS: [usize; 2] = [6_000, 48_000];
+/// Rays of each family of mixed range: at least and at most.
+const MIXED: [usize; 2] = [1 << 11, 1 << 12];
 /// Scenes in which sizes or distances differ by many orders of magnitude.
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];
 
 /// Scenes of mixed range with their exact answers.
 pub(super) fn families(rays: usize) -> Vec<StressTest> {
-    let rays = (rays / 32).clamp(1 << 11, 1 << 16) as u32;
+    let rays = (rays / 32).clamp(MIXED[0], MIXED[1]) as u32;
     let plan = Plan { seed: SEED, rays };
     MIXED_RANGE.map(|f| StressTest::new(f, &plan)).into()
 }
 
-/// How often a way's backend and intersector are wrong in scenes of mixed range, and what closed bodies lose of a
-/// quarter of `rays` at each offset, of which a third are aimed from inside at edges and vertices.
+/// Counts wrong answers in scenes of mixed range, and what closed bodies lose of a quarter of `rays` at each offset. A third
+/// of those rays are aimed from inside at edges and vertices.
 pub(super) fn ask(
-    ask: &Ask<'_>,
-    tests: &[StressTest],
-    rays: usize,
+    backend: &mut dyn Backend,
+    intersector: Intersector,
+    (tests, rays): (&[StressTest], usize),
 ) -> Result<(Vec<FamilyCounts>, Vec<Leaks>), Stop> {
-    let method = Method::from(choose::intersector(ask.method.intersector).0);
-    let mut backend = open::bare(ask.backend, None, host::cores())?;
+    let method = Method::from(intersector);
     let mut mixed_range = Vec::new();
     for test in tests {
-        if let Some(cell) = test.ask(backend.as_mut(), method.intersector)? {
+        if let Some(cell) = test.ask(backend, method.intersector)? {
             mixed_range.push(FamilyCounts {
                 family: cell.family.name().to_owned(),
                 rays: cell.wrong().of,
@@ -41,11 +41,11 @@ pub(super) fn ask(
     }
     let plan = LeakPlan {
         seed: SEED,
-        rays: ((rays / 4).max(LEAST) * OFFSETS.len()) as u64,
+        rays: ((rays / 4).clamp(LEAKS[0], LEAKS[1]) * OFFSETS.len()) as u64,
         offsets: OFFSETS.to_vec(),
         method,
     };
-    let found = leaks::run(backend.as_mut(), &plan, &mut |_| {})?;
+    let found = leaks::run(backend, &plan, &mut |_| {})?;
     let mut leaks: Vec<Leaks> = OFFSETS.map(|o| sum(&found.rows, o)).to_vec();
     if method.intersector == Intersector::Exact {
         // Its triangles are closed, so that two may share a hit: no fault, and not counted as one.

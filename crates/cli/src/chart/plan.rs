@@ -8,6 +8,8 @@ use crate::stop::Stop;
 use crate::values::Frames;
 use backend::{AdapterInfo, DeviceKind};
 use clap::ValueEnum;
+use output::plot::Failure;
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
@@ -28,6 +30,27 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>),
         return Err(Stop::bad(format!("there is nothing to chart: {why}")));
     }
     Ok((unique(&ways), skipped))
+}
+
+/// Returns the number of pairs of a backend and an intersector among `ways`.
+pub(super) fn methods(ways: &[Ask<'_>]) -> usize {
+    let method = |way: &Ask<'_>| {
+        let intersector = choose::intersector(way.method.intersector).0;
+        format!("{} {intersector}", word(&way.backend))
+    };
+    ways.iter().map(method).collect::<BTreeSet<_>>().len()
+}
+
+/// Returns the row of a way that could not be measured.
+pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
+    Failure {
+        scene: scene.to_owned(),
+        backend: word(&way.backend),
+        layout: word(&way.method.layout),
+        intersector: choose::intersector(way.method.intersector).0.to_string(),
+        update: way.update().0.name().to_owned(),
+        error: stop.to_string(),
+    }
 }
 
 /// Backends to be charted: those that were named, then what `auto` finds, the host first.

@@ -74,6 +74,29 @@ impl Oracle {
         hits.into_iter().next()
     }
 
+    /// Returns the triangle of the closest hit and its distance. The triangle is exact, as in [`Oracle::closest`]; the
+    /// distance is within `2^-40` of itself. Most rays need no integers here, so this is several times as fast.
+    pub fn closest_triangle(&self, ray: &Ray) -> Option<(u32, f64)> {
+        let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
+        self.judged(ray, |triangle, found| {
+            maybe.push((triangle, found));
+            if found.is_sure {
+                bound = bound.min(found.high);
+            }
+            bound
+        });
+        maybe.retain(|(_, found)| found.low <= bound);
+        // All others are surely farther away or missed.
+        if let [(triangle, found)] = maybe[..]
+            && found.is_sure
+            && found.high - found.low <= NARROW * found.low.abs()
+        {
+            return Some((triangle, f64::midpoint(found.low, found.high)));
+        }
+        let hits = self.settle(ray, maybe.into_iter().map(|m| m.0));
+        hits.first().map(|hit| (hit.triangle, hit.t))
+    }
+
     /// Every triangle hit, by exact `t`, then by index.
     pub fn all(&self, ray: &Ray) -> Vec<ExactHit> {
         let mut maybe = Vec::new();
@@ -111,6 +134,9 @@ impl Oracle {
         hits.iter().enumerate().map(exact).collect()
     }
 }
+
+/// Width of an interval of `t`, relative to `t`, whose middle stands for the exact distance.
+const NARROW: f64 = 1.0 / (1_u64 << 40) as f64;
 
 fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())

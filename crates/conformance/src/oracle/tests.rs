@@ -77,6 +77,11 @@ fn the_oracle_agrees_with_the_naive_version() {
         for ray in &rays {
             let naive = naive::all(ray, &corners);
             let all = oracle.all(ray);
+            let first = oracle.closest_triangle(ray);
+            assert_eq!(first.map(|f| f.0), all.first().map(|h| h.triangle));
+            for ((_, t), h) in first.iter().zip(&all) {
+                assert!((t - h.t).abs() <= NARROW * h.t.abs(), "{t} {ray:?}");
+            }
             let found: Vec<_> = all.iter().map(|h| (h.triangle, h.edge)).collect();
             let expected: Vec<_> = naive.iter().map(|h| (h.1, h.2)).collect();
             assert_eq!(found, expected, "{ray:?}");

@@ -22,6 +22,7 @@ pub use table::{SCHEMA, count, csv, csv_table, json, row};
 
 use serde::Serialize;
 use std::collections::BTreeSet;
+use std::fmt;
 
 /// What nobody tells apart: a picture that cannot be drawn, or a number that a format does not know.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -39,6 +40,28 @@ pub struct Chart {
     pub scenes: Vec<Scene>,
     /// What was measured, in any order.
     pub points: Vec<Point>,
+    /// What could not be measured.
+    pub failures: Vec<Failure>,
+}
+
+/// One way of tracing one scene that could not be measured. Names are those of [`Point`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Failure {
+    pub scene: String,
+    pub backend: String,
+    pub layout: String,
+    pub intersector: String,
+    pub update: String,
+    /// The reason.
+    pub error: String,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let how = [&self.backend, &self.layout, &self.intersector, &self.update];
+        let how = how.map(String::as_str).join(" ");
+        write!(f, "{} {how} failed: {}", self.scene, self.error)
+    }
 }
 
 /// What did the work.

@@ -1,6 +1,6 @@
 //! The points as rows: for programs as CSV and JSON, for people in words.
 
-use super::{Chart, Leaks, Point, Rate, Result};
+use super::{Chart, Failure, Leaks, Point, Rate, Result};
 use serde::Serialize;
 
 /// The version of `points.json`.
@@ -18,14 +18,18 @@ pub fn json(chart: &Chart) -> Result<String> {
     Ok(serde_json::to_string_pretty(&File { schema, chart })? + "\n")
 }
 
-/// The points as CSV, one row each, in the order given; what is unknown is empty.
+/// Returns the points as CSV, one row each, in the order given; then the failures. Unknown cells are empty.
 ///
 /// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for
 /// each offset `X` that any point was measured at, and `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
 pub fn csv(chart: &Chart) -> Result<String> {
     let head = cells(chart, &Point::default(), false);
-    let rows = chart.points.iter().enumerate();
-    let rows = rows.map(|(i, point)| cells(chart, point, chart.is_on_front(i)));
+    let points = chart.points.iter().enumerate();
+    let points = points.map(|(i, point)| cells(chart, point, chart.is_on_front(i)));
+    let failures = chart.failures.iter();
+    let failures = failures.map(|failure| failed_cells(&head, failure));
+    let rows: Vec<_> = points.chain(failures).collect();
+    let rows = rows.into_iter();
     let names = head.into_iter().map(|c| c.0);
     csv_table(names, rows.map(|row| row.into_iter().map(|c| c.1)))
 }
@@ -39,6 +43,24 @@ pub fn csv_table(
     out.write_record(head)?;
     rows.into_iter().try_for_each(|row| out.write_record(row))?;
     Ok(String::from_utf8(out.into_inner()?)?)
+}
+
+/// Returns the row of a failure: its names, the reason, and no numbers.
+fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, String)> {
+    let cell = |column: &str| match column {
+        "scene" => failure.scene.clone(),
+        "backend" => failure.backend.clone(),
+        "layout" => failure.layout.clone(),
+        "intersector" => failure.intersector.clone(),
+        "update" => failure.update.clone(),
+        "error" => failure.error.clone(),
+        "schema" => SCHEMA.to_string(),
+        _ => String::new(),
+    };
+    let named = head
+        .iter()
+        .map(|(column, _)| (column.clone(), cell(column)));
+    named.collect()
 }
 
 /// One row of the CSV with its heading.
@@ -81,6 +103,7 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String
         ("date", machine.date.clone()),
         ("command", point.command.clone()),
         ("schema", SCHEMA.to_string()),
+        ("error", String::new()),
     ];
     let mut cells = fixed.map(|(name, cell)| (name.to_owned(), cell)).to_vec();
     for x in chart.offsets() {

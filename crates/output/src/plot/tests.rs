@@ -94,6 +94,7 @@ fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
         },
         points: points.into_iter().collect(),
         scenes: vec![Scene::default()],
+        failures: Vec::new(),
     }
 }
 
@@ -109,7 +110,8 @@ fn checked(chart: &Chart) -> String {
     assert!(page.contains(&picture));
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("@import"));
     assert_eq!(page.matches("<tr><td>").count(), chart.points.len());
-    assert_eq!(records(chart).1.len(), chart.points.len());
+    let rows = chart.points.len() + chart.failures.len();
+    assert_eq!(records(chart).1.len(), rows);
     picture
 }
 
@@ -240,7 +242,7 @@ fn columns_stay_where_they_are() {
     let expected = "scene triangles backend adapter driver layout intersector update samples ms_median ms_p5 ms_p95 \
         mrays_per_s rays_tested wrong wrong_per_million wrong_per_million_low wrong_per_million_high on_front \
         wrong_shadow aimed_rays aimed_wrong t_error_ulp_median t_error_ulp_p999 t_error_ulp_worst memory_bytes \
-        cpu version date command schema";
+        cpu version date command schema error";
     assert_eq!(head.iter().collect::<Vec<_>>().join(" "), expected);
     let chart = invented(1);
     let mut points = chart.points.iter();
@@ -254,6 +256,36 @@ fn columns_stay_where_they_are() {
         assert_eq!(cell(&chart, woop, name), expected);
     }
     assert_eq!(row(&chart.points[woop])[11].1, "2,600 of 9,000");
+}
+
+#[test]
+fn a_failure_has_its_row_in_every_table() {
+    let mut chart = invented(1);
+    chart.failures.push(Failure {
+        scene: "grove".to_owned(),
+        backend: "wgpu".to_owned(),
+        layout: "fast".to_owned(),
+        intersector: "woop".to_owned(),
+        update: "refit".to_owned(),
+        error: "device <lost>".to_owned(),
+    });
+    checked(&chart);
+    let last = chart.points.len();
+    for (name, expected) in [
+        ("backend", "wgpu"),
+        ("update", "refit"),
+        ("error", "device <lost>"),
+        ("ms_median", ""),
+        ("wrong_of_outlier", ""),
+    ] {
+        assert_eq!(cell(&chart, last, name), expected);
+    }
+    assert_eq!(cell(&chart, 0, "error"), "");
+    let page = html(&chart).unwrap();
+    let item = "<li>grove wgpu fast woop refit failed: device &lt;lost&gt;</li>";
+    assert!(page.contains(item), "{page}");
+    let json: serde_json::Value = serde_json::from_str(&json(&chart).unwrap()).unwrap();
+    assert_eq!(json["failures"][0]["error"], "device <lost>");
 }
 
 #[test]
