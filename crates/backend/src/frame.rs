@@ -106,6 +106,8 @@ pub struct FrameReport {
     /// Cost of the refitted tree by the surface area heuristic (traversal 1,
     /// intersection 1), where the backend measures it.
     pub sah_cost: Option<f64>,
+    /// Cost of the tree that the submission [evaluated](crate::Backend::evaluate), at the same positions as `sah_cost`.
+    pub candidate_cost: Option<f64>,
     /// Bytes that went back to the host for a builder.
     pub readback_bytes: u64,
 }

@@ -28,6 +28,10 @@
 //! no frame waits, whoever builds it has a [`TreeWriter`] write it, and it is adopted once [`Backend::bring`] says that
 //! it is there.
 //!
+//! **Candidates.** [`Backend::evaluate`] refits a tree that is not current yet, in buffers of its own, at the positions of
+//! the frame that is recorded. The submission's report then has the costs of both trees. A tree that is adopted after its
+//! evaluation keeps these buffers, so adopting it takes no further work.
+//!
 //! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it, [`Backend::rebuild`] stands for `adopt`:
 //! it makes a tree of the positions at hand, is recorded like a stage, and its generation rises like that of an adopted
 //! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once positions are others, the tree is made
@@ -154,6 +158,17 @@ pub trait Backend: Send + Any {
     /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks.
     fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
+    }
+
+    /// Records the refit of a tree that is not current, beside the current one. Comes after `interpolate` and before
+    /// `preprocess`. The tree must have been [brought](Backend::bring). The submission's report then has its cost
+    /// ([`FrameReport::candidate_cost`]). Returns `false`, and records nothing, where the cost cannot be measured: the backend
+    /// measures no costs, or memory does not suffice for a second tree.
+    ///
+    /// # Errors
+    /// The tree does not hold exactly the animation's live triangles.
+    fn evaluate(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
+        Ok(false)
     }
 
     /// Whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) by the method loaded. Whoever builds

@@ -21,13 +21,15 @@ use std::time::Instant;
 const NAME: &str = "cpu";
 
 /// Makes the tree that a layout is traced by.
-type NewTree = Box<dyn Fn(Layout) -> Box<dyn Accelerator> + Send>;
+type NewTree = Box<dyn Fn(Layout) -> Box<dyn Accelerator> + Send + Sync>;
 
 /// Interpolates, preprocesses, refits and traces on the host.
 pub struct CpuBackend {
     device: Device,
     pool: ThreadPool,
     new_tree: NewTree,
+    /// How the scene's trees lie in memory.
+    layout: Layout,
     scene: Option<SceneState>,
     generation: Option<Generation>,
     /// How far what was recorded brings the scene.
@@ -74,7 +76,7 @@ impl CpuBackend {
     /// See [`CpuBackend::new`].
     pub fn with_trees(
         threads: Option<usize>,
-        new_tree: impl Fn(Layout) -> Box<dyn Accelerator> + Send + 'static,
+        new_tree: impl Fn(Layout) -> Box<dyn Accelerator> + Send + Sync + 'static,
     ) -> Result<Self> {
         if threads == Some(0) {
             return Err(BackendError::unsupported(NAME, "0 threads"));
@@ -96,6 +98,7 @@ impl CpuBackend {
             device,
             pool,
             new_tree: Box::new(new_tree),
+            layout: Layout::Bvh2,
             scene: None,
             generation: None,
             state: State::Nothing,
@@ -190,6 +193,7 @@ impl Backend for CpuBackend {
         self.submissions.clear();
         self.next = Submission::default();
         self.copies = Copies::default();
+        self.layout = method.layout;
         let tree = (self.new_tree)(method.layout);
         let new = || SceneState::new(animation, method.intersector, tree);
         self.scene = Some(self.pool.install(new)?);
@@ -208,10 +212,22 @@ impl Backend for CpuBackend {
             self.generation
         );
         let scene = loaded(&mut self.scene);
-        self.pool.install(|| scene.adopt(tree))?;
+        self.pool.install(|| scene.adopt(tree, generation))?;
         self.generation = Some(generation);
         self.state = self.state.min(State::Positions);
         Ok(())
+    }
+
+    fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        self.require(State::Positions, "evaluate reads positions: interpolate");
+        let (scene, layout) = (loaded(&mut self.scene), self.layout);
+        let (new_tree, pool) = (&self.new_tree, &self.pool);
+        let is_loaded =
+            pool.install(|| scene.load_candidate((tree, generation), || new_tree(layout)))?;
+        if is_loaded {
+            self.commands.push(Command::Evaluate);
+        }
+        Ok(is_loaded)
     }
 
     fn wants_blocks(&self) -> bool {

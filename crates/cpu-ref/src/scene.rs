@@ -5,7 +5,7 @@ use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::TraceTask;
 use crate::{Accelerator, Geometry, Unhittable, reserve};
-use backend::{BackendError, Intersector, Query, Result, check_tree, sah_cost};
+use backend::{BackendError, Generation, Intersector, Query, Result, check_tree, sah_cost};
 use bvh_build::MAX_DEPTH;
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, StaticParts};
@@ -26,12 +26,20 @@ pub(crate) struct SceneState {
     /// Runs of vertices that hold all that move, or all where static ones are too few to be passed over.
     runs: Vec<Range<usize>>,
     pub(crate) tree: Box<dyn Accelerator>,
+    /// The tree that was evaluated last.
+    candidate: Option<Candidate>,
     /// As of the last preprocess, triangles without a leaf included.
     pub(crate) unhittable: Unhittable,
     /// As of the last refit.
     pub(crate) sah_cost: Option<f64>,
     /// Rays that exact arithmetic settled and no report names yet.
     pub(crate) settled: AtomicU64,
+}
+
+/// A tree that is not current, with the boxes of the moment at which it was evaluated.
+struct Candidate {
+    generation: Generation,
+    tree: Box<dyn Accelerator>,
 }
 
 impl SceneState {
@@ -61,6 +69,7 @@ impl SceneState {
             intersector,
             positions,
             tree,
+            candidate: None,
             unhittable: Unhittable::default(),
             sah_cost: None,
             settled: AtomicU64::new(0),
@@ -69,14 +78,64 @@ impl SceneState {
 
     /// # Errors
     /// The tree is not one of this scene, or memory does not suffice.
-    pub(crate) fn adopt(&mut self, tree: &Topology) -> Result<()> {
+    pub(crate) fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+        if let Some(candidate) = self
+            .candidate
+            .as_mut()
+            .filter(|c| c.generation == generation)
+        {
+            std::mem::swap(&mut self.tree, &mut candidate.tree);
+            // The former tree must not be adopted under this number.
+            candidate.generation = Generation(0);
+            return Ok(());
+        }
+        self.check(tree)?;
+        self.tree.adopt(tree, &self.animation)
+    }
+
+    /// Readies a tree to be evaluated, in the memory of the last one or of `new_tree`. Returns `false` if memory does not suffice.
+    ///
+    /// # Errors
+    /// The tree is not one of this scene.
+    pub(crate) fn load_candidate(
+        &mut self,
+        (tree, generation): (&Topology, Generation),
+        new_tree: impl FnOnce() -> Box<dyn Accelerator>,
+    ) -> Result<bool> {
+        self.check(tree)?;
+        let candidate = self.candidate.get_or_insert_with(|| Candidate {
+            generation: Generation(0),
+            tree: new_tree(),
+        });
+        if candidate.generation == generation {
+            return Ok(true);
+        }
+        candidate.generation = Generation(0);
+        match candidate.tree.adopt(tree, &self.animation) {
+            Ok(()) => candidate.generation = generation,
+            Err(BackendError::OutOfMemory { .. }) => return Ok(false),
+            Err(e) => return Err(e),
+        }
+        Ok(true)
+    }
+
+    /// Refits the tree that was loaded last, and returns its cost.
+    pub(crate) fn evaluate(&mut self) -> Option<f64> {
+        let geometry = geometry(&self.animation, &self.positions, self.range);
+        let tree = &mut self.candidate.as_mut()?.tree;
+        tree.preprocess(&geometry, self.intersector);
+        let (total, root) = tree.refit();
+        sah_cost(total, root.half_area())
+    }
+
+    fn check(&self, tree: &Topology) -> Result<()> {
         check_tree(tree, &self.animation)?;
         if tree.level_count() > MAX_DEPTH as usize + 1 {
             let (levels, limit) = (tree.level_count(), MAX_DEPTH + 1);
             let why = format!("it has {levels} levels, the limit is {limit}");
             return Err(BackendError::WrongTree(why));
         }
-        self.tree.adopt(tree, &self.animation)
+        Ok(())
     }
 
     pub(crate) fn interpolate(&mut self, pose: Pose) -> Result<()> {

@@ -15,6 +15,8 @@ pub(crate) enum Command {
     Interpolate(Pose),
     Preprocess,
     Refit,
+    /// Refits the tree that is evaluated beside the current one.
+    Evaluate,
     /// Traces a camera's rays, or those that come with the command.
     Trace(Option<Camera>, QueryKind),
     CopyPositions,
@@ -54,7 +56,11 @@ impl Submission {
         copies: &mut Copies,
     ) -> Result<()> {
         let start = Instant::now();
-        let times = &mut self.report.times;
+        let FrameReport {
+            times,
+            candidate_cost,
+            ..
+        } = &mut self.report;
         let stage = match command {
             Command::Interpolate(pose) => {
                 scene.interpolate(pose)?;
@@ -67,6 +73,10 @@ impl Submission {
             Command::Refit => {
                 scene.refit();
                 &mut times.refit_ms
+            }
+            Command::Evaluate => {
+                *candidate_cost = scene.evaluate();
+                &mut times.preprocess_ms
             }
             Command::Trace(camera, kind) => {
                 let rays = camera.as_ref().map_or(Rays::List(rays), Rays::Camera);

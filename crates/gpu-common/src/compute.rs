@@ -12,7 +12,7 @@ use backend::{
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
 use shaders::rebuild::{self, instead_of};
-use shaders::work::{self, Progress};
+use shaders::work;
 use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
@@ -22,8 +22,6 @@ pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) tree: Option<TreeBuffers<D>>,
     /// How the scene is traced.
     method: Method,
-    /// Which parts of the tree in use stand.
-    progress: Progress,
     /// How far the coordinates of the moment reach; `None` where only the device knows.
     range: Option<Range>,
 }
@@ -51,7 +49,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine,
             tree: None,
             method: Method::default(),
-            progress: Progress::default(),
             range: None,
         }
     }
@@ -70,14 +67,21 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.tree.as_ref().expect("a scene was loaded")
     }
 
+    fn tree_mut(&mut self) -> &mut TreeBuffers<D> {
+        self.tree.as_mut().expect("a scene was loaded")
+    }
+
     /// What all dispatches share.
     fn params(&self) -> Params {
         self.params_at(self.engine.pose)
     }
 
     fn params_at(&self, pose: Pose) -> Params {
-        let scene = self.engine.scene();
-        let params = Params::of(scene.scale_exponent, &self.tree().shape);
+        self.params_of(&self.tree().current.shape, pose)
+    }
+
+    fn params_of(&self, shape: &Shape, pose: Pose) -> Params {
+        let params = Params::of(self.engine.scene().scale_exponent, shape);
         Params {
             alpha: pose.alpha,
             ..params.at_range(self.range)
@@ -88,6 +92,21 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn run(&mut self, stage: Stage, work: &[work::Work]) -> Result<()> {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         self.engine.run(Some(stage), work, |name| tree.get(name))
+    }
+
+    /// Records the stages of the tree that is evaluated. They come before those of the current tree, whose `preprocess` then
+    /// counts inactive and degenerate triangles anew.
+    fn record_candidate(&mut self, params: Params) -> Result<()> {
+        let (method, engine) = (self.method, &mut self.engine);
+        let trees = self.tree.as_mut().expect("a scene was loaded");
+        let tree = trees.candidate_mut().expect("it was loaded");
+        let (work, _) = tree.progress.preprocess(method, params, &tree.shape);
+        engine.run(Some(Stage::Preprocess), &work, |name| tree.get(name))?;
+        tree.progress.preprocessed(&tree.shape);
+        let (work, _) = tree.progress.refit(method, params, &tree.shape);
+        engine.run(Some(Stage::Refit), &work, |name| tree.get(name))?;
+        engine.frames.record()?.extents.candidate = true;
+        Ok(())
     }
 
     /// Whether the tree in use was made here, of the positions at hand: it has its records and boxes.
@@ -109,7 +128,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
             engine.pipelines.prepare(&engine.gpu, kernels)?;
             tree.make_build(&mut engine.gpu)?;
         }
-        tree.grow(&mut engine.gpu, &shape)?;
+        tree.current.grow(&mut engine.gpu, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
         let extents = &mut engine.frames.record()?.extents;
         let again = extents.boxes.is_some();
@@ -123,7 +142,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         engine.run(Some(Stage::Preprocess), &[leaves], clusters)?;
         let cluster = rebuild::cluster(self.method, params, &shape, again);
         engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
-        (tree.generation, tree.shape, tree.made_here) = (generation, shape, true);
+        (tree.current.generation, tree.current.shape) = (generation, shape);
+        tree.made_here = true;
         Ok(())
     }
 }
@@ -159,7 +179,6 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         }
         engine.unload()?;
         self.tree = None;
-        self.progress = Progress::default();
         let tree = TreeBuffers::new(&engine.gpu, &animation, method)?;
         engine.load(animation)?;
         (self.tree, self.method) = (Some(tree), method);
@@ -167,15 +186,34 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        assert!(generation > self.tree().generation, "generations rise");
+        assert!(
+            generation > self.tree().current.generation,
+            "generations rise"
+        );
         let engine = &mut self.engine;
         let (recording, last) = (engine.frames.recording, engine.frames.submitted);
         assert!(!recording, "trees are adopted between submissions");
         let current = self.tree.as_mut().expect("a scene was loaded");
         current.adopt(&mut engine.gpu, (tree, generation), last)?;
-        self.progress = Progress::default();
         self.engine.stale = self.engine.stale.min(Stale::Records);
         Ok(())
+    }
+
+    fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        let (engine, trees) = (&mut self.engine, self.tree.as_mut());
+        let trees = trees.expect("a scene was loaded");
+        let last = engine.frames.submitted;
+        let loaded = trees.load_candidate(&mut engine.gpu, (tree, generation), last)?;
+        let Some(shape) = loaded.map(|candidate| candidate.shape.clone()) else {
+            return Ok(false);
+        };
+        let params = self.params_of(&shape, self.engine.pose);
+        let recorded = self.record_candidate(params);
+        if recorded.is_err() {
+            self.tree_mut().abandon_candidate();
+        }
+        recorded.map(|()| true)
     }
 
     fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {
@@ -210,16 +248,17 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn preprocess(&mut self) -> Result<()> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
-        assert!(self.tree().generation > Generation(0), "a tree comes first");
+        let generation = self.tree().current.generation;
+        assert!(generation > Generation(0), "a tree comes first");
         if self.is_made_whole() {
             return Ok(());
         }
-        let (params, shape) = (self.params(), &self.tree().shape);
-        let (work, uncounted) = self.progress.preprocess(self.method, params, shape);
+        let (params, tree) = (self.params(), &self.tree().current);
+        let (work, uncounted) = tree.progress.preprocess(self.method, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
         self.engine.frames.record()?.extents.uncounted = Some(uncounted);
-        let tree = self.tree.as_ref().expect("a scene was loaded");
-        self.progress.preprocessed(&tree.shape);
+        let tree = &mut self.tree_mut().current;
+        tree.progress.preprocessed(&tree.shape);
         self.engine.stale = Stale::Boxes;
         Ok(())
     }
@@ -232,12 +271,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         if self.is_made_whole() {
             return Ok(());
         }
-        let (params, shape) = (self.params(), &self.tree().shape);
-        let (work, extent) = self.progress.refit(self.method, params, shape);
+        let (params, tree) = (self.params(), &self.tree().current);
+        let (work, extent) = tree.progress.refit(self.method, params, &tree.shape);
         self.run(Stage::Refit, &work)?;
         let extents = &mut self.engine.frames.record()?.extents;
         extents.boxes = extents.boxes.max(Some(extent));
-        self.progress.refitted();
+        self.tree_mut().current.progress.refitted();
         self.engine.stale = Stale::Fresh;
         Ok(())
     }
@@ -248,7 +287,10 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
         assert!(self.engine.stale >= Stale::Records, "positions come first");
-        assert!(generation > self.tree().generation, "generations rise");
+        assert!(
+            generation > self.tree().current.generation,
+            "generations rise"
+        );
         self.check_rebuild()?;
         self.engine.stale = self.engine.stale.min(Stale::Records);
         self.make_tree(generation)?;
@@ -320,12 +362,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn submit(&mut self) -> Result<Ticket> {
         let submitted = self.engine.submit(self.engine.scene().never_active);
-        match &submitted {
-            Ok(_) => self.progress.submitted(),
-            Err(_) => {
-                self.engine.abandon();
-                self.progress = Progress::default();
-            }
+        self.tree_mut().submitted(submitted.is_ok());
+        if submitted.is_err() {
+            self.engine.abandon();
         }
         submitted
     }

@@ -42,7 +42,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     /// Looks at the tree in use, after all that was submitted.
     fn view<T>(&mut self, look: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
-        let shape = self.tree().shape.clone();
+        let shape = self.tree().current.shape.clone();
         let made_on_device = self.tree().made_here;
         let leaves = shape.leaf_count as usize;
         let (name, at) = match made_on_device {

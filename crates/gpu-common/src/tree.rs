@@ -1,62 +1,107 @@
-//! The tree in use: buffers of its nodes and records, and how it came to be.
+//! Trees on the device: the current one, and one that is evaluated beside it.
 
 use crate::{BufferTable, GpuDevice, LastUse, Pool, with_slack};
 use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::Topology;
 use geom::{Animation, lock};
-use shaders::work::Trace;
+use shaders::work::{Progress, Trace};
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::sync::{Arc, Mutex};
 
+/// The trees of a scene, and what making and sending them takes.
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     animation: Arc<Animation>,
-    /// As the host sent it, with its number to be expected; none before the first.
-    record: Option<(D::Buffer, u64)>,
-    /// Records that are not in use.
+    method: Method,
+    /// The tree that frames are traced with.
+    pub(crate) current: DeviceTree<D>,
+    /// The tree that was evaluated last. Its buffers are made at the first evaluation.
+    candidate: Option<DeviceTree<D>>,
+    /// Buffers of a picture, as large as any trace asked for so far.
+    picture: BufferTable<D>,
+    /// Records that no tree uses.
     free: Pool<D>,
-    /// Bytes of what was sent last; 0 before.
+    /// Bytes of the record that was sent last; 0 before the first.
     last_bytes: u64,
-    /// The tree to come, likewise.
+    /// The record that was sent and belongs to no tree yet, with the number to be expected.
     sent: Option<(Generation, D::Buffer, u64)>,
-    /// The next tree, written by whoever built it.
+    /// The next record, as the builder wrote it.
     written: Arc<Mutex<Option<Written<D::Buffer>>>>,
-    /// Nodes and costs are as large as the trees so far asked for.
-    pub(crate) buffers: BufferTable<D>,
-    /// What making trees here takes; none before the first.
+    /// What making trees here takes; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
-    pub(crate) generation: Generation,
-    pub(crate) shape: Shape,
-    /// Whether the tree in use was made here.
+    /// Whether the current tree was made here.
     pub(crate) made_here: bool,
 }
 
-impl<D: GpuDevice> TreeBuffers<D> {
-    /// Room for every tree over the animation's live triangles; with layout `fast`, [`TreeBuffers::adopt`] makes more of it.
-    pub(crate) fn new(gpu: &D, animation: &Arc<Animation>, method: Method) -> Result<Self> {
-        let leaves = animation.live_count() as u64;
+/// A tree with the boxes and triangle data of one moment.
+pub(crate) struct DeviceTree<D: GpuDevice> {
+    /// The record as the host sent it, with the number to be expected; `None` before the first.
+    record: Option<(D::Buffer, u64)>,
+    /// Nodes and costs are as large as any tree so far needed.
+    pub(crate) buffers: BufferTable<D>,
+    pub(crate) generation: Generation,
+    pub(crate) shape: Shape,
+    /// Which parts of the tree are up to date.
+    pub(crate) progress: Progress,
+}
+
+impl<D: GpuDevice> DeviceTree<D> {
+    /// Makes buffers for every tree over `leaves` triangles; with layout `fast`, those of nodes and costs
+    /// [grow](Self::grow) later.
+    fn new(gpu: &D, method: Method, leaves: u64) -> Result<Self> {
         Ok(Self {
-            animation: Arc::clone(animation),
             record: None,
-            free: Pool::default(),
-            last_bytes: 0,
-            sent: None,
-            written: Arc::default(),
             buffers: BufferTable::new(gpu, tree_buffers(method, leaves))?,
-            build: None,
             generation: Generation(0),
             shape: Shape::none(method.layout),
-            made_here: false,
+            progress: Progress::default(),
         })
     }
 
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         match name {
             BufferName::Topology => self.record.as_ref().map(|(record, _)| record),
-            _ => {
-                let build = || self.build.as_ref().and_then(|b| b.get(name));
-                self.buffers.get(name).or_else(build)
-            }
+            _ => self.buffers.get(name),
         }
+    }
+
+    /// Makes room for the nodes and costs of a tree of this shape.
+    pub(crate) fn grow(&mut self, gpu: &mut D, shape: &Shape) -> Result<()> {
+        let nodes = shape.node_rows * 16;
+        self.buffers.grow(gpu, BufferName::Nodes, nodes)?;
+        let costs = shape.own_cost_bytes();
+        self.buffers.grow(gpu, BufferName::Costs, costs)
+    }
+
+    fn held(&self) -> u64 {
+        let record = self.record.as_ref();
+        self.buffers.held() + record.map_or(0, |(record, _)| D::held(record))
+    }
+}
+
+impl<D: GpuDevice> TreeBuffers<D> {
+    /// Makes the buffers of the current tree, which has no leaf yet.
+    pub(crate) fn new(gpu: &D, animation: &Arc<Animation>, method: Method) -> Result<Self> {
+        let leaves = animation.live_count() as u64;
+        let picture = [BufferName::Covers, BufferName::Visibility];
+        Ok(Self {
+            animation: Arc::clone(animation),
+            method,
+            current: DeviceTree::new(gpu, method, leaves)?,
+            candidate: None,
+            picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
+            free: Pool::default(),
+            last_bytes: 0,
+            sent: None,
+            written: Arc::default(),
+            build: None,
+            made_here: false,
+        })
+    }
+
+    pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
+        let build = || self.build.as_ref().and_then(|b| b.get(name));
+        let own = self.current.get(name).or_else(|| self.picture.get(name));
+        own.or_else(build)
     }
 
     /// What writes the tree of that generation where it can be sent from.
@@ -72,7 +117,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,
         };
-        let (to, layout) = (Arc::clone(&self.written), self.shape.layout);
+        let (to, layout) = (Arc::clone(&self.written), self.method.layout);
         let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
@@ -125,7 +170,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(written) = written.filter(|written| written.generation == generation) {
             return Ok((written.staging, written.bytes));
         }
-        with_parts(self.shape.layout, tree, &self.animation, |parts| {
+        with_parts(self.method.layout, tree, &self.animation, |parts| {
             let mut staging = gpu.staging(bytes(parts))?;
             match D::fill(&mut staging, parts) {
                 true => Ok((staging, bytes(parts))),
@@ -141,37 +186,108 @@ impl<D: GpuDevice> TreeBuffers<D> {
         (tree, generation): (&Topology, Generation),
         last: Ticket,
     ) -> Result<()> {
-        let animation = &self.animation;
-        check_tree(tree, animation)?;
-        let shape = match self.shape.layout {
-            Layout::Bvh2 => Shape::of(tree),
-            Layout::Fast => Shape::of_treelets(&tree.to_treelets(animation.static_parts())),
-        };
-        self.grow(gpu, &shape)?;
-        self.send(gpu, (tree, generation))?;
-        if let Some((_, record, arrival)) = self.sent.take() {
-            gpu.expect(arrival);
-            if let Some((old, arrival)) = self.record.replace((record, arrival)) {
-                let ticket = last.0;
-                self.free.put(old, LastUse { arrival, ticket });
-            }
+        let evaluated = self.candidate.as_mut();
+        if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
+            std::mem::swap(&mut self.current, candidate);
+            self.current.progress = self.current.progress.promoted();
+            self.made_here = false;
+            return Ok(());
         }
-        self.shape = shape;
-        (self.generation, self.made_here) = (generation, false);
+        let record = self.arrive(gpu, (tree, generation))?;
+        self.current.grow(gpu, &record.shape)?;
+        let old = record.place(&mut self.current, Progress::default());
+        self.release(old, last);
+        self.made_here = false;
         Ok(())
     }
 
-    /// Makes room for nodes and costs.
-    pub(crate) fn grow(&mut self, gpu: &mut D, shape: &Shape) -> Result<()> {
-        let nodes = shape.node_rows * 16;
-        self.buffers.grow(gpu, BufferName::Nodes, nodes)?;
-        let costs = shape.own_cost_bytes();
-        self.buffers.grow(gpu, BufferName::Costs, costs)
+    /// Readies a tree to be evaluated in the recording that follows the `last` submission. `None` where memory does not suffice.
+    pub(crate) fn load_candidate(
+        &mut self,
+        gpu: &mut D,
+        (tree, generation): (&Topology, Generation),
+        last: Ticket,
+    ) -> Result<Option<&mut DeviceTree<D>>> {
+        if self.candidate.is_none() {
+            let leaves = self.animation.live_count() as u64;
+            self.candidate = unless_too_large(DeviceTree::new(gpu, self.method, leaves))?;
+        }
+        let is_loaded = |tree: &DeviceTree<D>| tree.generation == generation;
+        if self.candidate.as_ref().is_some_and(|c| !is_loaded(c)) {
+            let record = self.arrive(gpu, (tree, generation))?;
+            let Some(candidate) = &mut self.candidate else {
+                return Ok(None);
+            };
+            if unless_too_large(candidate.grow(gpu, &record.shape))?.is_none() {
+                self.sent = Some((generation, record.buffer, record.arrival));
+                return Ok(None);
+            }
+            let old = record.place(candidate, Progress::of_candidate());
+            self.release(old, last);
+        }
+        Ok(self.candidate.as_mut())
+    }
+
+    /// Returns the tree that is evaluated.
+    pub(crate) fn candidate_mut(&mut self) -> Option<&mut DeviceTree<D>> {
+        self.candidate.as_mut()
+    }
+
+    /// Discards the progress of the tree that is evaluated, because its recording is not submitted.
+    pub(crate) fn abandon_candidate(&mut self) {
+        if let Some(candidate) = &mut self.candidate {
+            candidate.progress = Progress::of_candidate();
+            // Its record must not be adopted with stale boxes.
+            candidate.generation = Generation(0);
+        }
+    }
+
+    /// Notes that the recording was submitted, or dropped.
+    pub(crate) fn submitted(&mut self, is_submitted: bool) {
+        if !is_submitted {
+            self.current.progress = Progress::default();
+            return self.abandon_candidate();
+        }
+        self.current.progress.submitted();
+        if let Some(candidate) = &mut self.candidate {
+            candidate.progress.submitted();
+        }
+    }
+
+    /// Takes the record of a tree, which is sent first if it was not, for the next recording.
+    fn arrive(
+        &mut self,
+        gpu: &mut D,
+        (tree, generation): (&Topology, Generation),
+    ) -> Result<Arrived<D::Buffer>> {
+        let animation = &self.animation;
+        check_tree(tree, animation)?;
+        let shape = match self.method.layout {
+            Layout::Bvh2 => Shape::of(tree),
+            Layout::Fast => Shape::of_treelets(&tree.to_treelets(animation.static_parts())),
+        };
+        self.send(gpu, (tree, generation))?;
+        let (_, buffer, arrival) = self.sent.take().expect("it was sent just now");
+        gpu.expect(arrival);
+        Ok(Arrived {
+            buffer,
+            arrival,
+            generation,
+            shape,
+        })
+    }
+
+    /// Puts a record aside until the recording after the `last` submission is done with it.
+    fn release(&mut self, old: Option<(D::Buffer, u64)>, last: Ticket) {
+        if let Some((old, arrival)) = old {
+            let ticket = last.0;
+            self.free.put(old, LastUse { arrival, ticket });
+        }
     }
 
     /// Makes room for what is covered and what is seen of a picture.
     pub(crate) fn grow_picture(&mut self, gpu: &mut D, tracing: &Trace) -> Result<()> {
-        let buffers = &mut self.buffers;
+        let buffers = &mut self.picture;
         buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?;
         buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)
     }
@@ -187,17 +303,42 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(())
     }
 
-    /// Bytes of device memory: of the tree, of room to make one, of what is seen of a picture.
+    /// Returns the bytes of device memory of all trees, of the room to make one, and of a picture.
     pub(crate) fn held(&self) -> [u64; 3] {
-        let picture = self.buffers.get(BufferName::Visibility);
-        let picture = picture.map_or(0, D::held);
         let build = self.build.as_ref().map_or(0, BufferTable::held);
-        let record = self
-            .record
-            .as_ref()
-            .map_or(0, |(record, _)| D::held(record));
-        let tree = self.buffers.held() - picture + record + self.free.held();
-        [tree, build, picture]
+        let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
+        let trees = self.current.held() + candidate + self.free.held();
+        [trees, build, self.picture.held()]
+    }
+}
+
+/// A record that is on the device, or will be when the next submission runs.
+struct Arrived<B> {
+    buffer: B,
+    arrival: u64,
+    generation: Generation,
+    shape: Shape,
+}
+
+impl<B> Arrived<B> {
+    /// Makes it the record of `tree`, and returns the former one.
+    fn place<D: GpuDevice<Buffer = B>>(
+        self,
+        tree: &mut DeviceTree<D>,
+        progress: Progress,
+    ) -> Option<(B, u64)> {
+        (tree.generation, tree.shape) = (self.generation, self.shape);
+        tree.progress = progress;
+        tree.record.replace((self.buffer, self.arrival))
+    }
+}
+
+/// Returns `None` where memory does not suffice.
+fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
+    match made {
+        Ok(made) => Ok(Some(made)),
+        Err(BackendError::OutOfMemory { .. } | BackendError::Limit { .. }) => Ok(None),
+        Err(e) => Err(e),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Who builds: a pool of threads, and a thread that keeps it busy beside the frames, with a door that holds one job.
 
 use crate::driver::PipelineError;
-use crate::tree_builder::{Forms, Made, TreeBuilder, Vertices};
+use crate::tree_builder::{Built, Forms, TreeBuilder, Vertices};
 use backend::{Snapshot, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
@@ -20,15 +20,21 @@ pub(crate) struct BuildInput {
     pub(crate) vertices: Vertices,
     /// Poses early and late in the time it will be used, if that is known.
     pub(crate) halves: Option<[Pose; 2]>,
-    /// Where it must be cheaper than the tree in use; `None` if it is wanted in any case.
-    pub(crate) rival_at: Option<Pose>,
-    /// What all poses stand between or beyond, by their weights, where that is not key frames.
-    pub(crate) observed: Option<[Snapshot; 2]>,
+    /// The positions that all poses refer to, where these are not key frames.
+    pub(crate) observed: Option<Observed>,
+}
+
+/// Positions of two frames that were read back, and the times of these frames.
+pub(crate) struct Observed {
+    pub(crate) frames: [Snapshot; 2],
+    pub(crate) times: [f64; 2],
 }
 
 /// Vertices that wait to become a tree.
 pub(crate) struct Job {
     pub(crate) input: BuildInput,
+    /// Whether the tree is adopted only if it costs less than the current one.
+    pub(crate) weighs: bool,
     /// Where rays end that ask for any hit, if they end in one place.
     pub(crate) toward: Option<Point>,
     /// An old record's memory, or nothing.
@@ -46,14 +52,14 @@ pub(crate) struct BuilderThread {
     thread: Option<JoinHandle<()>>,
     /// `None` once it is dropped.
     jobs: Option<SyncSender<Job>>,
-    trees: Receiver<BuildResult<Made>>,
+    trees: Receiver<BuildResult<Built>>,
     cancel: Arc<Cancel>,
 }
 
 impl BuilderThread {
     /// A builder that knows its build; no thread yet.
     pub(crate) fn new(
-        mut build: impl FnMut(Job, &Cancel) -> BuildResult<Made> + Send + 'static,
+        mut build: impl FnMut(Job, &Cancel) -> BuildResult<Built> + Send + 'static,
     ) -> Self {
         let cancel = Arc::<Cancel>::default();
         let heard = Arc::clone(&cancel);
@@ -99,12 +105,12 @@ impl BuilderThread {
     }
 
     /// A finished tree, if there is one. Never waits.
-    pub(crate) fn try_take(&mut self) -> Option<BuildResult<Made>> {
+    pub(crate) fn try_take(&mut self) -> Option<BuildResult<Built>> {
         self.trees.try_recv().ok()
     }
 
     /// Waits for the job that was handed in.
-    pub(crate) fn take(&mut self) -> BuildResult<Made> {
+    pub(crate) fn take(&mut self) -> BuildResult<Built> {
         match self.thread {
             Some(_) => self.trees.recv().unwrap_or_else(|_| Err(gone())),
             None => Err(gone()),
@@ -187,9 +193,9 @@ mod tests {
             input: BuildInput {
                 vertices: Vertices::ReadBack(Box::new(vec![[0.0; 3]])),
                 halves: None,
-                rival_at: None,
                 observed: None,
             },
+            weighs: false,
             toward: None,
             spare: Spare::default(),
             left_last,

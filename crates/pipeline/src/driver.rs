@@ -1,5 +1,6 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
+mod candidate;
 mod read_back;
 mod run;
 mod trees;
@@ -9,17 +10,18 @@ use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::{Pace, Update};
-use crate::tree_builder::{Forms, Made};
+use crate::tree_builder::Forms;
 use backend::{
     Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
 };
 use bvh_layout::Spare;
+use candidate::Candidate;
 use geom::{Animation, Point, Pose};
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-use trees::{FIRST, PendingBuild, Tree};
+use trees::{FIRST, Tree};
 pub use warm_up::{Warmed, warm_up};
 
 /// Why rendering stopped.
@@ -73,15 +75,13 @@ pub struct Driver {
     knows_key_frames: bool,
     /// The tree in use; none before the first frame.
     tree: Option<Tree>,
-    /// The build in flight; at most one.
-    build: Option<PendingBuild>,
+    /// The tree to come; at most one.
+    candidate: Option<Candidate>,
     /// The last tree that was asked for; generations only rise.
     newest: Generation,
-    /// What came of the last build, until its boundary.
-    finished: Option<Made>,
     /// The last adopted record's memory, for the next one.
     spare: Spare,
-    /// What no tree is better for than the one in use.
+    /// The pose for which the last build made no better tree than the current one.
     has_best_for: Option<Pose>,
     /// Whether the builder's last tree was never used, which it does not know yet.
     left_last: bool,
@@ -136,9 +136,8 @@ impl Driver {
             shades: false,
             knows_key_frames: true,
             tree: None,
-            build: None,
+            candidate: None,
             newest: FIRST,
-            finished: None,
             spare: Spare::default(),
             has_best_for: None,
             left_last: false,
@@ -175,7 +174,7 @@ impl Driver {
         Ok(self.shades)
     }
 
-    /// From now on positions come to the backend alone: trees are built from those it gives back, and are all used.
+    /// From now on positions come to the backend alone, and trees are built from those that it gives back.
     pub fn forget_key_frames(&mut self) {
         self.knows_key_frames = false;
     }
@@ -192,7 +191,7 @@ impl Driver {
 
     /// Whether a tree is being built, or waits to be taken up at a frame's begin.
     pub fn is_building(&self) -> bool {
-        self.build.is_some()
+        self.candidate.is_some()
     }
 
     /// Submits one frame, whose results its ticket stands for: of one query, or of several that the backend
@@ -206,6 +205,9 @@ impl Driver {
         if begun.is_err() {
             // Nobody knows how far the backend came.
             self.pose = None;
+            if let Some(candidate) = &mut self.candidate {
+                candidate.abandoned();
+            }
         }
         begun
     }
@@ -226,11 +228,16 @@ impl Driver {
             self.record_own_tree(pose)?
         } else {
             self.bring_tree(pose)?;
-            self.record_geometry(pose)?
+            let is_stale = self.record_geometry(pose)?;
+            self.record_evaluation()?;
+            is_stale
         };
         self.record_stages(stale, queries)?;
         self.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
+        if let Some(candidate) = &mut self.candidate {
+            candidate.submitted(ticket);
+        }
         self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
         self.record.tree_generation = tree.generation;
@@ -266,7 +273,10 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let newest = self.build.as_ref().map_or(tree.pose, |f| f.pose);
+        let newest = self
+            .candidate
+            .as_ref()
+            .map_or(tree.pose, |c| c.request.pose);
         let in_flight = self.in_flight()?;
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);

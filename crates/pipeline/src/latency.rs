@@ -32,6 +32,8 @@ pub(crate) struct LatencyPredictor {
     /// What it is taken for as long as none was seen.
     guess: Option<f64>,
     first_build: Option<Duration>,
+    /// Frames from the first one that may evaluate a tree to the one that may adopt it.
+    evaluation: f64,
     /// Frames begun, and when the pace began to count.
     frames: u32,
     settled: Option<Instant>,
@@ -85,6 +87,11 @@ impl LatencyPredictor {
         *seen = Some(seen.map_or(frames, |before| mean(before).min(frames)));
     }
 
+    /// A tree was evaluated, which took `frames` frames.
+    pub(crate) fn observe_evaluation(&mut self, frames: u64) {
+        self.evaluation = frames as f64;
+    }
+
     /// How the next tree will be made.
     pub(crate) fn next_strategy_is(&mut self, strategy: BuildStrategy) {
         self.next = strategy;
@@ -93,8 +100,23 @@ impl LatencyPredictor {
     /// Whether a tree for the moment `new` is to be used from now on, instead of one for `last`: when its moment is the
     /// nearer one, or comes no nearer.
     pub(crate) fn should_adopt(&self, last: f64, new: f64) -> bool {
+        let nearer = |left| left <= (last - self.time).abs();
+        self.approach(new).is_none_or(nearer)
+    }
+
+    /// Returns how far the moment `new` is away, in key frames, if time comes nearer to it.
+    pub(crate) fn approach(&self, new: f64) -> Option<f64> {
         let comes_nearer = (new - self.time) * self.step > 0.0;
-        !comes_nearer || (new - self.time).abs() <= (last - self.time).abs()
+        comes_nearer.then_some((new - self.time).abs())
+    }
+
+    /// Whether a tree for the moment `new` is to be evaluated again: half of the distance is left at which it cost too much, or
+    /// time comes no nearer to it.
+    pub(crate) fn is_nearer(&self, new: f64, dearer_at: Option<f64>) -> bool {
+        match self.approach(new).zip(dearer_at) {
+            Some((left, before)) => left <= 0.5 * before,
+            None => true,
+        }
     }
 
     /// Whether a tree asked for now would be there before one for the moment `new` is ripe, which came much too early.
@@ -128,7 +150,8 @@ impl LatencyPredictor {
     }
 
     fn expected(&self) -> f64 {
-        self.latency().or(self.guess).unwrap_or(0.0)
+        let built = self.latency().or(self.guess).unwrap_or(0.0);
+        built + self.evaluation
     }
 
     /// Of the next tree, where any was seen or agreed.

@@ -1,10 +1,11 @@
 //! Vertices in, record out, in the rayon pool of whoever calls.
 
 mod degradation;
+mod extrapolation;
 pub(crate) mod for_all;
 mod moments;
 
-use crate::builder_thread::{BuildInput, Job};
+use crate::builder_thread::{BuildInput, Job, Observed};
 use backend::Snapshot;
 use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
@@ -12,6 +13,7 @@ use bvh_build::{
 use bvh_layout::{Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
 use degradation::DegradationMonitor;
+use extrapolation::ExtrapolationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
 pub(crate) use moments::pose_between;
 use moments::{Moments, blend, keep};
@@ -26,15 +28,6 @@ pub(crate) enum Vertices {
     KeyFrames(Pose),
 }
 
-/// What came of a build.
-#[derive(Debug)]
-pub(crate) enum Made {
-    /// A tree to swap to.
-    Tree(Built),
-    /// A tree that costs more than the one in use.
-    NoBetter,
-}
-
 /// A finished tree.
 #[derive(Debug)]
 pub(crate) struct Built {
@@ -46,6 +39,8 @@ pub(crate) struct Built {
     pub(crate) strategy: BuildStrategy,
     /// How the next one will be made.
     pub(crate) next: BuildStrategy,
+    /// Whether it was built for the last positions that were seen instead of the moment asked for.
+    pub(crate) gave_up_extrapolation: bool,
     pub(crate) moments: BuildMoments,
 }
 
@@ -86,12 +81,10 @@ pub(crate) struct TreeBuilder {
     spare: Spare,
     forms: Forms,
     degradation: DegradationMonitor,
+    extrapolation: ExtrapolationMonitor,
     /// What was observed last.
     observed: [KeyFrame; 2],
 }
-
-/// Costs that differ by less than this share are one, however they were added up.
-const ROUNDING: f64 = 1e-9;
 
 impl TreeBuilder {
     /// One whose records carry these forms too.
@@ -150,69 +143,91 @@ impl TreeBuilder {
         animation: &Animation,
         job: Job,
         cancel: &Cancel,
-    ) -> Result<Made, BuildError> {
+    ) -> Result<Built, BuildError> {
         self.order_toward(job.toward);
         self.reuse(job.spare);
         if job.left_last {
             self.revert();
         }
-        let made = self.rebuild(animation, job.input, cancel)?;
-        if let (Made::Tree(built), Some(write)) = (&made, job.writer) {
+        let built = self.rebuild(animation, (job.input, job.weighs), cancel)?;
+        if let Some(write) = job.writer {
             write(&built.topology);
         }
-        Ok(made)
+        Ok(built)
     }
 
     /// Has what was observed stand in place of key frames.
-    fn keep(&mut self, seen: [Snapshot; 2]) -> [KeyFrame; 2] {
-        seen.into_iter().zip(&mut self.observed).for_each(keep);
+    fn keep(&mut self, seen: Observed) -> [KeyFrame; 2] {
+        seen.frames
+            .into_iter()
+            .zip(&mut self.observed)
+            .for_each(keep);
         self.observed.clone()
     }
 
-    /// Makes a tree from `vertices` and converts it, if it is cheaper at `rival_at` than the last one handed over, or if
-    /// nobody asks.
+    /// Makes a tree as `input` says and converts it.
     ///
-    /// Where somebody asks, it is made of groups of that last one, for that is soon done; but built from scratch where
-    /// trees hold so long that it need not be. Where trees fade fast, it is built from each triangle's boxes at both of
-    /// `halves`, as one: what parts within the time of use is then parted by the tree, too.
+    /// A tree that is `weighed` is made of subtrees of the last one, because that is soon done; but built from scratch where
+    /// trees hold so long that it need not be. Where trees degrade fast, it is built from each triangle's boxes at both halves
+    /// of its use, as one: what parts within the time of use is then parted by the tree, too.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
-        input: BuildInput,
+        (mut input, weighed): (BuildInput, bool),
         cancel: &Cancel,
-    ) -> Result<Made, BuildError> {
-        let observed = input.observed.map(|seen| self.keep(seen));
+    ) -> Result<Built, BuildError> {
+        let begun = Instant::now();
+        let times = input.observed.as_ref().map(|observed| observed.times);
+        let observed = input.observed.take().map(|seen| self.keep(seen));
         let moments = &Moments {
             animation,
             observed,
         };
-        let (begun, vertices) = (Instant::now(), input.vertices);
-        let rival_at = input.rival_at.filter(|_| self.holds_all_of(animation));
-        let strategy = match rival_at {
-            Some(_) => self.degradation.strategy(),
-            None => BuildStrategy::Scratch,
-        };
-        let blended_at = match &vertices {
-            Vertices::ReadBack(_) => None,
-            Vertices::KeyFrames(pose) => Some(*pose),
+        let gave_up_extrapolation = self.check_extrapolation(moments, &mut input, times)?;
+        let weighed = weighed && self.holds_all_of(animation);
+        let strategy = match weighed {
+            true => self.degradation.strategy(),
+            false => BuildStrategy::Scratch,
         };
         let halves = input.halves.filter(|_| self.degradation.parts);
-        let mut costs = self.make(moments, (vertices, halves), strategy, cancel)?;
+        let costs = self.make(moments, (input.vertices, halves), strategy, cancel)?;
         let built = Instant::now();
+        let costs = match weighed {
+            true => Some(costs.unwrap_or_else(|| self.costs())),
+            false => costs,
+        };
         let cost = costs.map_or_else(|| sah_cost(&self.tree, &self.boxes[..]), |c| c.new);
-        if let Some(at) = rival_at {
-            if blended_at != rival_at {
-                fill(&mut self.boxes, &moments.at(at)?);
-                costs = None;
-            }
-            let costs = costs.unwrap_or_else(|| self.costs());
+        if let Some(costs) = costs.filter(|_| weighed) {
             self.degradation.note(costs);
-            if costs.new > costs.last * (1.0 + ROUNDING) {
-                return Ok(Made::NoBetter);
-            }
         }
         let built = self.send(animation, [begun, built], cost, strategy);
-        Ok(Made::Tree(built))
+        Ok(Built {
+            gave_up_extrapolation,
+            ..built
+        })
+    }
+
+    /// Has a tree for extrapolated positions be built for the last ones that were seen, if extrapolation failed before. Returns
+    /// whether it did so.
+    fn check_extrapolation(
+        &mut self,
+        moments: &Moments<'_>,
+        input: &mut BuildInput,
+        times: Option<[f64; 2]>,
+    ) -> Result<bool, KeyFrameError> {
+        let Vertices::KeyFrames(pose) = &mut input.vertices else {
+            return Ok(false);
+        };
+        if pose.alpha <= 1.0 {
+            return Ok(false);
+        }
+        let seen = moments.at(*pose)?;
+        let times = times.unwrap_or([0.0, 1.0].map(|after| f64::from(pose.key) + after));
+        if self.extrapolation.observe(seen.key_frames(), times) {
+            return Ok(false);
+        }
+        (pose.alpha, input.halves) = (1.0, None);
+        Ok(true)
     }
 
     /// Whether a tree was handed over that holds all of an animation, so that the next one may be made of it.
@@ -312,6 +327,7 @@ impl TreeBuilder {
             cost,
             strategy,
             next: self.degradation.strategy(),
+            gave_up_extrapolation: false,
             moments: BuildMoments {
                 begun,
                 built,

@@ -29,7 +29,7 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
 /// Bytes of each buffer that suffice for every tree of so many leaves; with layout `fast` but for nodes and costs.
-pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {
+pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 6] {
     let usual = |bytes| match method.layout {
         Layout::Bvh2 => bytes,
         Layout::Fast => 0,
@@ -45,8 +45,6 @@ pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 8] {
         ),
         (BufferName::Nodes, usual(nodes * 32)),
         (BufferName::Costs, usual(Shape::cost_bytes(leaves))),
-        (BufferName::Covers, 0),
-        (BufferName::Visibility, 0),
     ]
 }
 

@@ -170,6 +170,10 @@ pub struct Counts {
     pub untold: u32,
     /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
     pub left: u32,
+    /// As `areas`, of the tree that is evaluated beside the current one. The root's box is the same for both.
+    pub candidate_areas: f32,
+    /// As `moving_areas`, of that tree.
+    pub candidate_moving_areas: f32,
 }
 
 impl Counts {

@@ -12,7 +12,7 @@
 
 mod phases;
 
-use crate::work::{Groups, Work, sum};
+use crate::work::{Groups, Work, sum, word_of};
 use crate::{BufferName, Counts, Params, Shape, common, kernel};
 use backend::Method;
 use geom::Animation;
@@ -73,11 +73,11 @@ pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec
         let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
         work.extend(phases.iter().map(phase));
         let groups = phases.iter().map(phases::tiles).sum();
-        work.push(sum(params, groups, offset_of!(Counts, areas)));
+        work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
     }
     if again {
         // Takes back what a refit before said of areas that move.
-        work.push(sum(params, 0, offset_of!(Counts, moving_areas)));
+        work.push(sum(params, 0, word_of(offset_of!(Counts, moving_areas))));
     }
     work
 }

@@ -19,6 +19,8 @@ pub struct Extents {
     pub uncounted: Option<u32>,
     /// Boxes, by any refit: the most that one of them went over.
     pub boxes: Option<Extent>,
+    /// Whether a tree was evaluated beside the current one.
+    pub candidate: bool,
 }
 
 /// What holds until a stage runs again.
@@ -52,6 +54,12 @@ impl TreeStats {
             // The root's area is not among the others.
             let root = f64::from(counts.root_area);
             self.sah_cost = sah_cost(areas + root, root);
+        }
+        if extents.candidate {
+            let root = f64::from(counts.root_area);
+            let areas = [counts.candidate_areas, counts.candidate_moving_areas];
+            let areas: f64 = areas.into_iter().map(f64::from).sum();
+            report.candidate_cost = sah_cost(areas + root, root);
         }
         report.inactive = self.inactive;
         report.degenerate = self.degenerate;

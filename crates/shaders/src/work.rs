@@ -9,8 +9,8 @@ mod treelets;
 pub use extremes::{kernels_of_arriving_keys, measure_range};
 pub use pictures::shade;
 pub use rays::{cleanse, count_answers, count_triangles, rays};
-pub(crate) use tree::sum;
 pub use tree::{Progress, leaves};
+pub(crate) use tree::{sum, word_of};
 
 use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
 use backend::{Intersector, Method, QueryKind};

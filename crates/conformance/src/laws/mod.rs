@@ -161,6 +161,7 @@ pub const LAWS: &[Law] = laws! {
     all tree_shape_does_not_change_hits: trees::shape;
     usual a_swap_does_not_change_hits: trees::swap;
     all a_tree_that_was_brought_is_the_one_adopted: trees::brought;
+    robust a_tree_is_evaluated_beside_the_current_one: trees::evaluated;
     usual what_never_moves_may_be_passed_over: still::passed_over;
     usual a_tree_made_on_the_device_is_whole: trees::whole;
     all_in_turn a_tree_made_on_the_device_does_not_change_hits: trees::same_hits;

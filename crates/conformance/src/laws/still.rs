@@ -13,7 +13,7 @@ use bvh_layout::Topology;
 /// Frames that are looked at.
 const FRAMES: usize = 7;
 /// By how much, relatively, costs of trees may differ: sums in single precision, taken in any order.
-const COST_TOLERANCE: f64 = 1e-4;
+pub(super) const COST_TOLERANCE: f64 = 1e-4;
 
 /// A tree that comes with lists of what moves gives the positions, boxes, counts, cost and hits of one that comes without,
 /// frame after frame and tree after tree, whichever stages were done before. The case's chance decides what happens.

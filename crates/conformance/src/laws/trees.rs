@@ -4,8 +4,9 @@ use super::Check;
 use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
 use crate::reference::Answer;
-use crate::stage::{boxes_anew, fetch, start, tree_at};
-use anyhow::{Context, Result, bail};
+use crate::laws::still::COST_TOLERANCE;
+use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
+use anyhow::{Context, Result, bail, ensure};
 use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
@@ -94,6 +95,61 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
             lists("box of node", &boxes, &right, PartialEq::eq)?;
         }
     }
+    Ok(())
+}
+
+/// An evaluation changes no answer and no count. It measures the cost that the tree has once it is adopted, and a tree that
+/// was evaluated before answers as any other, also at another time.
+pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
+    let (case, rays) = (c.case, c.rays());
+    let [then, now] = [0, 1].map(|i| case.times[i]);
+    c.open(then)?;
+    c.stand(then)?;
+    let fresh_then = c.closest()?;
+    c.stand(now)?;
+    let (fresh, alone) = ask(c.subject, rays, QueryKind::Closest)?;
+    for (&time, generation) in case.times.iter().zip(2..) {
+        let tree = tree_at(&case.animation, time);
+        write(c, &tree, generation)?;
+        while !c.subject.bring(&tree, Generation(generation))? {
+            std::thread::yield_now();
+        }
+        for at in [then, now] {
+            c.interpolate(at)?;
+            if !c.subject.evaluate(&tree, Generation(generation))? {
+                return Ok(());
+            }
+            boxes_anew(c.subject)?;
+            if at == then {
+                answers(case, then, rays, &c.closest()?, &fresh_then)?;
+            }
+        }
+        let (hits, report) = ask(c.subject, rays, QueryKind::Closest)?;
+        answers(case, now, rays, &hits, &fresh).context("beside an evaluation")?;
+        same_counts(&report, &alone)?;
+        c.subject.adopt(&tree, Generation(generation))?;
+        boxes_anew(c.subject)?;
+        let (hits, adopted) = ask(c.subject, rays, QueryKind::Closest)?;
+        answers(case, now, rays, &hits, &fresh).context("adopted")?;
+        same_counts(&adopted, &alone)?;
+        same_cost(report.candidate_cost, adopted.sah_cost)?;
+        c.stand(then)?;
+        answers(case, then, rays, &c.closest()?, &fresh_then).context("at another time")?;
+        c.stand(now)?;
+        // The next candidate has the buffers of this tree.
+        let (_, report) = ask(c.subject, rays, QueryKind::Closest)?;
+        same_cost(report.sah_cost, adopted.sah_cost)?;
+    }
+    Ok(())
+}
+
+/// Sums of areas may be taken in another order.
+fn same_cost(found: Option<f64>, expected: Option<f64>) -> Result<()> {
+    let is_same = match (found, expected) {
+        (Some(found), Some(expected)) => (found / expected - 1.0).abs() <= COST_TOLERANCE,
+        (found, expected) => found == expected,
+    };
+    ensure!(is_same, "the cost is {found:?}, expected {expected:?}");
     Ok(())
 }
 

@@ -172,6 +172,10 @@ impl Backend for Faulty {
         adopted
     }
 
+    fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        self.inner.evaluate(tree, generation)
+    }
+
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is("panics"), "this backend panics");
         (self.seen.pose_before, self.seen.pose) = (self.seen.pose, Some(pose));
@@ -294,6 +298,12 @@ impl Backend for Faulty {
         report.hits += std::mem::take(&mut self.seen.together.1);
         match self.fault {
             "inactive miscounted" if report.inactive > 1 => report.inactive -= 1,
+            "cost is that of the current tree" if report.candidate_cost.is_some() => {
+                report.candidate_cost = report.sah_cost;
+            }
+            "evaluation counts inactive triangles twice" if report.candidate_cost.is_some() => {
+                report.inactive *= 2;
+            }
             "hits miscounted" if report.hits > 3 => report.hits -= 1,
             "times of stages left out" => report.times.refit_ms = Some(0.0),
             "clock runs backwards" => report.times.begun_ms = Some(-(ticket.0 as f64)),

@@ -27,6 +27,7 @@ tree_age_does_not_change_hits: first leaf is never hit
 tree_shape_does_not_change_hits: first leaf is never hit, ties go to the first leaf
 a_swap_does_not_change_hits: first leaf is never hit, new tree answers for old frames
 a_tree_that_was_brought_is_the_one_adopted: a tree that was left is adopted, first leaf is never hit
+a_tree_is_evaluated_beside_the_current_one: cost is that of the current tree, evaluation counts inactive triangles twice, first leaf is never hit
 a_tree_made_on_the_device_is_whole: made tree is not the one in use
 a_tree_made_on_the_device_does_not_change_hits: made tree misses sometimes
 a_wrong_tree_is_refused: any tree is taken

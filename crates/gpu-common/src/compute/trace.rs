@@ -22,7 +22,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         );
         let pending = self.engine.frames.pending.len();
         assert!(pending == place, "one trace a submission, or all together");
-        let has_tree = self.tree().shape.leaf_count > 0;
+        let has_tree = self.tree().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
             // Shadow rays keep clear by the typical size, so the host has to look.
             let range = self.engine.scene().animation.range(self.engine.pose);

@@ -1,9 +1,10 @@
 //! Positions that the backend gives back for trees: of the frame that asks, or, where the backend alone knows where vertices
 //! are, also of the next that moves, which shows where they go.
 
+use super::candidate::Request;
 use super::trees::bytes;
 use super::{Driver, PipelineError};
-use crate::builder_thread::BuildInput;
+use crate::builder_thread::{BuildInput, Observed};
 use crate::frame::Submission;
 use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Vertices, pose_between};
@@ -64,55 +65,64 @@ impl Driver {
     /// Whether the builder needs the positions of the frame at hand.
     pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
         let (observes, frame) = (self.observes(), self.frames);
-        let pending = self.build.as_mut().filter(|f| f.arrived.is_none());
-        let Some(pending) = pending else {
+        let time = self.record.frame.time;
+        let Some(request) = self.waiting_request() else {
             return false;
         };
-        let is_first = pending.frame == frame;
-        let is_second = observes && moved && !is_first && pending.moved_at.is_none();
+        let is_first = request.frame == frame;
+        let is_second = observes && moved && !is_first && request.moved_at.is_none();
         if is_second {
-            pending.moved_at = Some(self.record.frame.time);
+            request.moved_at = Some(time);
         }
         is_first || is_second
     }
 
     /// Begins the build that waits for positions, once all are there.
     pub(super) fn poll_read_back(&mut self) -> Result<(), PipelineError> {
-        let waits = self.build.as_ref().is_some_and(|f| f.arrived.is_none());
+        let waits = self.waiting_request().is_some();
         if waits && let Some((_, positions)) = self.backend.take_positions()? {
             self.take_read_back(positions)?;
         }
         let frames = self.frames;
-        let at_rest = self.build.as_mut().filter(|f| {
-            let since = frames - f.frame;
-            f.moved_at.is_none() && since > AT_REST
+        let at_rest = self.waiting_request().filter(|request| {
+            let since = frames - request.frame;
+            request.moved_at.is_none() && since > AT_REST
         });
-        match at_rest.and_then(|f| f.observed.take()) {
+        match at_rest.and_then(|request| request.observed.take()) {
             Some(positions) => self.build_read_back(positions),
             None => Ok(()),
         }
     }
 
+    /// Returns the request whose vertices have not all arrived.
+    fn waiting_request(&mut self) -> Option<&mut Request> {
+        let request = self.candidate.as_mut().map(|c| &mut c.request);
+        request.filter(|request| request.vertices_arrived.is_none())
+    }
+
     fn take_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
         let observes = self.observes();
-        let Some(pending) = &mut self.build else {
+        let Some(candidate) = &mut self.candidate else {
             return Ok(());
         };
-        let seen = pending.observed.take().zip(pending.moved_at);
+        let request = &mut candidate.request;
+        let seen = request.observed.take().zip(request.moved_at);
         let Some((earlier, moved_at)) = seen else {
             if !observes {
                 return self.build_read_back(positions);
             }
-            pending.observed = Some(positions);
+            request.observed = Some(positions);
             return Ok(());
         };
-        let at = |time| pose_between([pending.time, moved_at], time);
-        let middle = at(pending.middle);
+        let times = [request.time, moved_at];
+        let at = |time| pose_between(times, time);
         let input = BuildInput {
-            vertices: Vertices::KeyFrames(middle),
-            halves: Some(pending.halves.map(at)),
-            rival_at: Some(middle),
-            observed: Some([earlier, positions]),
+            vertices: Vertices::KeyFrames(at(request.middle)),
+            halves: Some(request.halves.map(at)),
+            observed: Some(Observed {
+                frames: [earlier, positions],
+                times,
+            }),
         };
         self.start_build(input, 2 * bytes(self.animation.vertex_count()))
     }

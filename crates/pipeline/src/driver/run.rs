@@ -90,6 +90,7 @@ impl Driver {
         let waited = Instant::now();
         let report = self.backend.wait(pending.ticket)?;
         let seen = Instant::now();
+        self.judge(pending.ticket, &report);
         self.fetch(pending.ticket, wanted, answers)?;
         let read = Instant::now();
         self.poll_builder()?;

@@ -1,12 +1,13 @@
-//! The driver's dealings with trees: asking, passing vertices on, hearing, swapping.
+//! Requests trees, hands vertices to the builder, and evaluates and adopts the trees that it makes.
 
+use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
 use crate::schedule::{FramePlan, InFlight, Pace, Update};
 use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, Made, TreeBuilder, Vertices};
-use backend::{Generation, Snapshot};
+use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use backend::{FrameReport, Generation, Ticket};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Point, Pose};
 use std::time::Instant;
@@ -26,47 +27,23 @@ pub(super) struct Tree {
     pub(super) cost: f64,
 }
 
-/// A tree on its way: which one, for which frame and pose.
-pub(super) struct PendingBuild {
-    pub(super) generation: Generation,
-    pub(super) frame: u64,
-    /// When that frame is.
-    pub(super) time: f64,
-    /// When the next is that moves, if its positions are read back, too; and those of the first, until then.
-    pub(super) moved_at: Option<f64>,
-    pub(super) observed: Option<Snapshot>,
-    pub(super) pose: Pose,
-    /// The moment that it is best used at.
-    pub(super) middle: f64,
-    asked: Instant,
-    /// How many frames it took, once it is finished.
-    latency: Option<u64>,
-    /// Moments early and late in its use.
-    pub(super) halves: [f64; 2],
-    /// Where it must be cheaper than the tree in use.
-    rival_at: Option<Pose>,
-    /// When its vertices were seen on the host and how many bytes they took; none before.
-    pub(super) arrived: Option<(Instant, u64)>,
-}
-
 impl Driver {
-    /// Passes vertices on to the builder and takes finished trees. Never waits.
+    /// Hands vertices to the builder and takes finished trees. Never waits.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
         self.poll_read_back()?;
         if let Some(result) = self.builder_thread.try_take() {
-            self.file(result);
-            self.bring_finished()?;
+            self.candidate = file(self.candidate.take(), result);
         }
-        Ok(())
+        self.bring_candidate().map(drop)
     }
 
-    /// Whether the finished tree, if there is one, is on the device; sends it on its way.
-    fn bring_finished(&mut self) -> Result<bool, PipelineError> {
-        match (&self.finished, &self.build) {
-            (Some(Made::Tree(built)), Some(pending)) => {
-                Ok(self.backend.bring(&built.topology, pending.generation)?)
-            }
-            _ => Ok(true),
+    /// Sends a finished tree on its way to the device, piece by piece. Returns whether nothing is on its way.
+    fn bring_candidate(&mut self) -> Result<bool, PipelineError> {
+        let candidate = self.candidate.as_ref();
+        let arrived = candidate.and_then(|c| Some((c.arrived()?, c.request.generation)));
+        match arrived {
+            Some((built, generation)) => Ok(self.backend.bring(&built.topology, generation)?),
+            None => Ok(true),
         }
     }
 
@@ -83,61 +60,114 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// The build in flight, for the schedule.
+    /// Returns the candidate as the schedule sees it.
     pub(super) fn in_flight(&mut self) -> Result<Option<InFlight>, PipelineError> {
-        let is_adoptable = self.review_finished()?;
-        Ok(self.build.as_ref().map(|build| InFlight {
-            asked_at: build.frame,
-            is_adoptable,
+        if self.bring_candidate()? {
+            self.review_candidate();
+        }
+        Ok(self.candidate.as_ref().map(|candidate| InFlight {
+            asked_at: candidate.request.frame,
+            is_adoptable: candidate.is_decided(),
         }))
     }
 
-    /// Tells the predictor how long a finished tree took. Says whether to swap to it: at once, but for trees
-    /// that were built for a moment to come, if the last one's is nearer still. One whose moment is too far off is left.
-    fn review_finished(&mut self) -> Result<bool, PipelineError> {
-        if !self.bring_finished()? {
-            return Ok(false);
-        }
-        let ahead = self.predicts() && self.may_reject();
-        let (Some(made), Some(pending)) = (&self.finished, &mut self.build) else {
-            return Ok(false);
+    /// Decides what becomes of a tree that has arrived on the device: it is evaluated once its moment is nearer than that of the
+    /// current tree. If a newer tree would be there before that, it is dropped.
+    fn review_candidate(&mut self) {
+        let (builds_ahead, weighs) = (self.builds_ahead(), self.weighs());
+        let (frames, last) = (self.frames, self.tree.as_ref().map(|tree| tree.middle));
+        let Some(candidate) = &mut self.candidate else {
+            return;
         };
-        if pending.latency.is_none() {
-            let frames = self.frames - pending.frame;
-            pending.latency = Some(frames);
-            if let Made::Tree(built) = made {
-                self.predictor.observe_latency(frames, built.strategy);
-                self.predictor.next_strategy_is(built.next);
-            }
+        let Some((strategy, next)) = candidate
+            .arrived()
+            .map(|built| (built.strategy, built.next))
+        else {
+            return;
+        };
+        let (predictor, request) = (&mut self.predictor, &mut candidate.request);
+        if request.latency.is_none() {
+            let latency = frames - request.frame;
+            request.latency = Some(latency);
+            predictor.observe_latency(latency, strategy);
+            predictor.next_strategy_is(next);
         }
-        let last = self.tree.as_ref().map_or(f64::NAN, |tree| tree.middle);
-        let should_adopt =
-            matches!(made, Made::NoBetter) || self.predictor.should_adopt(last, pending.middle);
-        if ahead && !should_adopt {
-            if !self.predictor.newer_tree_due_first(last, pending.middle) {
-                return Ok(false);
+        let (last, middle) = (last.unwrap_or(f64::NAN), request.middle);
+        if !weighs {
+            candidate.advance(State::Accepted);
+        } else if builds_ahead && !predictor.should_adopt(last, middle) {
+            if predictor.newer_tree_due_first(last, middle) {
+                self.drop_candidate(None);
             }
-            self.leave_finished();
+        } else if predictor.is_nearer(middle, candidate.dearer_at) {
+            candidate.advance(State::Due);
         }
-        Ok(true)
     }
 
-    /// Has a finished tree never be used.
-    fn leave_finished(&mut self) {
-        if let Some(Made::Tree(built)) = self.finished.replace(Made::NoBetter) {
+    /// Has a finished tree never be used, because it costs more at a pose or came too early.
+    fn drop_candidate(&mut self, dearer_at: Option<Pose>) {
+        let Some(candidate) = &mut self.candidate else {
+            return;
+        };
+        if let Some(built) = candidate.take() {
             self.spare = built.topology.into_spare();
             self.left_last = true;
+        }
+        candidate.state = State::Rejected(dearer_at);
+    }
+
+    /// Records the evaluation of a candidate that is due, at positions that stand.
+    pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
+        let builds_ahead = self.builds_ahead();
+        let (Some(candidate), Some(pose)) = (&mut self.candidate, self.pose) else {
+            return Ok(());
+        };
+        let State::Due(built) = &candidate.state else {
+            return Ok(());
+        };
+        let (tree, generation) = (&built.topology, candidate.request.generation);
+        let approach = self.predictor.approach(candidate.request.middle);
+        let evaluation = Evaluation {
+            ticket: None,
+            frame: self.frames,
+            pose,
+            approach: approach.filter(|_| builds_ahead),
+        };
+        match self.backend.evaluate(tree, generation)? {
+            true => candidate.advance(|built| State::Evaluating(built, evaluation)),
+            false => candidate.advance(State::Accepted),
+        }
+        Ok(())
+    }
+
+    /// Compares costs once the frame that evaluated a candidate is done.
+    pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
+        let Some(candidate) = &mut self.candidate else {
+            return;
+        };
+        let Some(evaluation) = candidate.evaluated_by(ticket) else {
+            return;
+        };
+        self.predictor
+            .observe_evaluation(self.frames - evaluation.frame);
+        match Verdict::of(report, evaluation.approach.is_some()) {
+            Verdict::Accept => candidate.advance(State::Accepted),
+            Verdict::Wait => {
+                candidate.dearer_at = evaluation.approach;
+                candidate.advance(State::Arrived);
+            }
+            Verdict::Reject => self.drop_candidate(Some(evaluation.pose)),
         }
     }
 
     /// Whether it is known when a tree asked for now would be in use, or of no account.
     pub(super) fn may_ask(&self) -> bool {
-        self.predictor.has_ground() || !self.may_reject()
+        self.predictor.has_ground() || !self.weighs()
     }
 
-    /// In lockstep each tree is swapped in, whatever its cost.
-    fn may_reject(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free) && self.knows_key_frames
+    /// Whether trees are adopted by their cost. In lockstep each is, whatever it costs.
+    fn weighs(&self) -> bool {
+        self.options.update == Update::Async(Pace::Free)
     }
 
     fn predicts(&self) -> bool {
@@ -158,12 +188,12 @@ impl Driver {
             return Ok(());
         }
         self.newest.0 += 1;
-        let mut pending = self.ask(self.newest, pose);
+        let mut request = self.ask(self.newest, pose);
         if self.options.update.waits_at_once() {
-            let built = self.build_now(&mut pending, None)?;
-            return built.map_or(Ok(()), |built| self.adopt(built, &pending));
+            let built = self.build_now(&mut request, None)?;
+            return built.map_or(Ok(()), |built| self.adopt(built, &request));
         }
-        self.build = Some(pending);
+        self.candidate = Some(Candidate::new(request));
         match self.predicts() {
             true => self.start_build(self.input(Vertices::KeyFrames(pose)), 0),
             false => Ok(()),
@@ -172,54 +202,50 @@ impl Driver {
 
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
-        let mut pending = self.ask(FIRST, pose);
+        let mut request = self.ask(FIRST, pose);
         let built = if self.options.update == Update::TSah {
             let range = self.options.time_range;
-            self.build_waiting(&mut pending, 0, |builder, animation| {
+            self.build_waiting(&mut request, 0, |builder, animation| {
                 let samples = samples(animation, range)?;
                 builder.build_for_all(animation, &samples, pose, &Cancel::new())
             })
         } else {
             // Built ahead, it is built for more than the frame.
-            let ahead = self.predicts() && self.may_reject();
+            let ahead = self.predicts() && self.weighs();
             let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-            pending.middle = halves.map_or(pending.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(&mut pending, halves.map(|times| self.poses(times)))?
+            request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
+            self.build_now(&mut request, halves.map(|times| self.poses(times)))?
         };
         let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
-        self.adopt(built, &pending)
+        self.adopt(built, &request)
     }
 
-    fn ask(&mut self, generation: Generation, pose: Pose) -> PendingBuild {
+    fn ask(&mut self, generation: Generation, pose: Pose) -> Request {
         self.record.asked = Some(generation);
-        let may_reject = self.may_reject();
-        let middle = self.predictor.middle_of_use();
-        PendingBuild {
+        Request {
             generation,
             frame: self.frames,
             time: self.record.frame.time,
             moved_at: None,
             observed: None,
             pose,
-            middle,
-            asked: Instant::now(),
-            latency: None,
+            middle: self.predictor.middle_of_use(),
             halves: self.predictor.halves_of_use(),
-            rival_at: may_reject.then(|| self.animation.pose(middle)),
-            arrived: None,
+            requested: Instant::now(),
+            latency: None,
+            vertices_arrived: None,
         }
     }
 
-    /// What the build in flight is made from and for, as far as key frames tell.
+    /// Returns what the candidate is built from and for, as far as key frames say.
     pub(super) fn input(&self, vertices: Vertices) -> BuildInput {
-        let pending = self.build.as_ref();
-        let halves = pending.map(|f| f.halves).filter(|_| self.predicts());
+        let halves = self.candidate.as_ref().map(|c| c.request.halves);
+        let halves = halves.filter(|_| self.predicts());
         BuildInput {
             vertices,
             halves: halves.map(|times| self.poses(times)),
-            rival_at: pending.and_then(|f| f.rival_at),
             observed: None,
         }
     }
@@ -229,31 +255,25 @@ impl Driver {
         input: BuildInput,
         read_back: u64,
     ) -> Result<(), PipelineError> {
-        let Some(pending) = self.build.as_mut() else {
+        let Some(candidate) = self.candidate.as_mut() else {
             return Ok(());
         };
+        let request = &mut candidate.request;
         // Vertices are the builder's to look into: that may cost their first reader.
-        pending.arrived = Some((Instant::now(), read_back));
-        let writer = self.backend.tree_writer(pending.generation)?;
+        request.vertices_arrived = Some((Instant::now(), read_back));
+        let writer = self.backend.tree_writer(request.generation)?;
         let job = Job {
             input,
+            weighs: self.weighs(),
             toward: self.light,
             spare: std::mem::take(&mut self.spare),
             left_last: std::mem::take(&mut self.left_last),
             writer,
         };
         if self.builder_thread.start(job).is_err() {
-            self.build = None;
+            self.candidate = None;
         }
         Ok(())
-    }
-
-    /// Puts a finished tree aside for its boundary, or forgets a failed one.
-    fn file(&mut self, result: BuildResult<Made>) {
-        match result {
-            Ok(made) => self.finished = Some(made),
-            Err(_) => self.build = None,
-        }
     }
 
     /// Swaps to a finished tree, waiting for it only where the plan says so.
@@ -263,31 +283,33 @@ impl Driver {
             self.wait_for_builder()?;
             self.record.build_wait_ms += ms(start.elapsed());
         }
-        let (Some(made), Some(pending)) = (self.finished.take(), self.build.take()) else {
+        let Some(mut candidate) = self.candidate.take() else {
             return Ok(());
         };
-        match made {
-            Made::Tree(built) => self.adopt(built, &pending),
-            Made::NoBetter => {
-                self.record.rejected = Some(pending.generation);
-                // One that came too early, or that was weighed elsewhere, says nothing.
-                let is_weighed = !self.left_last && pending.rival_at == Some(pending.pose);
-                self.has_best_for = is_weighed.then_some(pending.pose);
-                Ok(())
-            }
+        let generation = candidate.request.generation;
+        if let State::Rejected(dearer_at) = candidate.state {
+            self.record.rejected = Some(generation);
+            // A tree that came too early, or for other positions, says nothing about this pose.
+            self.has_best_for = dearer_at.filter(|&pose| pose == candidate.request.pose);
+            return Ok(());
+        }
+        match candidate.take() {
+            Some(built) => self.adopt(built, &candidate.request),
+            None => Ok(()),
         }
     }
 
-    /// Blocks until the tree in flight is finished or given up. Only lockstep comes here.
+    /// Blocks until the candidate is finished or given up. Only lockstep comes here.
     fn wait_for_builder(&mut self) -> Result<(), PipelineError> {
-        while self.finished.is_none() && self.build.is_some() {
+        while self.candidate.as_ref().is_some_and(Candidate::is_building) {
             self.poll_builder()?;
-            let building = self.build.as_ref().is_some_and(|f| f.arrived.is_some());
-            if building && self.finished.is_none() {
-                let result = self.builder_thread.take();
-                self.file(result);
-            } else {
-                std::thread::yield_now();
+            let building = self.candidate.as_ref().filter(|c| c.is_building());
+            match building.map(|c| c.request.vertices_arrived.is_some()) {
+                Some(true) => {
+                    let result = self.builder_thread.take();
+                    self.candidate = file(self.candidate.take(), result);
+                }
+                _ => std::thread::yield_now(),
             }
         }
         Ok(())
@@ -296,15 +318,15 @@ impl Driver {
     /// Builds from the backend's vertices at the build's pose while the frame waits, or from what lies between `halves`.
     fn build_now(
         &mut self,
-        pending: &mut PendingBuild,
+        request: &mut Request,
         halves: Option<[Pose; 2]>,
     ) -> Result<BuildResult<Built>, PipelineError> {
-        let positions = self.read_now(pending.pose)?;
-        self.pose = Some(pending.pose);
+        let positions = self.read_now(request.pose)?;
+        self.pose = Some(request.pose);
         let read_back = bytes(positions.len());
         let from = (Vertices::ReadBack(positions), halves);
         Ok(
-            self.build_waiting(pending, read_back, |builder, animation| {
+            self.build_waiting(request, read_back, |builder, animation| {
                 builder.build(animation, from, &Cancel::new())
             }),
         )
@@ -313,12 +335,12 @@ impl Driver {
     /// Builds while the frame waits, from so many bytes that were read back.
     fn build_waiting(
         &mut self,
-        pending: &mut PendingBuild,
+        request: &mut Request,
         read_back: u64,
         build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
     ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        pending.arrived = Some((arrived, read_back));
+        request.vertices_arrived = Some((arrived, read_back));
         let (animation, light) = (&self.animation, self.light);
         let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
@@ -330,28 +352,30 @@ impl Driver {
         built
     }
 
-    fn adopt(&mut self, built: Built, pending: &PendingBuild) -> Result<(), PipelineError> {
+    fn adopt(&mut self, built: Built, request: &Request) -> Result<(), PipelineError> {
         let taken = Instant::now();
-        self.backend.adopt(&built.topology, pending.generation)?;
+        self.backend.adopt(&built.topology, request.generation)?;
         let (adopted, moments) = (Instant::now(), built.moments);
         self.tree = Some(Tree {
-            generation: pending.generation,
-            frame: pending.frame,
-            pose: pending.pose,
-            middle: pending.middle,
+            generation: request.generation,
+            frame: request.frame,
+            pose: request.pose,
+            middle: request.middle,
             cost: built.cost,
         });
-        let (arrived, snapshot_bytes) = pending.arrived.expect("a tree is built from vertices");
+        let (arrived, snapshot_bytes) = request
+            .vertices_arrived
+            .expect("a tree is built from vertices");
         self.record.adopted = Some(Adopted {
-            latency_frames: pending.latency.unwrap_or(0),
+            latency_frames: request.latency.unwrap_or(0),
             build_ms: ms(moments.built - moments.begun),
             convert_ms: ms(moments.ended - moments.weighed),
             upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes,
             triangles: built.topology.leaf_count(),
-            built_for: pending.pose,
+            built_for: request.pose,
             moments: TreeMoments {
-                asked: pending.asked,
+                asked: request.requested,
                 arrived,
                 build: moments,
                 taken,

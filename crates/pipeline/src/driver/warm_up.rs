@@ -151,7 +151,7 @@ impl Driver {
     /// Warms the builder up, if one is to run free and has nothing to do.
     fn warm_up_builder(&self) {
         let runs_free = self.options.update == Update::Async(Pace::Free);
-        if let Some(pose) = self.pose.filter(|_| runs_free && self.build.is_none()) {
+        if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
             // Nothing comes of it either way; the first tree that counts will tell what is wrong.
             let animation = &self.animation;
             let warmed =

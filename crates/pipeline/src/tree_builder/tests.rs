@@ -83,48 +83,29 @@ impl Course {
         self.builder.build(a, from, &Cancel::new()).unwrap()
     }
 
-    /// If it is better than the one in use at a time.
-    fn rebuild(
-        &mut self,
-        time: f64,
-        halves: Option<[f64; 2]>,
-        rival_at: Option<f64>,
-    ) -> Option<Built> {
+    /// For a moment or for two, and weighed against the last one or not.
+    fn rebuild(&mut self, time: f64, halves: Option<[f64; 2]>, weighed: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
             vertices: Vertices::KeyFrames(pose(time)),
             halves: halves.map(|h| h.map(pose)),
-            rival_at: rival_at.map(pose),
             observed: None,
         };
-        let made = self.builder.rebuild(&self.animation, input, &Cancel::new());
-        match made.unwrap() {
-            Made::Tree(built) => Some(built),
-            Made::NoBetter => None,
-        }
+        let (builder, cancel) = (&mut self.builder, Cancel::new());
+        let built = builder.rebuild(&self.animation, (input, weighed), &cancel);
+        built.unwrap()
     }
 
     /// The tree before and the tree for a moment, used from a third of a key frame before it.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
         let last = self.builder.in_use.clone();
-        self.rebuild(time, Some([time - 0.375, time]), Some(time));
+        self.rebuild(time, Some([time - 0.375, time]), true);
         [last, self.builder.in_use.clone()]
     }
 
     fn boxes(&self, time: f64) -> Vec<Aabb> {
         swept(&self.animation, [time; 2])
     }
-}
-
-#[test]
-fn only_a_tree_that_is_cheaper_where_it_will_be_used_is_handed_over() {
-    let mut course = Course::over(shuffled(), Forms::default());
-    let mut is_made = |rival_at| course.rebuild(1.0, None, rival_at).is_some();
-    assert!(!is_made(Some(0.0)) && !is_made(Some(2.0)));
-    // What was not handed over is no rival: this one still meets the first.
-    assert!(is_made(Some(1.0)));
-    // Its equal is taken, even where another would be better.
-    assert!(is_made(Some(0.0)) && is_made(None));
 }
 
 #[test]
@@ -162,7 +143,7 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
         assert!(!warm_up(&mut course, 0.0), "there is no tree to begin with");
         course.build(0, None);
         assert!(!warms_up || warm_up(&mut course, 2.0));
-        course.rebuild(1.0, None, Some(1.0)).unwrap()
+        course.rebuild(1.0, None, true)
     };
     let [plain, warmed] = [false, true].map(next);
     assert_eq!(plain.strategy, BuildStrategy::Subtrees);
@@ -192,7 +173,7 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
     assert_eq!(built.cost, sah_cost(in_use, &course.boxes(0.0)[..]));
     for time in [1.0, 2.0] {
         let halves = Some([time - 0.375, time]);
-        let cost = course.rebuild(time, halves, Some(time)).unwrap().cost;
+        let cost = course.rebuild(time, halves, true).cost;
         let found = sah_cost(&course.builder.in_use, &course.boxes(time)[..]);
         assert!((cost / found - 1.0).abs() < 1e-9, "{cost} {found}");
     }
@@ -202,7 +183,7 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
     let mut course = Course::over(shuffled(), Forms::default());
     for _ in 0..3 {
-        let found = course.rebuild(1.0, Some([0.625, 1.0]), None).unwrap();
+        let found = course.rebuild(1.0, Some([0.625, 1.0]), false);
         let own = Course::over(shuffled(), Forms::default()).build(1, None);
         assert_eq!(found.topology.words(), own.topology.words());
     }
@@ -219,36 +200,66 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     assert_eq!(x, y);
 }
 
-/// The tree that a builder makes for `middle` of what it observed.
-fn observed(times: [f64; 2], middle: f64) -> Topology {
-    let mut course = Course::over(shuffled(), Forms::default());
+/// Builds a tree for `middle` of what was observed at some times.
+fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
     let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
     let pose = pose_between(times, middle);
     let input = BuildInput {
         vertices: Vertices::KeyFrames(pose),
         halves: Some([pose; 2]),
-        rival_at: Some(pose),
-        observed: Some(seen),
+        observed: Some(Observed {
+            frames: seen,
+            times,
+        }),
     };
-    let Course { builder, animation } = &mut course;
-    match builder.rebuild(animation, input, &Cancel::new()) {
-        Ok(Made::Tree(built)) => built.topology,
-        other => panic!("{other:?}"),
-    }
+    let Course { builder, animation } = course;
+    let built = builder.rebuild(animation, (input, true), &Cancel::new());
+    built.unwrap()
+}
+
+/// The tree that is made for a known moment, after others that were made likewise.
+fn known(times: &[f64]) -> Topology {
+    let mut course = Course::over(shuffled(), Forms::default());
+    let made = times.iter().map(|&t| course.rebuild(t, Some([t; 2]), true));
+    made.last().unwrap().topology
 }
 
 #[test]
 fn what_was_observed_is_followed_to_where_it_is_going() {
-    let known = |time| {
+    let observed = |times, middle| {
         let mut course = Course::over(shuffled(), Forms::default());
-        let tree = course.rebuild(time, Some([time; 2]), Some(time));
-        tree.unwrap().topology
+        observed(&mut course, times, middle).topology
     };
     // All these places are exact in floats.
     let ahead = observed([0.125, 0.25], 0.5);
-    assert!(ahead == known(0.5) && ahead != known(0.25));
+    assert!(ahead == known(&[0.5]) && ahead != known(&[0.25]));
     // Seen twice at one time, it stays.
-    assert_eq!(observed([0.25; 2], 9.0), known(0.25));
+    assert_eq!(observed([0.25; 2], 9.0), known(&[0.25]));
+}
+
+#[test]
+fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
+    let mut course = Course::over(shuffled(), Forms::default());
+    // It goes to 1 and back: two steps on, positions are where they were.
+    let first = observed(&mut course, [0.25, 0.5], 0.75);
+    assert!(!first.gave_up_extrapolation);
+    let times = [1.75, 2.0];
+    let seen = [0.25, 0.0].map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
+    let pose = pose_between(times, 2.5);
+    let input = BuildInput {
+        vertices: Vertices::KeyFrames(pose),
+        halves: Some([pose; 2]),
+        observed: Some(Observed {
+            frames: seen,
+            times,
+        }),
+    };
+    let built = course
+        .builder
+        .rebuild(&course.animation, (input, true), &Cancel::new())
+        .unwrap();
+    assert!(built.gave_up_extrapolation);
+    assert_eq!(built.topology, known(&[0.75, 0.0]));
 }
 
 #[test]
@@ -274,14 +285,13 @@ fn a_tree_that_was_never_used_is_taken_back() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), Forms::default()));
     let [mut course, mut other] = courses;
     let used = course.builder.in_use.clone();
-    let made = course.rebuild(1.0, None, Some(1.0));
-    made.expect("another order, another tree");
+    course.rebuild(1.0, None, true);
     assert_ne!(course.builder.in_use, used);
     course.builder.revert();
     assert_eq!(course.builder.in_use, used);
     // The next one is set against the one in use.
-    let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, Some(0.7)));
-    assert_eq!(one.map(|t| t.topology), other.map(|t| t.topology));
+    let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, true));
+    assert_eq!(one.topology, other.topology);
 }
 
 #[test]

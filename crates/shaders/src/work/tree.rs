@@ -16,14 +16,63 @@ pub struct Progress {
     has_boxes: bool,
     /// Whether `preprocess` made all boxes in this recording.
     has_climbed: bool,
+    sums: Sums,
+}
+
+/// The members of [`crate::Counts`] that receive a tree's areas.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Sums {
+    /// Those of the current tree.
+    #[default]
+    Current,
+    /// Those of a tree that is evaluated beside it.
+    Candidate,
+}
+
+impl Sums {
+    /// The member that receives the areas of all nodes, except those of what moves where these are added up apart.
+    fn all(self) -> usize {
+        match self {
+            Self::Current => offset_of!(crate::Counts, areas),
+            Self::Candidate => offset_of!(crate::Counts, candidate_areas),
+        }
+    }
+
+    /// The member that receives the areas of what moves.
+    fn moving(self) -> usize {
+        match self {
+            Self::Current => offset_of!(crate::Counts, moving_areas),
+            Self::Candidate => offset_of!(crate::Counts, candidate_moving_areas),
+        }
+    }
 }
 
 impl Progress {
+    /// Returns the progress of a tree that is evaluated beside the current one, before any work.
+    #[must_use]
+    pub fn of_candidate() -> Self {
+        Self {
+            sums: Sums::Candidate,
+            ..Self::default()
+        }
+    }
+
+    /// Returns the progress of the same tree once it is current. The areas of the whole tree are added up once more, because
+    /// those of the evaluation belong to other counts.
+    #[must_use]
+    pub fn promoted(self) -> Self {
+        Self {
+            has_records: self.has_records,
+            ..Self::default()
+        }
+    }
+
     /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be; with layout `fast`, after the
     /// leaves' vertices, also to boxes of all nodes in treelets of triangles. Also for [`crate::Extents::uncounted`] how
     /// many triangles of zero area it passes over. Of a small tree with layout `fast` it reads key frames, the later
     /// weighing [`Params::alpha`], and no positions, so that it may run beside `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
+        let params = self.with_sums(params);
         if tree.layout == Layout::Fast {
             let adopt = (!self.has_records).then(|| treelets::adopt(method, params, tree));
             let (work, uncounted) = treelets::preprocess(method, params, tree, self.has_records);
@@ -57,6 +106,7 @@ impl Progress {
 
     /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
+        let params = self.with_sums(params);
         if self.has_climbed {
             return (Vec::new(), Extent::Whole);
         }
@@ -66,8 +116,16 @@ impl Progress {
         }
         let moving = tree.moving.as_ref();
         match moving.filter(|_| self.has_boxes && tree.leaf_count > 0) {
-            Some(moving) => (refit_moving(params, moving), Extent::Moving),
-            None => (refit_whole(params, tree), Extent::Whole),
+            Some(moving) => (refit_moving(params, moving, self.sums), Extent::Moving),
+            None => (refit_whole(params, tree, self.sums), Extent::Whole),
+        }
+    }
+
+    /// Names the word that treelets add their areas up to.
+    fn with_sums(&self, params: Params) -> Params {
+        Params {
+            destination: word_of(self.sums.all()),
+            ..params
         }
     }
 
@@ -93,22 +151,22 @@ fn over(kernel: &'static Kernel, mut params: Params, elements: &Range<u32>) -> W
     Work::linear(kernel, params, elements.len() as u32)
 }
 
-fn refit_whole(params: Params, tree: &Shape) -> Vec<Work> {
+fn refit_whole(params: Params, tree: &Shape, sums: Sums) -> Vec<Work> {
     if tree.leaf_count == 0 {
         return Vec::new();
     }
     let mut work = refit_levels(params, &tree.levels);
-    work.push(sum(params, groups_of(&work), AREAS));
+    work.push(sum(params, groups_of(&work), word_of(sums.all())));
     // The areas of what moves come apart, as they will from then on.
     let moving = tree.moving.iter();
-    work.extend(moving.flat_map(|moving| refit_moving(params, moving)));
+    work.extend(moving.flat_map(|moving| refit_moving(params, moving, sums)));
     work
 }
 
-fn refit_moving(mut params: Params, moving: &MovingShape) -> Vec<Work> {
+fn refit_moving(mut params: Params, moving: &MovingShape, sums: Sums) -> Vec<Work> {
     params.listed = 1;
     let mut work = refit_levels(params, &moving.levels);
-    work.push(sum(params, groups_of(&work), MOVING_AREAS));
+    work.push(sum(params, groups_of(&work), word_of(sums.moving())));
     work
 }
 
@@ -133,17 +191,14 @@ fn groups_of(levels: &[Work]) -> u32 {
     last.map_or(0, |work| work.params.first_group + groups_of_one(work))
 }
 
-pub(super) const AREAS: usize = offset_of!(crate::Counts, areas);
-const MOVING_AREAS: usize = offset_of!(crate::Counts, moving_areas);
-
-/// Where a member of [`crate::Counts`] lies, in words.
-pub(super) fn word_of(member: usize) -> u32 {
+/// Converts the offset of a member of [`crate::Counts`] from bytes to words.
+pub(crate) fn word_of(member: usize) -> u32 {
     (member / size_of::<u32>()) as u32
 }
 
-/// Adds up the sums of so many workgroups, into a member of [`crate::Counts`].
-pub(crate) fn sum(mut params: Params, groups: u32, member: usize) -> Work {
-    (params.count, params.first) = (groups, word_of(member));
+/// Adds up the sums of `groups` workgroups, into a word of [`crate::Counts`].
+pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
+    (params.count, params.first) = (groups, word);
     Work::new(common("sum_costs"), params, Groups::Linear(1))
 }
 

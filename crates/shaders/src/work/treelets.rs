@@ -1,6 +1,6 @@
 //! The stages that follow a tree with layout `fast`: treelet by treelet, level by level.
 
-use super::tree::{AREAS, sum, word_of};
+use super::tree::sum;
 use super::{Groups, Work};
 use crate::{Kernel, MovingShape, Params, Shape, kernel};
 use backend::Method;
@@ -40,7 +40,6 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
     let (mut params, levels) = levels(params, tree, stand);
     if climbs(tree) {
         params.first_group = tree.treelet_count();
-        params.destination = word_of(AREAS);
     }
     let lowest = levels.first().cloned().unwrap_or_default();
     let uncounted = listed(tree, stand).map_or(0, |moving| moving.degenerate_elsewhere);
@@ -48,8 +47,8 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
 }
 
 /// Boxes of treelets' roots to those of all nodes above; if boxes stand, only where anything moves.
-/// Each treelet has a sum of areas of its own, as those of triangles have; whoever makes the root's box adds up all
-/// of them. What was passed over kept its sum.
+/// Each treelet has a sum of areas of its own, as those of triangles have. The workgroup that makes the root's box adds up all
+/// sums, to the word [`Params::destination`] of the counts. Treelets that were passed over kept their sums.
 pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
     let refit = kernel("refit_treelets", method);
     let (of_levels, levels) = levels(params, tree, stand);
@@ -59,9 +58,8 @@ pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -
     match work.last_mut() {
         Some(last) => {
             last.params.first_group = tree.treelet_count();
-            last.params.destination = word_of(AREAS);
         }
-        None => work.push(sum(params, tree.treelet_count(), AREAS)),
+        None => work.push(sum(params, tree.treelet_count(), params.destination)),
     }
     work
 }

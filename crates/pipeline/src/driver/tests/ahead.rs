@@ -46,7 +46,7 @@ fn moment(adopted: &Adopted) -> f64 {
     f64::from(adopted.built_for.key) + f64::from(adopted.built_for.alpha)
 }
 
-/// Four frames, at every half key. From one on, trees seem to take so many frames, and are there before the next.
+/// Five frames, at every half key. From one on, trees seem to take so many frames, and are there before the next.
 fn early(from: u64, latency: u64) -> Run {
     let fake = Fake::new(None);
     let log = Arc::clone(&fake.log);
@@ -59,13 +59,13 @@ fn early(from: u64, latency: u64) -> Run {
         let time = index as f64 * 0.5;
         let queries = [query(QueryKind::Closest)];
         driver.begin(Frame { index, time }, &queries).unwrap();
-        while driver.is_building() && driver.finished.is_none() {
+        while driver.candidate.as_ref().is_some_and(|c| c.is_building()) {
             driver.poll_builder().unwrap();
         }
         let record = driver.finish(Wanted::default(), &mut Answers::default());
         record.unwrap().unwrap()
     };
-    let records = (0..4).map(frame).collect();
+    let records = (0..5).map(frame).collect();
     let built = driver.builder_thread.is_open();
     drop(driver);
     let log = read(log);
@@ -80,8 +80,11 @@ fn early(from: u64, latency: u64) -> Run {
 fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
     let records = early(1, 2).records;
     assert!(records[1].asked.is_some());
-    assert!(records[2].adopted.is_none() && records[2].rejected.is_none());
-    let adopted = records[3].adopted.unwrap();
+    for waiting in &records[2..4] {
+        assert!(waiting.adopted.is_none() && waiting.rejected.is_none());
+    }
+    // Frame 3 would have evaluated it.
+    let adopted = records[4].adopted.unwrap();
     // The first tree was built for the key frame to come.
     assert_eq!((adopted.latency_frames, moment(&adopted)), (1, 1.75));
 }
@@ -90,7 +93,7 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
 fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
     let run = early(1, 20);
     assert!(run.records[2].rejected.is_some() && run.records[2].asked.is_some());
-    assert_eq!(moment(&run.records[3].adopted.unwrap()), 1.5);
+    assert_eq!(moment(&run.records[4].adopted.unwrap()), 1.5);
     // It is made of groups of the tree in use.
     assert!(run.log.trees[1] == early(2, 1).log.trees[1]);
 }
@@ -125,21 +128,108 @@ fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
     assert!(run.records[1].asked.is_some());
 }
 
-#[test]
-fn a_tree_that_is_no_better_is_left_and_its_number_not_used_again_but_in_lockstep() {
-    let run = run_scene(&shuffled(200, 64), 199, (FREE.0, false), Some(1));
-    let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
-    assert!(!rejected.is_empty() && rejected.is_sorted());
-    assert!(rejected.iter().all(|g| !run.log.adopted.contains(g)));
-    assert!(run.log.adopted.len() > 1);
-    for record in &run.records {
-        assert!(record.rejected.is_none() || record.adopted.is_none());
-        assert!(!rejected.contains(&record.tree_generation));
+/// A fake that measures what trees cost.
+fn measuring() -> Fake {
+    let mut fake = Fake::new(Some(1));
+    fake.measures = true;
+    fake
+}
+
+/// Frames of a shuffled row with a fake that measures, whose key frames the driver knows or not.
+fn weighed(by: Policy, frames: u64, knows_key_frames: bool) -> Run {
+    let (animation, fake) = (shuffled(200, 64), measuring());
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &animation, by).unwrap();
+    if !knows_key_frames {
+        driver.forget_key_frames();
     }
-    // In lockstep every tree is taken.
-    let run = run_scene(&shuffled(60, 64), 59, (lockstep(2), false), Some(1));
-    assert!(run.records.iter().all(|r| r.rejected.is_none()));
-    assert_eq!(run.log.adopted.len(), 29);
+    let records = play(&mut driver, (0..frames).map(|index| index as f64), |_| 1);
+    let built = driver.builder_thread.is_open();
+    drop(driver);
+    let log = read(log);
+    Run {
+        records,
+        log,
+        built,
+    }
+}
+
+#[test]
+fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_vertices() {
+    for (predict, knows_key_frames) in [(false, true), (true, true), (false, false), (true, false)]
+    {
+        let run = weighed((FREE.0, predict), 199, knows_key_frames);
+        let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
+        // Trees for a moment that is known and met exactly may all be better.
+        let is_met = predict && knows_key_frames;
+        assert!(
+            is_met || !rejected.is_empty(),
+            "{predict} {knows_key_frames}"
+        );
+        assert!(rejected.is_sorted() && run.log.adopted.len() > 1);
+        for record in &run.records {
+            assert!(record.rejected.is_none() || record.adopted.is_none());
+            assert!(!rejected.contains(&record.tree_generation));
+        }
+        // The last evaluation counts.
+        for (generation, [candidate, current]) in &run.log.evaluated {
+            let last = run.log.evaluated.iter().rfind(|(g, _)| g == generation);
+            let [last, _] = last.map(|(_, costs)| *costs).unwrap();
+            if last == *candidate && run.log.adopted.contains(generation) {
+                assert!(candidate < current, "{generation:?}");
+            }
+            if rejected.contains(generation) {
+                assert!(candidate >= current, "{generation:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn in_lockstep_every_tree_is_adopted_and_none_is_evaluated() {
+    for knows_key_frames in [true, false] {
+        let run = weighed((lockstep(2), false), 59, knows_key_frames);
+        assert!(run.records.iter().all(|r| r.rejected.is_none()));
+        assert_eq!(run.log.adopted.len(), 29);
+        assert!(run.log.evaluated.is_empty());
+        assert_eq!(
+            weighed((lockstep(2), false), 59, knows_key_frames)
+                .log
+                .trees,
+            run.log.trees
+        );
+    }
+}
+
+#[test]
+fn an_evaluation_that_was_not_submitted_is_recorded_again() {
+    let (animation, fake) = (shuffled(200, 64), measuring());
+    let log = Arc::clone(&fake.log);
+    let mut driver = driver(fake, &animation, (FREE.0, false)).unwrap();
+    play(&mut driver, (0..60).map(|index| index as f64), |_| 1);
+    let mut fails = 0;
+    for index in 60..160 {
+        driver.poll_builder().unwrap();
+        let is_due = |driver: &Driver| {
+            let candidate = driver.candidate.as_ref();
+            candidate.is_some_and(|c| matches!(c.state, candidate::State::Due(_)))
+        };
+        let time = index as f64;
+        let frame = Frame { index, time };
+        if driver.in_flight().is_ok() && is_due(&driver) && fails == 0 {
+            fails += 1;
+            driver.record_evaluation().unwrap();
+            driver.candidate.as_mut().unwrap().abandoned();
+        }
+        driver.begin(frame, &[query(QueryKind::Closest)]).unwrap();
+        let finished = driver.finish(Wanted::default(), &mut Answers::default());
+        finished.unwrap();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    drop(driver);
+    let evaluated = read(log).evaluated;
+    let twice = |pair: &[(Generation, [f64; 2])]| pair[0].0 == pair[1].0;
+    assert!(fails == 1 && evaluated.windows(2).any(twice));
 }
 
 /// Triangles anywhere, which go anywhere.
@@ -165,7 +255,7 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     for seed in 0..24 {
         let scene = (&scattered(seed), (FREE.0, false));
         let times = (0..45).map(|index| 0.07 * index.min(10) as f64);
-        let records = render(Fake::new(Some(1)), scene, times, |_| 1).records;
+        let records = render(measuring(), scene, times, |_| 1).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
         left += u32::from(last.is_some_and(|frame| frame > 12));
         assert!(records[30..].iter().all(|r| r.asked.is_none()), "{seed}");

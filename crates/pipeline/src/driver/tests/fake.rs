@@ -5,8 +5,8 @@ use backend::{
     Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Animation, Point, Pose};
-use std::collections::VecDeque;
+use geom::{Aabb, Animation, Point, Pose};
+use std::collections::{HashMap, VecDeque};
 use std::ops::Deref;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
@@ -57,6 +57,8 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) trees: Vec<Vec<u32>>,
     pub(in crate::driver) made: Vec<Generation>,
     pub(in crate::driver) requested: usize,
+    /// Generations that were evaluated, and the costs of both trees at these positions: the candidate's first.
+    pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
@@ -77,6 +79,13 @@ pub(in crate::driver) struct Fake {
     pub(in crate::driver) gate: Option<Arc<Gate>>,
     hits: Hits,
     own_trees: bool,
+    /// Whether it measures costs.
+    pub(in crate::driver) measures: bool,
+    /// The current tree, where costs are measured.
+    tree: Option<Topology>,
+    /// Costs of a candidate and the current tree, in the recording and in submissions.
+    recorded: Option<[f64; 2]>,
+    costs: HashMap<Ticket, [f64; 2]>,
     /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
@@ -94,6 +103,25 @@ impl Fake {
             own_trees: true,
             ..Self::new(Some(0))
         }
+    }
+
+    /// The cost of a tree at the pose of the recording.
+    fn cost_of(&self, tree: &Topology) -> f64 {
+        let moment = self.animation.as_ref().unwrap().moment(self.pose.unwrap());
+        let (moment, ranks) = (moment.unwrap(), tree.ranks());
+        let mut boxes = vec![Aabb::EMPTY; tree.node_count()];
+        for node in (0..tree.node_count()).rev() {
+            let at = ranks.of(node as u32);
+            boxes[node] = match at.leaf() {
+                Some(rank) => moment.build_box(tree.leaf_triangles()[rank as usize]),
+                None => {
+                    let left = 2 * at.rank() as usize + 1;
+                    boxes[left].union(boxes[left + 1])
+                }
+            };
+        }
+        let areas: f64 = boxes.iter().map(|b| f64::from(b.half_area())).sum();
+        areas / f64::from(boxes[0].half_area())
     }
 
     fn note(&self, what: impl FnOnce(&mut Log)) {
@@ -129,11 +157,24 @@ impl Backend for Fake {
         assert_eq!(tree.leaf_count(), live);
         self.generation = generation;
         self.fresh = (false, false);
+        if self.measures {
+            self.tree = Some(tree.clone());
+        }
         self.note(|log| {
             log.adopted.push(generation);
             log.trees.push(tree.words().to_vec());
         });
         Ok(())
+    }
+    fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
+        assert!(generation > self.generation, "a candidate is newer");
+        let Some(current) = &self.tree else {
+            return Ok(false);
+        };
+        let costs = [tree, current].map(|tree| self.cost_of(tree));
+        self.recorded = Some(costs);
+        self.note(|log| log.evaluated.push((generation, costs)));
+        Ok(true)
     }
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.pose = Some(pose);
@@ -184,12 +225,17 @@ impl Backend for Fake {
             let request = (polls, Ticket(self.ticket), self.pose.unwrap());
             self.requested.push_back(request);
         }
+        let costs = self.recorded.take();
+        self.costs
+            .extend(costs.map(|costs| (Ticket(self.ticket), costs)));
         Ok(Ticket(self.ticket))
     }
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
         assert!(ticket.0 <= self.ticket, "this ticket was never given");
+        let costs = self.costs.remove(&ticket);
         Ok(FrameReport {
-            sah_cost: Some(3.0),
+            sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
+            candidate_cost: costs.map(|[candidate, _]| candidate),
             ..FrameReport::default()
         })
     }

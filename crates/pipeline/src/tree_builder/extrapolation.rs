@@ -1,0 +1,99 @@
+//! Whether motion may be continued beyond the last positions that were seen.
+//!
+//! Where vertices arrive while they are traced, a tree for a moment to come is built from positions that are extrapolated from
+//! the last two. That helps only if motion goes on as it did. Positions of the next build show whether it did: if the
+//! extrapolation was farther from them than the positions that it started from, it is given up until it is closer again.
+
+use crate::motion::distance;
+use geom::Point;
+
+/// Vertices that are compared, evenly taken from all.
+const VERTICES: usize = 1024;
+
+/// Compares extrapolated positions with those that came.
+#[derive(Debug)]
+pub(super) struct ExtrapolationMonitor {
+    /// Some vertices of the last two positions, and the times of these.
+    seen: [Vec<Point>; 2],
+    times: [f64; 2],
+    is_trusted: bool,
+}
+
+impl Default for ExtrapolationMonitor {
+    fn default() -> Self {
+        Self {
+            seen: Default::default(),
+            times: [0.0; 2],
+            is_trusted: true,
+        }
+    }
+}
+
+impl ExtrapolationMonitor {
+    /// Takes the last two positions and their times. Returns whether the motion between both may be continued.
+    pub(super) fn observe(&mut self, frames: [&[Point]; 2], times: [f64; 2]) -> bool {
+        let step = frames[0].len().div_ceil(VERTICES).max(1);
+        let some = |frame: &[Point]| frame.iter().step_by(step).copied().collect::<Vec<_>>();
+        let now = some(frames[0]);
+        if now.len() == self.seen[1].len() {
+            let [extrapolated, kept] = self.errors(&now, times[0]);
+            // Where nothing moved, both are 0.
+            self.is_trusted = extrapolated < kept || (extrapolated <= kept && self.is_trusted);
+        }
+        self.seen = [now, some(frames[1])];
+        self.times = times;
+        self.is_trusted
+    }
+
+    /// Sums the distances of positions `now` from those extrapolated to `time`, and from those seen last.
+    fn errors(&self, now: &[Point], time: f64) -> [f64; 2] {
+        let [first, last] = self.times;
+        let weight = ((time - first) / (last - first)) as f32;
+        let mut errors = [0.0; 2];
+        if !weight.is_finite() {
+            return errors;
+        }
+        for ((now, a), b) in now.iter().zip(&self.seen[0]).zip(&self.seen[1]) {
+            let extrapolated = [0, 1, 2].map(|i| a[i] + (b[i] - a[i]) * weight);
+            let found = [distance(now, &extrapolated), distance(now, b)];
+            if found.iter().all(|error| error.is_finite()) {
+                errors[0] += found[0];
+                errors[1] += found[1];
+            }
+        }
+        errors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Observes pairs of frames that begin at these times, where all vertices are at `place(time)`.
+    fn observe(times: &[f64], place: impl Fn(f64) -> f32) -> Vec<bool> {
+        let mut monitor = ExtrapolationMonitor::default();
+        let at = |time| vec![[place(time), f32::NAN, 0.0], [place(time), 1.0, 0.0]];
+        let pair = |&time: &f64| {
+            let [a, b] = [time, time + 1.0].map(at);
+            monitor.observe([&a, &b], [time, time + 1.0])
+        };
+        times.iter().map(pair).collect()
+    }
+
+    #[test]
+    fn motion_is_continued_unless_it_turned_since() {
+        assert_eq!(observe(&[0.0, 9.0, 30.0], |t| t as f32), [true; 3]);
+        assert_eq!(observe(&[0.0, 9.0], |_| 2.0), [true; 2]);
+        // To and fro within 15 frames.
+        let turns = |t: f64| (15.0 - (t % 30.0 - 15.0).abs()) as f32;
+        let times = [0.0, 20.0, 41.0, 62.0, 64.0];
+        assert_eq!(observe(&times, turns), [true, false, false, false, true]);
+    }
+
+    #[test]
+    fn rest_changes_no_judgement() {
+        let stops = |t: f64| if t < 12.0 { (12.0 - t) as f32 } else { 10.0 };
+        let found = observe(&[0.0, 20.0, 40.0, 60.0], stops);
+        assert_eq!(found, [true, false, false, false]);
+    }
+}
