@@ -1,6 +1,6 @@
 //! The body of an ascii file: a stream of numbers. Writers put each element on a line of its own, but no reader relies on it.
 
-use super::element::{Element, push_number};
+use super::element::{Element, is_plain, push_number};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{ElementDef, PropertyType};
 use std::borrow::Cow;
@@ -33,6 +33,10 @@ impl<'a> Body<'a> {
     }
 
     pub(super) fn element(&mut self, of: &ElementDef, index: usize) -> Result<Element, Wrong> {
+        self.skip_blanks();
+        if let Some(element) = self.whole_line(of) {
+            return Ok(element);
+        }
         self.text.clear();
         let mut first_line = None;
         for property in of.properties.values() {
@@ -58,6 +62,34 @@ impl<'a> Body<'a> {
         self.last_line = self.line;
         let read = Parser::new().read_ascii_element(&self.text, of);
         read.map_err(|_| self.bad(of, index, &cause(&self.text)))
+    }
+
+    /// Reads an element that is a line of its own in the parser's grammar, as most are, without a copy of its words.
+    fn whole_line(&mut self, of: &ElementDef) -> Option<Element> {
+        // The rest of a long line is not searched for every element in it.
+        if self.last_line == self.line {
+            return None;
+        }
+        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
+        let end = self.rest.iter().position(is_end);
+        let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
+        let line = str::from_utf8(line).ok()?;
+        let words = || line.split_ascii_whitespace();
+        let mut needed = 0_usize;
+        for property in of.properties.values() {
+            if matches!(property.data_type, PropertyType::List(..)) {
+                let length = words().nth(needed)?.parse().ok()?;
+                needed = needed.checked_add(length)?;
+            }
+            needed = needed.checked_add(1)?;
+        }
+        if words().count() != needed || !words().all(is_plain) {
+            return None;
+        }
+        let element = Parser::new().read_ascii_element(line, of).ok()?;
+        self.rest = rest;
+        self.last_line = self.line;
+        Some(element)
     }
 
     /// Skips the blanks at the end. If an element is not a whole line, no number may follow, because a number that is missing

@@ -93,7 +93,8 @@ pub(super) fn push_number(text: &mut String, word: &str) {
     }
 }
 
-fn is_plain(word: &str) -> bool {
+/// Whether a word is in the parser's grammar, if it is a number at all.
+pub(super) fn is_plain(word: &str) -> bool {
     let bytes = word.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
     bytes.iter().enumerate().all(|(i, b)| match b {
