@@ -95,14 +95,27 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads a whole regular file.
 ///
 /// # Errors
-/// Those of [`open`], or [`ErrorKind::OutOfMemory`].
+/// Those of [`open`] and of [`refuse_pointer`], or [`ErrorKind::OutOfMemory`].
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
     check(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
     let mut bytes = room(size).map_err(io::Error::from)?;
     file.read_to_end(&mut bytes)?;
+    refuse_pointer(&bytes)?;
     Ok(bytes)
+}
+
+/// Refuses the first bytes of a Git LFS pointer, which has a file's name where its contents were not downloaded.
+///
+/// # Errors
+/// [`ErrorKind::InvalidData`].
+pub fn refuse_pointer(bytes: &[u8]) -> io::Result<()> {
+    if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
+        let message = "a Git LFS pointer, not the file's contents; 'git lfs pull' downloads them";
+        return Err(io::Error::new(ErrorKind::InvalidData, message));
+    }
+    Ok(())
 }
 
 fn without_waiting() -> OpenOptions {

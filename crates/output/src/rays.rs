@@ -3,7 +3,7 @@
 use crate::atomic::{OutputError, write_with};
 use geom::Ray;
 use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
@@ -17,6 +17,8 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>, OutputError> {
     let refused = |reason| OutputError(format!("{name}: {reason}"));
     let file = host::open(path).map_err(unreadable)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
+    let first_bytes = reader.fill_buf().map_err(unreadable)?;
+    host::refuse_pointer(first_bytes).map_err(unreadable)?;
     let no_array = |reason| refused(format!("not a .npy array: {reason}"));
     let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
     let (rays, columns) = check(&header).map_err(refused)?;
@@ -265,5 +267,7 @@ mod tests {
         for file in [&deep[..], &deeper, b"", other, b"ox oy oz\n0 0 0\n"] {
             refused(file, &["not a .npy array"]);
         }
+        let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n";
+        refused(pointer, &["Git LFS pointer"]);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::join::inputs;
 use crate::source::{entries, exists, extension, matches};
+use crate::text::lines;
 use crate::{Result, SceneError};
 use std::ffi::OsStr;
 use std::fmt::Write;
@@ -106,12 +107,18 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
+/// The names after `mtllib`, as the reader of meshes finds them.
 fn materials(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
-    for line in BufReader::new(fs::File::open(obj)?).split(b'\n') {
-        if let Some(name) = line?.strip_prefix(b"mtllib ") {
-            names.push(String::from_utf8_lossy(name).trim().to_owned());
-        }
+    for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {
+        let part = part?;
+        let found = lines(&part).filter_map(|line| {
+            let rest = line.trim_ascii_start().strip_prefix(b"mtllib")?;
+            rest.first()
+                .is_some_and(u8::is_ascii_whitespace)
+                .then_some(rest)
+        });
+        names.extend(found.map(|name| String::from_utf8_lossy(name).trim().to_owned()));
     }
     Ok(names)
 }
@@ -137,7 +144,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let put = |name: &str, text: &str| put(&dir, name, text);
         let a = put("a/1.obj", "mtllib x.mtl\nv 0 0 0\n");
-        let b = put("a/2.obj", "v 0 0 0\n");
+        let b = put("a/2.obj", "# head\r mtllib\ty.mtl\rv 0 0 0\r");
+        let y = put("a/y.mtl", "newmtl m\r");
         let x = put("a/x.mtl", "newmtl m\n");
         put("a/notes.txt", "");
         let buffers = r#"{"buffers":[{"uri":"d%20e.bin"},{"uri":"data:,"}]}"#;
@@ -145,10 +153,10 @@ mod tests {
         let d = put("d e.bin", "");
         let name = |p: &Path| p.display().to_string();
         let folder = files(&name(&dir.path().join("a"))).unwrap();
-        assert_eq!(folder, [&a, &b, &x].map(PathBuf::clone));
+        assert_eq!(folder, [&a, &b, &x, &y].map(PathBuf::clone));
         assert_eq!(files(&name(&a)).unwrap(), [a, x]);
         let both = format!("{}+demo:hall+{}@1,0,0", name(&g), name(&b));
-        assert_eq!(files(&both).unwrap(), [b, d, g]);
+        assert_eq!(files(&both).unwrap(), [b, y, d, g]);
         assert!(files("demo:twist").unwrap().is_empty());
         assert!(files("nowhere.obj").is_err());
     }

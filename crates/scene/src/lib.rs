@@ -13,9 +13,11 @@ pub mod keys;
 mod mesh;
 mod obj;
 mod ply;
+mod polygon;
 mod sequence;
 mod source;
 mod stream;
+mod text;
 
 pub use files::{files, word};
 pub use ply::write_ply;
@@ -137,7 +139,9 @@ impl SceneError {
 
 #[cfg(test)]
 mod testing {
-    use crate::{Options, Result, Scene};
+    use crate::mesh::{Mesh, compact};
+    use crate::{Options, Result, Scene, polygon};
+    use geom::Point;
     use std::fs;
     use std::path::PathBuf;
     use tempfile::TempDir;
@@ -148,6 +152,19 @@ mod testing {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(&path, bytes).unwrap();
         path
+    }
+
+    /// Triangles over the vertices that they use.
+    pub(crate) struct Surface {
+        pub(crate) points: Vec<Point>,
+        pub(crate) triangles: Vec<[u32; 3]>,
+    }
+
+    pub(crate) fn surface(mesh: &Mesh) -> Surface {
+        let mut triangles = polygon::triangulate(&mesh.topology, &mesh.points).triangles;
+        let kept = compact(&mut triangles, mesh.points.len());
+        let points = kept.iter().map(|&v| mesh.points[v as usize]).collect();
+        Surface { points, triangles }
     }
 
     /// Opens the inputs of a folder with these names.

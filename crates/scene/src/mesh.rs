@@ -1,25 +1,23 @@
-//! One mesh file: what it takes to compare it with the next key frame, its colours, and nothing of its format.
+//! One mesh file of any format: vertices, faces and colours, and how it is compared with the next key frame.
 
 use crate::ply::Pattern;
 use crate::stream::check_counts;
-use crate::{Result, Rgb, SceneError};
+use crate::{Location, Result, Rgb, SceneError};
 use geom::Point;
 use std::path::Path;
 
 pub(crate) struct Mesh {
-    /// Positions of the vertices that faces use.
+    /// Positions of the file's vertices, used or not.
     pub(crate) points: Vec<Point>,
-    /// Three indices into `points` a triangle: every face fanned from its first vertex, in file order.
-    pub(crate) triangles: Vec<[u32; 3]>,
-    /// What key frames must agree on.
+    /// The faces, on which key frames must agree.
     pub(crate) topology: Topology,
     pub(crate) paint: Paint,
     pub(crate) notes: Vec<String>,
-    /// What later key frames repeat, where they can be compared with it.
+    /// Bytes that later key frames repeat, if they can be compared without being parsed.
     pub(crate) pattern: Option<Pattern>,
 }
 
-/// Vertices and faces as the file numbers them.
+/// Vertices and faces as the file numbers them, without faces of fewer than three vertices.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Topology {
     /// Vertices in the file, used or not.
@@ -59,12 +57,11 @@ impl Topology {
             .map(|(start, &end)| &self.corners[start..end])
     }
 
-    /// (Face, vertices) of each triangle: faces are fanned from their first vertex.
-    pub(crate) fn triangles(&self) -> impl Iterator<Item = (usize, [u32; 3])> {
-        self.faces().enumerate().flat_map(|(face, corners)| {
-            let rim = corners[1..].windows(2);
-            rim.map(move |edge| (face, [corners[0], edge[0], edge[1]]))
-        })
+    /// Returns one value for each triangle from one for each face, since a face of n vertices has n - 2 triangles.
+    pub(crate) fn per_triangle<T: Copy>(&self, of_faces: &[T]) -> Vec<T> {
+        let faces = self.faces().zip(of_faces);
+        let repeated = faces.map(|(corners, &value)| std::iter::repeat_n(value, corners.len() - 2));
+        repeated.flatten().collect()
     }
 
     pub(crate) fn triangle_count(&self) -> usize {
@@ -118,8 +115,9 @@ pub(crate) fn joined_triangles<'a>(
     all
 }
 
-/// Renumbers triangles over the vertices they use and returns those, in the same order: strays would spoil every camera
-/// made from the scene's bounds.
+/// Renumbers triangles over the vertices they use, and returns these vertices in their order.
+///
+/// Unused vertices would spoil every camera that is made from the scene's bounds.
 pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut used = vec![false; vertices];
     let corners = triangles.as_flattened_mut();
@@ -141,6 +139,45 @@ pub(crate) const CLAY: Rgb = [204, 196, 184];
 /// From components that are already meant for display; out of range or not a number is clamped.
 pub(crate) fn from_display(colour: [f32; 3]) -> Rgb {
     colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+}
+
+/// Returns the remark on faces that are not read because they have fewer than three vertices.
+pub(crate) fn short_faces_note(path: &Path, count: usize, first: Location) -> Option<String> {
+    let (file, (what, at)) = (path.display(), first);
+    let note =
+        format!("{file}: skipped {count} faces of fewer than 3 vertices, the first in {what} {at}");
+    (count > 0).then_some(note)
+}
+
+/// Colours as a file has them, one after another.
+#[derive(Default)]
+pub(crate) struct Colours(Vec<[f32; 3]>);
+
+impl Colours {
+    pub(crate) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    pub(crate) fn push(&mut self, colour: [f32; 3]) {
+        self.0.push(colour);
+    }
+
+    /// Converts all colours. If a component is above 1, they range to 255, which adds a remark.
+    pub(crate) fn into_display(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
+        let is_above_one = |c: &f32| *c > 1.0 && c.is_finite();
+        let mut scale = 1.0;
+        if self.0.as_flattened().iter().any(is_above_one) {
+            scale = 255.0;
+            let file = path.display();
+            notes.push(format!(
+                "{file}: colours above 1 are read as 0 to 255, like all colours of the file"
+            ));
+        }
+        let colours = self.0.into_iter();
+        colours
+            .map(|c| from_display(c.map(|c| c / scale)))
+            .collect()
+    }
 }
 
 /// From linear light (IEC 61966-2-1).

@@ -1,7 +1,8 @@
 //! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
 
-use crate::mesh::{CLAY, Mesh, Paint, Topology, mean};
+use crate::mesh::{CLAY, Mesh, Paint, Topology, compact, mean};
 use crate::ply::Pattern;
+use crate::polygon::{self, Triangulation};
 use crate::source::extension;
 use crate::stream::check_keys;
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
@@ -24,32 +25,47 @@ fn read(path: &Path) -> Result<Mesh> {
 }
 
 /// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
+///
+/// The first key frame decides how polygons are triangulated. The others have the same faces, and so the same triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = files[0].as_path();
-    let mut mesh = read(path)?;
+    let mesh = read(path)?;
     mesh.topology.check(path)?;
+    let Triangulation {
+        mut triangles,
+        fanned,
+    } = polygon::triangulate(&mesh.topology, &mesh.points);
     let folder = Folder::of(path, options.allow_outside);
-    let colours = colours((path, &folder), &mesh.topology, mesh.paint, &mut mesh.notes);
-    let (keys, vertices) = (files.len(), mesh.points.len());
-    check_keys(path, (keys, vertices, mesh.triangles.len()), options)?;
+    let mut notes = mesh.notes;
+    if fanned > 0 {
+        let file = path.display();
+        notes.push(format!(
+            "{file}: {fanned} concave faces have too many vertices to be triangulated, and are read as fans"
+        ));
+    }
+    let place = (path, &folder);
+    let colours = colours(place, &mesh.topology, &triangles, mesh.paint, &mut notes);
+    let kept = compact(&mut triangles, mesh.topology.vertices);
+    let (keys, vertices) = (files.len(), kept.len());
+    check_keys(path, (keys, vertices, triangles.len()), options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),
         alike: files.iter().map(|_| AtomicBool::new(false)).collect(),
         files: files.clone(),
         topology: mesh.topology,
         pattern: mesh.pattern,
-        first: Mutex::new(Some(mesh.points)),
+        first: Mutex::new(Some(pick(&mesh.points, &kept))),
+        kept,
         notes: Mutex::default(),
     });
     let read = Arc::clone(&sequence);
     let source = move |key| Ok(read.read(key)?);
-    let animation = stream::animation(source, (keys, vertices), mesh.triangles, options)?;
-    mesh.notes
-        .extend(lock(&sequence.notes).values().flatten().cloned());
+    let animation = stream::animation(source, (keys, vertices), triangles, options)?;
+    notes.extend(lock(&sequence.notes).values().flatten().cloned());
     let facts = Facts {
         format: extension(&files[0]),
         files,
-        notes: mesh.notes,
+        notes,
         ..Facts::default()
     };
     Ok(Scene {
@@ -58,6 +74,11 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
         colours: colours.into(),
         facts,
     })
+}
+
+/// Returns the points of these vertices.
+fn pick(points: &[Point], vertices: &[u32]) -> Vec<Point> {
+    vertices.iter().map(|&v| points[v as usize]).collect()
 }
 
 /// Files that are read again where their key frames are not held.
@@ -70,6 +91,8 @@ struct Sequence {
     /// Of all of them.
     topology: Topology,
     pattern: Option<Pattern>,
+    /// Vertices that faces use, by their numbers in the files.
+    kept: Vec<u32>,
     /// The first key frame, until somebody asks for it.
     first: Mutex<Option<Vec<Point>>>,
     /// Remarks on later files, by their number.
@@ -88,9 +111,9 @@ impl Sequence {
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
             if self.alike[key].load(Ordering::Relaxed) {
-                return pattern.read_again(path);
+                return pattern.read_again(path, &self.kept);
             }
-            if let Some(points) = pattern.read(path)? {
+            if let Some(points) = pattern.read(path, &self.kept)? {
                 self.alike[key].store(true, Ordering::Relaxed);
                 return Ok(points);
             }
@@ -104,7 +127,7 @@ impl Sequence {
         if !notes.is_empty() && key > 0 {
             lock(&self.notes).insert(key, notes);
         }
-        Ok(mesh.points)
+        Ok(pick(&mesh.points, &self.kept))
     }
 
     /// What was learnt of a file holds as long as it is the same.
@@ -122,25 +145,27 @@ impl Sequence {
     }
 }
 
+/// Returns one colour for each of the `triangles`, which have the file's vertex numbers.
 fn colours(
     place: (&Path, &Folder),
     topology: &Topology,
+    triangles: &[[u32; 3]],
     paint: Paint,
     notes: &mut Vec<String>,
 ) -> Vec<Rgb> {
-    let triangles = topology.triangles();
-    let of_faces = match paint {
-        Paint::None => return vec![CLAY; topology.triangle_count()],
+    match paint {
+        Paint::None => vec![CLAY; triangles.len()],
         Paint::Vertices(colours) => {
-            let mean = |corners: [u32; 3]| mean(corners.map(|v| colours[v as usize]));
-            return triangles.map(|(_, corners)| mean(corners)).collect();
+            let mean = |corners: &[u32; 3]| mean(corners.map(|v| colours[v as usize]));
+            triangles.iter().map(mean).collect()
         }
-        Paint::Faces(colours) => colours,
+        Paint::Faces(colours) => topology.per_triangle(&colours),
         Paint::Materials { libraries, uses } => {
-            obj::paint(place, &libraries, &uses, topology.faces().count(), notes)
+            let faces = topology.faces().count();
+            let colours = obj::paint(place, &libraries, &uses, faces, notes);
+            topology.per_triangle(&colours)
         }
-    };
-    triangles.map(|(face, _)| of_faces[face]).collect()
+    }
 }
 
 /// The file of times, as `abvh inspect --reduced-out` writes it.

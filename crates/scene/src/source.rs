@@ -212,7 +212,7 @@ mod tests {
                 obj(2, "f 1 2 4\n"),
                 ["face 1 joins other vertices", "1.obj"],
             ),
-            (obj(2, "f 1 2\n"), ["line 5: a face of 2", ""]),
+            (obj(2, "f 1 2\n"), ["0 triangles, but", "has 1"]),
             (String::new(), ["0 triangles, but", ""]),
             (obj(2, ""), ["1.obj has 1;", ""]),
         ] {
@@ -259,6 +259,90 @@ mod tests {
         ] {
             refused(with(&times), &["times.json", says]);
         }
+    }
+
+    #[test]
+    fn polygons_are_triangulated_in_the_first_key_frame() {
+        // Vertex 2 makes a notch, and leaves it in the second key frame.
+        let with = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
+        let ply = |y: u32, face: &str| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                 element face 1\nproperty list uchar int vertex_index\nend_header\n2 2 0\n0 {y} 0\n-2 2 0\n0 0 0\n{face}"
+            )
+        };
+        // Ten key frames, of which the first differs from the others. More than eight may be paged.
+        let opened = |kind: &str, first: String, later: &str, key_bytes| {
+            let folder = tempfile::tempdir().unwrap();
+            put(&folder, &format!("0.{kind}"), first);
+            for key in 1..10 {
+                put(&folder, &format!("{key}.{kind}"), later);
+            }
+            let options = Options {
+                key_bytes,
+                ..Options::default()
+            };
+            open_in(&folder, "", &options)
+        };
+        for key_bytes in [1, 1 << 20] {
+            for (first, later, expected) in [
+                (1, 3, [[0, 1, 3], [1, 2, 3]]),
+                (3, 1, [[0, 1, 2], [0, 2, 3]]),
+            ] {
+                let face = "f 1 2 3 4\n";
+                let obj = opened("obj", with(first, face), &with(later, face), key_bytes);
+                let face = "4 0 1 2 3\n";
+                let ply = opened("ply", ply(first, face), &ply(later, face), key_bytes);
+                for scene in [obj.unwrap(), ply.unwrap()] {
+                    assert_eq!(scene.animation.triangles(), expected);
+                    let last = scene.animation.at(9.0).unwrap();
+                    assert_eq!(last.vertex(1), [0.0, later as f32, 0.0]);
+                }
+            }
+            // The same triangles are not the same polygons.
+            let triangles = with(3, "f 1 2 3\nf 1 3 4\n");
+            let other = opened("obj", with(3, "f 1 2 3 4\n"), &triangles, key_bytes);
+            refused(other, &["1.obj", "face 1 joins other vertices"]);
+        }
+    }
+
+    #[test]
+    fn git_lfs_pointers_are_named_in_every_format() {
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+        let triangle = obj(0, TRIANGLE);
+        let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"a.bin","byteLength":8}]}"#;
+        let folder = folder(&[
+            ("a.obj", pointer.to_owned()),
+            ("a.ply", pointer.to_owned()),
+            ("a.gltf", pointer.to_owned()),
+            ("a.glb", pointer.to_owned()),
+            ("a.bin", pointer.to_owned()),
+            ("buffer.gltf", gltf.to_owned()),
+            ("keys/1.obj", triangle.clone()),
+            ("keys/2.obj", pointer.to_owned()),
+            ("times/1.obj", triangle.clone()),
+            ("times/times.json", pointer.to_owned()),
+            ("m.mtl", pointer.to_owned()),
+            (
+                "materials.obj",
+                format!("mtllib m.mtl\nusemtl m\n{triangle}"),
+            ),
+        ]);
+        let options = Options::default();
+        for name in [
+            "a.obj",
+            "a.ply",
+            "a.gltf",
+            "a.glb",
+            "buffer.gltf",
+            "keys",
+            "times",
+        ] {
+            refused(open_in(&folder, name, &options), &["Git LFS pointer"]);
+        }
+        let scene = open_in(&folder, "materials.obj", &options).unwrap();
+        let is_told = |n: &String| n.contains("m.mtl") && n.contains("Git LFS pointer");
+        assert!(scene.facts.notes.iter().any(is_told));
     }
 
     #[test]

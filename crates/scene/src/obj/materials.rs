@@ -5,6 +5,7 @@
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};
+use crate::text::{check_encoding, lines};
 use host::Folder;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -56,7 +57,8 @@ fn read_library(
         let file = folder.path(name);
         let read = folder.read(name).map_err(|e| e.to_string());
         let found = read.and_then(|bytes| {
-            let text = colour_statements(&String::from_utf8_lossy(&bytes));
+            check_encoding(&bytes)?;
+            let text = colour_statements(&bytes);
             tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
         });
         match found {
@@ -73,9 +75,10 @@ fn read_library(
 }
 
 /// The `newmtl` lines that have a name, and the `Kd` lines of one number or three.
-fn colour_statements(text: &str) -> String {
+fn colour_statements(text: &[u8]) -> String {
     let mut plain = String::new();
-    for line in text.lines().map(str::trim) {
+    for line in lines(text).map(String::from_utf8_lossy) {
+        let line = line.trim();
         let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let numbers: Option<Vec<f32>> = rest.split_whitespace().map(|n| n.parse().ok()).collect();
         match (word, numbers.as_deref()) {

@@ -1,54 +1,39 @@
-//! Wavefront OBJ: `tobj` reads numbers, fans faces and reads materials.
+//! Wavefront OBJ: vertices, polygons and their colours. Other statements are skipped with a remark.
 //!
-//! `tobj` names no line, counts the vertices of each group anew and takes lines (`l`) for faces. What it does not like about
-//! some of them it leaves out. So [`Statements`] goes through the text first, refuses what is wrong with the line it is in, and
-//! hands on plain vertices and faces only.
+//! `tobj` reads the material libraries. It does not read the meshes: it names no line of an error, drops faces without a
+//! word, and takes lines (`l`) for faces.
 
 mod materials;
 
-use crate::mesh::{Mesh, Paint, Topology, from_display};
+use crate::mesh::{Colours, Mesh, Paint, Topology, short_faces_note};
 use crate::stream::check_mesh;
-use crate::{Result, Rgb, SceneError};
+use crate::text::{before_comment, check_encoding, lines, number};
+use crate::{Result, SceneError};
+use geom::Point;
 pub(crate) use materials::paint;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
+    check_encoding(&bytes).map_err(|cause| SceneError::malformed(path, None, cause))?;
     check_memory(path, &bytes)?;
     let found = Statements::scan(&bytes)
         .map_err(|(line, cause)| SceneError::malformed(path, ("line", line), cause))?;
-    let failed = |e: &dyn std::fmt::Display| SceneError::malformed(path, None, e);
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ..tobj::LoadOptions::default()
-    };
-    let no_materials = |_: &Path| Ok(Default::default());
-    let (models, _) = tobj::load_obj_buf(&mut found.plain.as_bytes(), &options, no_materials)
-        .map_err(|e| failed(&e))?;
-    // Without groups and materials in its text, tobj makes one model, or none without faces.
-    let mesh = models.into_iter().next().map(|m| m.mesh);
-    let mesh = mesh.unwrap_or_default();
-    let triangles = mesh.indices.as_chunks::<3>().0.to_vec();
-    let points = mesh.positions.as_chunks::<3>().0.to_vec();
-    if triangles.len() != found.topology.triangle_count() {
-        return Err(failed(&"triangles were lost"));
-    }
-    let notes = found.notes(path);
+    let mut notes = found.notes(path);
     let paint = if !found.uses.is_empty() {
         Paint::Materials {
             libraries: found.libraries,
             uses: found.uses,
         }
-    } else if found.colours.len() == found.topology.vertices {
-        Paint::Vertices(found.colours)
+    } else if found.colours.len() == found.points.len() {
+        Paint::Vertices(found.colours.into_display(path, &mut notes))
     } else {
         Paint::None
     };
     Ok(Mesh {
-        points,
-        triangles,
+        points: found.points,
         topology: found.topology,
         paint,
         notes,
@@ -56,51 +41,78 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     })
 }
 
-#[derive(Debug, Default)]
+/// The contents of a file, as far as they are used.
+#[derive(Default)]
 struct Statements {
-    /// Vertices and faces alone, faces by absolute position index: text for `tobj`.
-    plain: String,
-    /// Vertices and faces as numbered in the file, from 0.
+    points: Vec<Point>,
+    /// Faces of three or more vertices.
     topology: Topology,
     /// One for each vertex, if every vertex has one.
-    colours: Vec<Rgb>,
+    colours: Colours,
     libraries: Vec<String>,
     /// (First face, name) of each material in use.
     uses: Vec<(usize, String)>,
+    /// The line of each face.
     face_lines: Vec<usize>,
-    /// Statements that are skipped: how many there are, and the line of the first.
-    skipped: BTreeMap<String, (usize, usize)>,
+    /// The vertices of the current face.
+    corners: Vec<u32>,
+    /// Faces of fewer than three vertices.
+    short_faces: Skipped,
+    /// Statements that are skipped, by their keyword.
+    skipped: BTreeMap<String, Skipped>,
     /// Whether the last line has no end.
     open_end: bool,
 }
 
-/// In which line something is wrong, and what.
+/// Items that are not read.
+#[derive(Clone, Copy, Default)]
+struct Skipped {
+    count: usize,
+    first_line: usize,
+    last_line: usize,
+}
+
+impl Skipped {
+    fn add(&mut self, line: usize) {
+        if self.count == 0 {
+            self.first_line = line;
+        }
+        self.last_line = line;
+        self.count += 1;
+    }
+}
+
+/// A line that is wrong, and the reason.
 type Wrong = (usize, String);
 
 impl Statements {
     fn scan(bytes: &[u8]) -> Result<Self, Wrong> {
         let mut found = Self {
-            open_end: !bytes.ends_with(b"\n") && !bytes.is_empty(),
+            open_end: !bytes.ends_with(b"\n") && !bytes.ends_with(b"\r") && !bytes.is_empty(),
             ..Self::default()
         };
-        let text = String::from_utf8_lossy(bytes);
-        let mut lines = text.trim_start_matches('\u{feff}').split('\n').enumerate();
-        let mut joined = String::new();
-        while let Some((index, mut line)) = lines.next() {
-            // A backslash at the end goes on in the next line.
-            if line.trim_end().ends_with('\\') {
-                joined.clear();
-                while let Some(part) = line.trim_end().strip_suffix('\\') {
-                    joined.push_str(part);
-                    joined.push(' ');
-                    line = lines.next().map_or("", |(_, next)| next);
+        let text = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+        let decoded = lines(text).map(String::from_utf8_lossy);
+        let mut numbered = (1..).zip(decoded);
+        let mut last_line = 0;
+        while let Some((number, line)) = numbered.next() {
+            last_line = number;
+            let statement = match continued(&line) {
+                None => line,
+                Some(head) => {
+                    let rest = numbered.by_ref().map(|(_, line)| line);
+                    Cow::Owned(joined(head, rest))
                 }
-                joined.push_str(line);
-                line = &joined;
-            }
-            let number = index + 1;
-            found.statement(number, line).map_err(|e| (number, e))?;
+            };
+            let done = found.statement(number, &statement);
+            done.map_err(|e| (number, e))?;
         }
+        if found.open_end && found.short_faces.last_line == last_line {
+            let cause =
+                "a face of fewer than 3 vertices in a line without end; the file is cut short";
+            return Err((last_line, cause.to_owned()));
+        }
+        found.topology.vertices = found.points.len();
         found.check_references()?;
         Ok(found)
     }
@@ -108,37 +120,35 @@ impl Statements {
     fn statement(&mut self, line: usize, text: &str) -> Result<(), String> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
-        let data = rest.split('#').next().unwrap_or_default();
         match word {
-            "v" => self.vertex(data)?,
-            "f" | "fo" => self.face(line, data)?,
+            "v" => self.vertex(before_comment(rest))?,
+            "f" | "fo" => self.face(line, before_comment(rest))?,
+            // Names may contain '#'.
             "usemtl" => {
                 let first_face = self.face_lines.len();
                 self.uses.push((first_face, rest.trim().to_owned()));
             }
             "mtllib" => self.libraries.push(rest.trim().to_owned()),
-            // These have no say in which triangles there are.
+            // These do not change the triangles.
             "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"
             | "shadow_obj" | "trace_obj" => {}
             word if word.starts_with('#') => {}
             word => {
                 let word = word.chars().take(24).collect();
-                self.skipped.entry(word).or_insert((0, line)).0 += 1;
+                self.skipped.entry(word).or_default().add(line);
             }
         }
         Ok(())
     }
 
-    /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
+    /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`. The weight `w` matters to curves and surfaces alone.
     fn vertex(&mut self, data: &str) -> Result<(), String> {
-        let words = || data.split_ascii_whitespace();
         let mut numbers = [0.0_f32; 7];
         let mut count = 0;
-        for word in words() {
-            let number = word.parse();
-            let number = number.map_err(|_| format!("{word:?} is not a number"))?;
+        for word in data.split_ascii_whitespace() {
+            let value = number(word).ok_or_else(|| format!("{word:?} is not a number"))?;
             if let Some(slot) = numbers.get_mut(count) {
-                *slot = number;
+                *slot = value;
             }
             count += 1;
         }
@@ -147,48 +157,31 @@ impl Statements {
                 "a vertex of {count} numbers, where 3 are expected, or 4 with w, or 6 with a colour"
             ));
         }
-        if count == 4 && numbers[3] == 0.0 {
-            return Err("w is 0, which leaves no place for the vertex".to_owned());
+        let [x, y, z, r, g, b, _] = numbers;
+        if count > 4 && self.colours.len() == self.points.len() {
+            self.colours.push([r, g, b]);
         }
-        if count > 4 && self.colours.len() == self.topology.vertices {
-            let colour = from_display([numbers[3], numbers[4], numbers[5]]);
-            self.colours.push(colour);
-        }
-        self.topology.vertices += 1;
-        self.plain.push('v');
-        for word in words().take(if count == 4 { 4 } else { 3 }) {
-            self.plain.push(' ');
-            self.plain.push_str(word);
-        }
-        self.plain.push('\n');
+        self.points.push([x, y, z]);
         Ok(())
     }
 
     fn face(&mut self, line: usize, data: &str) -> Result<(), String> {
-        let count = data.split_ascii_whitespace().count();
-        if count < 3 {
-            return Err(format!(
-                "a face of {count} vertices, where 3 or more are expected"
-            ));
+        self.corners.clear();
+        for word in data.split_ascii_whitespace() {
+            self.corners.push(corner(word, self.points.len())?);
         }
-        let vertices = self.topology.vertices;
-        let words = data.split_ascii_whitespace();
-        let corners = words.map(|word| corner(word, vertices));
-        let corners = corners.collect::<Result<Vec<u32>, String>>()?;
-        self.plain.push('f');
-        for &vertex in &corners {
-            // Writing to a string cannot fail.
-            let _ = write!(self.plain, " {}", u64::from(vertex) + 1);
+        if self.corners.len() < 3 {
+            self.short_faces.add(line);
+            return Ok(());
         }
-        self.plain.push('\n');
-        self.topology.push(corners);
+        self.topology.push(self.corners.iter().copied());
         self.face_lines.push(line);
         Ok(())
     }
 
-    /// A face may come before its vertices, so this waits for the end of the file.
+    /// Refuses faces whose vertices do not exist. A face may come before its vertices, so this waits for the end of the file.
     fn check_references(&self) -> Result<(), Wrong> {
-        let vertices = self.topology.vertices;
+        let vertices = self.points.len();
         for (&line, corners) in self.face_lines.iter().zip(self.topology.faces()) {
             if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
                 let vertex = u64::from(vertex) + 1;
@@ -201,10 +194,17 @@ impl Statements {
 
     fn notes(&self, path: &Path) -> Vec<String> {
         let file = path.display();
-        let told = |(word, (count, line)): (&String, &(usize, usize))| {
+        let of_keyword = |(word, skipped): (&String, &Skipped)| {
+            let (count, line) = (skipped.count, skipped.first_line);
             format!("{file}: skipped {count} '{word}' statements, the first in line {line}")
         };
-        let mut notes: Vec<_> = self.skipped.iter().map(told).collect();
+        let mut notes: Vec<_> = self.skipped.iter().map(of_keyword).collect();
+        let short = self.short_faces;
+        notes.extend(short_faces_note(
+            path,
+            short.count,
+            ("line", short.first_line),
+        ));
         if self.open_end {
             notes.push(format!(
                 "{file}: the last line has no end; the file may be cut short"
@@ -212,6 +212,25 @@ impl Statements {
         }
         notes
     }
+}
+
+/// Returns the part before the backslash of a line that goes on in the next one. A comment ends with its line.
+fn continued(line: &str) -> Option<&str> {
+    before_comment(line).trim_end().strip_suffix('\\')
+}
+
+/// Joins a line with those that continue it.
+fn joined<'a>(head: &str, rest: impl Iterator<Item = Cow<'a, str>>) -> String {
+    let mut whole = head.to_owned();
+    for line in rest {
+        whole.push(' ');
+        let Some(part) = continued(&line) else {
+            whole.push_str(&line);
+            break;
+        };
+        whole.push_str(part);
+    }
+    whole
 }
 
 /// The vertex, from 0, that `v`, `v/vt`, `v//vn` or `v/vt/vn` names; negative numbers count back from the last of `vertices`.
@@ -236,36 +255,37 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Refuses a text whose mesh memory does not hold: a copy for `tobj`, its lists, and ours.
+/// Refuses a text whose mesh does not fit into memory. Lists grow by doubling.
 fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
-    const VERTEX: usize = 60;
-    const FACE: usize = 24;
-    const TRIANGLE: usize = 48;
-    /// What `tobj` keeps of a face, in a list that grows by doubling.
-    const LISTED: usize = 104;
-    let ([mut vertices, mut faces], mut triangles) = ([0_usize; 2], 0);
-    for line in text.split(|&b| b == b'\n') {
+    /// A position and a colour.
+    const VERTEX: usize = 48;
+    /// The end of its corners, and its line.
+    const FACE: usize = 32;
+    /// A corner, and the triangle that it may add.
+    const CORNER: usize = 20;
+    let [mut vertices, mut faces, mut corners] = [0_usize; 3];
+    for line in lines(text) {
         let mut words = line
             .split(u8::is_ascii_whitespace)
             .filter(|w| !w.is_empty());
         match words.next() {
             Some(b"v") => vertices += 1,
-            Some(b"f") => {
-                faces += 1;
-                triangles += words.count().saturating_sub(2);
+            Some(b"vt" | b"vn" | b"#") | None => {}
+            // Any other line may continue a face.
+            Some(word) => {
+                faces += usize::from(matches!(word, b"f" | b"fo"));
+                corners += 1 + words.count();
             }
-            _ => {}
         }
     }
-    let listed = faces.next_power_of_two() * LISTED;
-    let need = text.len() + vertices * VERTEX + faces * FACE + listed + triangles * TRIANGLE;
+    let need = vertices * VERTEX + faces * FACE + corners * CORNER;
     check_mesh(path, [vertices, faces], need)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::refused;
+    use crate::testing::{refused, surface};
     use std::fs;
 
     fn parse(text: &str) -> Result<Mesh> {
@@ -281,9 +301,10 @@ mod tests {
              g a\nl 1 2 3\nf -1/1/1 -2/1/1 -4//1 # a comment\nusemtl n\nf 2 \\\n 3 4\n",
         )
         .unwrap();
-        let at = |v: u32| [0, 1].map(|axis| mesh.points[v as usize][axis]);
+        let surface = surface(&mesh);
+        let at = |v: u32| [0, 1].map(|axis| surface.points[v as usize][axis]);
         let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        let found: Vec<_> = mesh.triangles.iter().map(|t| t.map(at)).collect();
+        let found: Vec<_> = surface.triangles.iter().map(|t| t.map(at)).collect();
         assert_eq!(found, [[a, b, c], [a, c, d], [d, c, a], [b, c, d]]);
         let is_told = |n: &String| n.contains("line 11") && n.contains("'l'");
         assert!(mesh.notes.iter().any(is_told), "{:?}", mesh.notes);
@@ -296,19 +317,17 @@ mod tests {
             ("f 1 2 4\n", "line 5: vertex 4 does not exist, there are 3"),
             ("f 1 2 0\n", "line 5: vertex 0"),
             ("f 1 2 -4\n", "line 5: vertex -4"),
-            ("f 1 2\n", "line 5: a face of 2 vertices"),
-            ("f\n", "line 5: a face of 0 vertices"),
             ("f 1 2 x\n", "line 5: \"x\""),
             ("f 1 2 3/y\n", "line 5: \"3/y\""),
             ("f 1 2 3/1/1/1\n", "line 5: \"3/1/1/1\""),
             ("f 1 2 /3\n", "line 5: \"/3\""),
             ("f 1 2 99999999999999999999\n", "line 5"),
+            ("f 1 2 3\nf 1", "line 6: a face of fewer than 3 vertices"),
             ("f 1 2 3\nv 1 2\n", "line 6: a vertex of 2 numbers"),
             (
                 "f 1 2 3\nv 1 2 1.0.0\n",
                 "line 6: \"1.0.0\" is not a number",
             ),
-            ("f 1 2 3\nv 1 2 3 0\n", "line 6: w is 0"),
             ("f 1 2 3\nv 1 2 3 4 5\n", "line 6: a vertex of 5 numbers"),
             ("f 1 2 3\nv 1 2 3 x y z\n", "line 6: \"x\" is not a number"),
         ] {
@@ -324,7 +343,7 @@ mod tests {
             panic!("four vertices")
         };
         assert!(a[0].is_nan() && b[0].is_infinite() && c[0].is_infinite());
-        assert_eq!(d, [1.0, 2.0, 3.0]);
+        assert_eq!(d, [2.0, 4.0, 6.0]);
     }
 
     #[test]
@@ -333,9 +352,117 @@ mod tests {
         (1..=1000).for_each(|i| text.push_str(&format!(" {i}")));
         (1..=1000).for_each(|i| text.push_str(&format!("\r\nv {i} 0 0")));
         let mesh = parse(&text).unwrap();
-        assert_eq!(mesh.triangles.len(), 998);
+        assert_eq!(surface(&mesh).triangles.len(), 998);
         assert!(mesh.notes.iter().any(|n| n.contains("cut short")));
         let latin: Vec<u8> = text.chars().map(|c| c as u8).collect();
         assert_eq!(Statements::scan(&latin).unwrap().topology, mesh.topology);
+    }
+
+    fn note_with<'a>(mesh: &'a Mesh, says: &str) -> &'a str {
+        let note = mesh.notes.iter().find(|n| n.contains(says));
+        note.unwrap_or_else(|| panic!("{says:?} is not in {:?}", mesh.notes))
+    }
+
+    #[test]
+    fn a_comment_ends_with_its_line() {
+        for comment in [
+            "# saved to D:\\out\\",
+            "  # a \\  ",
+            "#\\",
+            "v 9 9 9 # b\\",
+            "g part # c\\\r",
+            "f 1 1 1# d\\",
+        ] {
+            let text = format!("v 9 9 9\n{comment}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n");
+            let mesh = parse(&text).unwrap();
+            let points = &mesh.points[mesh.points.len() - 3..];
+            assert_eq!(points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        }
+        let mesh = parse("v 0 \\ # x\n1 \\\n\\\n2 # y \\\nv 1 0 0\nv 0 1 0\nf 1 2 3").unwrap();
+        assert_eq!(mesh.points[0], [0.0, 1.0, 2.0]);
+        assert_eq!(mesh.points.len(), 3);
+    }
+
+    #[test]
+    fn the_weight_of_a_vertex_is_ignored() {
+        for w in ["0", "2", "-1", "nan", "0.5"] {
+            let mesh = parse(&format!("v 2 4 6 {w}\nv 1 0 0\nv 0 1 0 1\nf 1 2 3\n")).unwrap();
+            assert_eq!(mesh.points[0], [2.0, 4.0, 6.0]);
+            assert!(matches!(mesh.paint, Paint::None));
+        }
+    }
+
+    #[test]
+    fn lines_may_end_in_carriage_returns() {
+        let text = "# head\nmtllib a.mtl\n\nv 0 0 0\nv 1 0 0\nv 0 1 \\\n0\nl 1 2\nf 1 2 3\n";
+        let whole = parse(text).unwrap();
+        for end in ["\r", "\r\n"] {
+            let mesh = parse(&text.replace('\n', end)).unwrap();
+            assert_eq!(mesh.points, whole.points);
+            assert_eq!(mesh.topology, whole.topology);
+            note_with(&mesh, "'l' statements, the first in line 8");
+            assert_eq!(mesh.notes.len(), 1, "{:?}", mesh.notes);
+            let wrong = text.replace("1 2 3", "1 2 4").replace('\n', end);
+            refused(parse(&wrong), &["line 9: vertex 4"]);
+        }
+    }
+
+    #[test]
+    fn wide_text_is_refused_by_name() {
+        let text = "\u{feff}v 0 0 0\n";
+        let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+        let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
+        fs::write(file.path(), wide).unwrap();
+        refused(read(file.path()), &["UTF-16", "UTF-8"]);
+    }
+
+    #[test]
+    fn numbers_of_visual_c_are_not_comments() {
+        for word in ["-1.#IND", "1.#QNAN", "1.#INF00", "-nan(ind)"] {
+            let text = format!("v {word} 0 0\nv 0 0 0\nv 1 0 {word}# x\nv 0 1 0\nf 2 3 4\n");
+            let mesh = parse(&text).unwrap();
+            assert!(!mesh.points[0][0].is_finite() && !mesh.points[2][2].is_finite());
+        }
+        refused(parse("v 1.#ind 0 0\n"), &["a vertex of 1 numbers"]);
+    }
+
+    #[test]
+    fn short_faces_are_skipped_with_a_remark() {
+        let text =
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2\nusemtl b\nf 1 2 3\nf\nf 2/1\nf 3 2 1\n";
+        let mesh = parse(text).unwrap();
+        assert_eq!(surface(&mesh).triangles, [[0, 1, 2], [2, 1, 0]]);
+        note_with(
+            &mesh,
+            "skipped 3 faces of fewer than 3 vertices, the first in line 5",
+        );
+        let Paint::Materials { uses, .. } = mesh.paint else {
+            panic!("materials are in use");
+        };
+        assert_eq!(uses, [(0, "a".to_owned()), (0, "b".to_owned())]);
+    }
+
+    #[test]
+    fn colours_to_255_are_told_from_colours_to_1() {
+        let with = |last: &str| {
+            let text = format!("v 0 0 0 0 0.5 1\nv 1 0 0 1 1 nan\nv 0 1 0 {last}\nf 1 2 3\n");
+            parse(&text).unwrap()
+        };
+        for (last, second, is_noted) in [
+            ("1 0 0", [255, 0, 0], false),
+            ("inf 0 0", [255, 0, 0], false),
+            ("255 128 0", [255, 128, 0], true),
+            ("1.5 0 0", [2, 0, 0], true),
+        ] {
+            let mesh = with(last);
+            assert_eq!(mesh.notes.len(), usize::from(is_noted));
+            let Paint::Vertices(colours) = &mesh.paint else {
+                panic!("every vertex has a colour");
+            };
+            assert_eq!(colours[2], second, "{last}");
+            let first = if is_noted { [0, 1, 1] } else { [0, 128, 255] };
+            assert_eq!(colours[0], first);
+        }
+        note_with(&with("255 0 0"), "colours above 1 are read as 0 to 255");
     }
 }

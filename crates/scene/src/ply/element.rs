@@ -1,17 +1,20 @@
-//! One vertex or face, filled by the parser as it goes; and the text of a file in the words that the parser knows.
+//! One vertex, face or strip, filled by the parser; and numbers in the grammar of the parser.
 
-use crate::Rgb;
+use crate::text::number;
 use geom::Point;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
-use std::borrow::Cow;
+use std::fmt::Write;
 
-/// What is used of an element of any kind.
+/// Ends a strip within a list of vertices: -1, as an unsigned number. No vertex has it.
+pub(super) const RESTART: u32 = u32::MAX;
+
+/// The properties that are used of an element of any kind.
 #[derive(Debug, Default)]
 pub(super) struct Element {
     pub(super) point: Point,
     /// Red, green and blue, as far as they are there.
-    colour: [Option<u8>; 3],
-    /// The vertices of a face; nothing if one of them is negative.
+    colour: [Option<f32>; 3],
+    /// The vertices of a face or strip, with [`RESTART`] for -1. Absent if another one is negative.
     pub(super) corners: Option<Vec<u32>>,
 }
 
@@ -29,7 +32,7 @@ impl PropertyAccess for Element {
 }
 
 impl Element {
-    pub(super) fn colour(&self) -> Option<Rgb> {
+    pub(super) fn colour(&self) -> Option<[f32; 3]> {
         let [r, g, b] = self.colour;
         Some([r?, g?, b?])
     }
@@ -39,38 +42,51 @@ impl Element {
             "x" => self.point[0] = property.to_f32_lossy()?,
             "y" => self.point[1] = property.to_f32_lossy()?,
             "z" => self.point[2] = property.to_f32_lossy()?,
-            "red" | "r" | "diffuse_red" => self.colour[0] = Some(property.to_u8_color_lossy()?),
-            "green" | "g" | "diffuse_green" => self.colour[1] = Some(property.to_u8_color_lossy()?),
-            "blue" | "b" | "diffuse_blue" => self.colour[2] = Some(property.to_u8_color_lossy()?),
-            "vertex_indices" | "vertex_index" => self.corners = property.to_u32_list(),
+            "red" | "r" | "diffuse_red" => self.colour[0] = Some(component(property)?),
+            "green" | "g" | "diffuse_green" => self.colour[1] = Some(component(property)?),
+            "blue" | "b" | "diffuse_blue" => self.colour[2] = Some(component(property)?),
+            "vertex_indices" | "vertex_index" => self.corners = indices(property),
             _ => return None,
         }
         Some(())
     }
 }
 
-/// The header with its last line's end, or nothing if it has none.
-pub(super) fn whole_header(bytes: &[u8]) -> Option<&[u8]> {
-    let mut end = 0;
-    let mut lines = bytes.split_inclusive(|&b| b == b'\n');
-    lines.find(|line| {
-        end += line.len();
-        line.ends_with(b"\n") && line.trim_ascii() == b"end_header"
-    })?;
-    Some(&bytes[..end])
+/// A colour's component. Floats are as the file has them; whole numbers range to 255.
+fn component(property: &Property) -> Option<f32> {
+    let value = property.to_f32_lossy()?;
+    match property {
+        Property::Float(_) | Property::Double(_) => Some(value),
+        _ => Some((value / 255.0).clamp(0.0, 1.0)),
+    }
 }
 
-/// A line of numbers in the parser's grammar, which lacks the `nan`, `inf`, `.5` and `5.` that other programs write.
-///
-/// Numbers that are none become ones too large to be finite: either way the vertex is absent. What is no number at all is
-/// left to the parser to refuse.
-pub(super) fn numbers(line: &[u8]) -> Cow<'_, str> {
-    let line = String::from_utf8_lossy(line);
-    if line.split_ascii_whitespace().all(is_plain) {
-        return line;
+fn indices(property: &Property) -> Option<Vec<u32>> {
+    let signed = |v: i32| match v {
+        -1 => Some(RESTART),
+        v => u32::try_from(v).ok(),
+    };
+    match property {
+        Property::ListChar(list) => list.iter().map(|&v| signed(v.into())).collect(),
+        Property::ListShort(list) => list.iter().map(|&v| signed(v.into())).collect(),
+        Property::ListInt(list) => list.iter().map(|&v| signed(v)).collect(),
+        _ => property.to_u32_list(),
     }
-    let words: Vec<_> = line.split_ascii_whitespace().map(plain).collect();
-    Cow::Owned(words.join(" "))
+}
+
+/// Appends a number in the parser's grammar, which lacks the `nan`, `inf`, `.5` and `5.` that other programs write.
+///
+/// Numbers that are not finite become numbers too large for any type. Either way the vertex is absent. A word that is not
+/// a number stays as it is, and the parser refuses it.
+pub(super) fn push_number(text: &mut String, word: &str) {
+    text.push(' ');
+    match number::<f64>(word).filter(|_| !is_plain(word)) {
+        None => text.push_str(word),
+        Some(f64::NEG_INFINITY) => text.push_str("-1e999"),
+        // Writing to a string cannot fail.
+        Some(value) if value.is_finite() => write!(text, "{value:e}").unwrap_or_default(),
+        Some(_) => text.push_str("1e999"),
+    }
 }
 
 fn is_plain(word: &str) -> bool {
@@ -80,14 +96,4 @@ fn is_plain(word: &str) -> bool {
         b'.' => i > 0 && digit(i - 1) && digit(i + 1),
         b => !b.is_ascii_alphabetic() || matches!(b, b'e' | b'E'),
     })
-}
-
-fn plain(word: &str) -> Cow<'_, str> {
-    match word.parse::<f64>() {
-        _ if is_plain(word) => Cow::Borrowed(word),
-        Ok(number) if number.is_finite() => Cow::Owned(format!("{number:e}")),
-        Ok(f64::NEG_INFINITY) => Cow::Borrowed("-1e999"),
-        Ok(_) => Cow::Borrowed("1e999"),
-        Err(_) => Cow::Borrowed(word),
-    }
 }

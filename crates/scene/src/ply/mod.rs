@@ -1,19 +1,22 @@
-//! Stanford PLY, ascii and binary, by `ply-rs-bw`.
+//! Stanford PLY, ascii and binary, whose elements `ply-rs-bw` reads.
 //!
-//! Elements are read one at a time, so that what is wrong is named by its
-//! line or by its element, and nothing is kept that is not used.
+//! Elements are read one at a time, so that an error names its line or its element, and unused properties take no memory.
 
+mod ascii;
 mod element;
+mod header;
 mod pattern;
 
-use crate::Location;
-use crate::mesh::{Mesh, Paint, Topology, compact};
+use crate::mesh::{Colours, Mesh, Paint, Topology, short_faces_note};
 use crate::stream::check_mesh;
-use crate::{Result, Rgb, SceneError};
-use element::{Element, numbers, whole_header};
+use crate::text::check_encoding;
+use crate::{Location, Result, Rgb, SceneError};
+use ascii::Body;
+use element::{Element, RESTART};
 use geom::Point;
-use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
+use header::Header;
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::Path;
@@ -25,7 +28,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     let mut file = File::open(path, &bytes)?;
     let (counts, need) = file.need();
     check_mesh(path, counts, need)?;
-    let definitions: Vec<ElementDef> = file.header.elements.values().cloned().collect();
+    let definitions = file.header.elements.clone();
     for definition in &definitions {
         file.element(definition)?;
     }
@@ -71,74 +74,75 @@ pub fn write_ply(
 struct File<'a> {
     path: &'a Path,
     header: Header,
-    /// What is left of the file.
-    rest: &'a [u8],
     bytes: &'a [u8],
-    /// Where the header ends, and where the vertices do, once they were read.
+    /// The unread part of the file.
+    body: Body<'a>,
+    /// The end of the header, and the end of the vertices once they are read.
     ends: [usize; 2],
-    line: usize,
     points: Vec<Point>,
-    colours: Vec<Rgb>,
-    face_colours: Vec<Rgb>,
+    colours: Colours,
+    face_colours: Colours,
     topology: Topology,
+    /// Faces and strips of fewer than three vertices, and the place of the first one.
+    short_faces: usize,
+    first_short_face: Location,
 }
 
 impl<'a> File<'a> {
     fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
-        let malformed = |cause: &str| SceneError::malformed(path, None, cause);
-        let Some(head) = whole_header(bytes) else {
-            return Err(malformed("not a whole PLY header: no line 'end_header'"));
-        };
-        let rest = &bytes[head.len()..];
-        let text = String::from_utf8_lossy(head);
-        let mut reader = Reader::new(text.as_bytes());
-        let header = Parser::<Element>::new().read_header(&mut reader);
-        let header = header.map_err(|e| {
-            let location = e.line().map(|line| ("line", line));
-            SceneError::malformed(path, location, header_cause(&text, &e))
+        let malformed = |cause: String| SceneError::malformed(path, None, cause);
+        check_encoding(bytes).map_err(malformed)?;
+        let header = Header::read(bytes).map_err(|(line, cause)| {
+            let location = line.map(|line| ("line", line));
+            SceneError::malformed(path, location, cause)
         })?;
-        let is_element = |line: &&str| line.trim_start().starts_with("element");
-        if text.lines().filter(is_element).count() != header.elements.len() {
-            return Err(malformed("the header declares an element twice"));
-        }
         let file = Self {
             path,
-            header,
-            rest,
             bytes,
-            ends: [head.len(); 2],
-            line: text.lines().count(),
+            body: Body::new(&bytes[header.bytes..], header.lines + 1),
+            ends: [header.bytes; 2],
+            header,
             points: Vec::new(),
-            colours: Vec::new(),
-            face_colours: Vec::new(),
+            colours: Colours::default(),
+            face_colours: Colours::default(),
             topology: Topology::default(),
+            short_faces: 0,
+            first_short_face: ("face", 0),
         };
         file.check_header()?;
         Ok(file)
     }
 
-    /// Vertices and faces, and the bytes that reading them takes at most.
+    /// Vertices and faces, and the most bytes that reading them takes.
     fn need(&self) -> ([usize; 2], usize) {
         // More than there are bytes cannot be there, whatever the header says.
         let count = |name: &str| {
-            let element = self.header.elements.get(name);
+            let element = self.header.element(name);
             element.map_or(0, |e| e.count.min(self.bytes.len()))
         };
-        let [vertices, faces] = [count("vertex"), count("face")];
+        let [vertices, mut faces] = [count("vertex"), count("face")];
+        let listed = self.listed();
         // Every corner after a face's third makes another triangle.
-        let more = self.listed().saturating_sub(3 * faces);
+        let mut more = listed.saturating_sub(3 * faces);
+        // Every corner of a strip makes a face.
+        if count(STRIPS) > 0 {
+            faces = faces.saturating_add(listed);
+            more = 0;
+        }
         // Lists grow by doubling.
-        ([vertices, faces], vertices * 24 + faces * 56 + more * 32)
+        let need = vertices * 48 + faces.saturating_mul(80) + more.saturating_mul(32);
+        ([vertices, faces], need)
     }
 
     /// Numbers in lists, as far as the file reaches: corners, and what other lists hold, as if each were a corner.
     fn listed(&self) -> usize {
         let ascii = self.header.encoding == Encoding::Ascii;
         let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
-        let words = self.rest.split(u8::is_ascii_whitespace);
+        let rest = self.body.rest;
+        let words = rest.split(u8::is_ascii_whitespace);
         let all = match ascii {
             true => words.filter(|w| !w.is_empty()).count(),
-            false => self.rest.len(),
+            false => rest.len(),
         };
         // What every element has: numbers, and lengths of lists.
         let own = |element: &ElementDef| {
@@ -147,90 +151,99 @@ impl<'a> File<'a> {
             });
             element.count.saturating_mul(kinds.sum())
         };
-        let own = self.header.elements.values().map(own);
+        let own = self.header.elements.iter().map(own);
         let listed = all.saturating_sub(own.fold(0, usize::saturating_add));
-        match self.corners() {
-            Some(PropertyType::List(_, corner)) => listed / size(corner),
-            _ => 0,
-        }
+        let smallest = self.surfaces().filter_map(corners).map(|kind| match kind {
+            PropertyType::List(_, corner) => size(corner),
+            PropertyType::Scalar(kind) => size(kind),
+        });
+        smallest.min().map_or(0, |bytes| listed / bytes)
     }
 
-    fn corners(&self) -> Option<&PropertyType> {
-        let properties = &self.header.elements.get("face")?.properties;
-        let found = properties.get("vertex_indices");
-        Some(&found.or_else(|| properties.get("vertex_index"))?.data_type)
+    /// The elements that hold faces or strips.
+    fn surfaces(&self) -> impl Iterator<Item = &ElementDef> {
+        ["face", STRIPS]
+            .into_iter()
+            .filter_map(|name| self.header.element(name))
     }
 
     fn wrong(&self, place: impl Into<Option<Location>>, cause: impl Display) -> SceneError {
         SceneError::malformed(self.path, place, cause)
     }
 
-    /// There must be vertices with a place, and faces with a list of whole numbers.
+    /// There must be vertices with a place, and faces or strips with a list of whole numbers, each declared once.
     fn check_header(&self) -> Result<()> {
+        let wrong = |cause: &str| Err(self.wrong(None, cause));
+        for name in ["vertex", "face", STRIPS] {
+            let same = self.header.elements.iter().filter(|e| e.name == name);
+            if same.count() > 1 {
+                return wrong(&format!("the header declares an element twice: '{name}'"));
+            }
+        }
         let coordinate = |axis: &str| {
-            let vertex = self.header.elements.get("vertex")?;
+            let vertex = self.header.element("vertex")?;
             Some(&vertex.properties.get(axis)?.data_type)
         };
-        let wrong = |cause: &str| Err(self.wrong(None, cause));
         for axis in ["x", "y", "z"] {
             if !matches!(coordinate(axis), Some(PropertyType::Scalar(_))) {
                 return wrong(&format!("the header has no vertex with a number {axis}"));
             }
         }
-        if !self.header.elements.contains_key("face") {
-            return wrong("the header has no element 'face'");
+        if self.surfaces().next().is_none() {
+            let names = self.header.elements.iter().map(|e| format!("'{}'", e.name));
+            let names: Vec<_> = names.collect();
+            let names = names.join(", ");
+            return wrong(&format!(
+                "the header has no element 'face' or '{STRIPS}', only {names}"
+            ));
         }
-        match self.corners() {
-            Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => {
-                wrong("the vertices of faces are not declared as whole numbers")
+        for element in self.surfaces() {
+            let name = &element.name;
+            match corners(element) {
+                Some(PropertyType::List(_, ScalarType::Float | ScalarType::Double)) => {
+                    return wrong(&format!(
+                        "the vertices of '{name}' are not declared as whole numbers"
+                    ));
+                }
+                Some(PropertyType::List(..)) => {}
+                _ => {
+                    return wrong(&format!(
+                        "the header has no '{name}' with a list vertex_indices"
+                    ));
+                }
             }
-            Some(PropertyType::List(..)) => Ok(()),
-            _ => wrong("the header has no face with a list vertex_indices"),
         }
+        Ok(())
     }
 
     fn element(&mut self, definition: &ElementDef) -> Result<()> {
-        let ascii = self.header.encoding == Encoding::Ascii;
-        // Everything else takes a byte at least, so that no count can outlast the file.
-        if definition.properties.is_empty() && !ascii {
+        // Every other element takes a byte at least, so that no count can outlast the file.
+        if definition.properties.is_empty() {
             return Ok(());
         }
+        let ascii = self.header.encoding == Encoding::Ascii;
         for index in 0..definition.count {
             let element = if ascii {
-                self.ascii(definition, index)?
+                let read = self.body.element(definition, index);
+                read.map_err(|(line, cause)| self.wrong(("line", line), cause))?
             } else {
                 self.binary(definition, index)?
             };
             self.take(definition, index, element)?;
         }
         if definition.name == "vertex" {
-            self.ends[1] = self.bytes.len() - self.rest.len();
+            self.ends[1] = self.bytes.len() - self.body.rest.len();
         }
         Ok(())
-    }
-
-    fn ascii(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
-        let Some(line) = self.rest.split_inclusive(|&b| b == b'\n').next() else {
-            let (name, count) = (&definition.name, definition.count);
-            let cause =
-                format!("the file is cut short: {count} '{name}' are declared, {index} are there");
-            return Err(self.wrong(("line", self.line + 1), cause));
-        };
-        self.rest = &self.rest[line.len()..];
-        self.line += 1;
-        let read = Parser::<Element>::new().read_ascii_element(&numbers(line), definition);
-        read.map_err(|_| {
-            let line = String::from_utf8_lossy(line);
-            let cause = format!("bad '{}' {index}: {}", definition.name, line_cause(&line));
-            self.wrong(("line", self.line), cause)
-        })
     }
 
     fn binary(&mut self, definition: &ElementDef, index: usize) -> Result<Element> {
         let parser = Parser::<Element>::new();
         let read = match self.header.encoding {
-            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.rest, definition),
-            _ => parser.read_little_endian_element(&mut self.rest, definition),
+            Encoding::BinaryBigEndian => {
+                parser.read_big_endian_element(&mut self.body.rest, definition)
+            }
+            _ => parser.read_little_endian_element(&mut self.body.rest, definition),
         };
         read.map_err(|e| {
             let (name, count) = (&definition.name, definition.count);
@@ -240,7 +253,7 @@ impl<'a> File<'a> {
                 }
                 _ => format!("bad '{name}' {index} of {count}: {e}"),
             };
-            self.wrong(("byte", self.bytes.len() - self.rest.len()), cause)
+            self.wrong(("byte", self.bytes.len() - self.body.rest.len()), cause)
         })
     }
 
@@ -248,56 +261,103 @@ impl<'a> File<'a> {
         match definition.name.as_str() {
             "vertex" => {
                 self.points.push(element.point);
-                self.colours.extend(element.colour());
+                if let Some(colour) = element.colour() {
+                    self.colours.push(colour);
+                }
             }
             "face" => {
-                self.face_colours.extend(element.colour());
-                let wrong = |cause: String| self.wrong(("face", index), cause);
-                let corners = element.corners;
-                let corners = corners.ok_or_else(|| wrong("a vertex index is negative".into()))?;
-                let found = corners.len();
-                if found < 3 {
-                    let cause = format!("a face of {found} vertices, where 3 or more are expected");
-                    return Err(wrong(cause));
+                let place = ("face", index);
+                let colour = element.colour();
+                let corners = self.corners(place, element)?;
+                if corners.len() < 3 {
+                    self.skip_face(place);
+                    return Ok(());
+                }
+                if corners.contains(&RESTART) {
+                    return Err(self.wrong(place, NEGATIVE));
                 }
                 self.topology.push(corners);
+                if let Some(colour) = colour {
+                    self.face_colours.push(colour);
+                }
+            }
+            STRIPS => {
+                let place = (STRIPS, index);
+                let corners = self.corners(place, element)?;
+                let strips = corners.split(|&v| v == RESTART);
+                strips.for_each(|strip| self.strip(place, strip));
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn finish(mut self) -> Result<Mesh> {
-        let vertices = self.points.len();
-        self.topology.vertices = vertices;
-        for (face, corners) in self.topology.faces().enumerate() {
-            if let Some(vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
+    /// Returns the vertices of a face, or of strips with [`RESTART`] between them. All others exist.
+    fn corners(&self, place: Location, element: Element) -> Result<Vec<u32>> {
+        let corners = element.corners;
+        let corners = corners.ok_or_else(|| self.wrong(place, NEGATIVE))?;
+        let vertices = self.header.element("vertex").map_or(0, |e| e.count);
+        let is_missing = |v: &&u32| **v as usize >= vertices && **v != RESTART;
+        match corners.iter().find(is_missing) {
+            Some(vertex) if corners.len() > 2 => {
                 let cause =
                     format!("vertex {vertex} does not exist, there are {vertices} (from 0)");
-                return Err(self.wrong(("face", face), cause));
+                Err(self.wrong(place, cause))
             }
+            _ => Ok(corners),
         }
+    }
+
+    /// Adds the triangles of a strip. Every second one has its first two vertices swapped, so that all face the same side.
+    /// Triangles that only connect parts of the strip are kept, because indices count them.
+    fn strip(&mut self, place: Location, strip: &[u32]) {
+        if matches!(strip.len(), 1 | 2) {
+            self.skip_face(place);
+        }
+        for (index, corners) in strip.windows(3).enumerate() {
+            let [a, b, c] = [corners[0], corners[1], corners[2]];
+            let is_even = index % 2 == 0;
+            self.topology
+                .push(if is_even { [a, b, c] } else { [b, a, c] });
+        }
+    }
+
+    fn skip_face(&mut self, place: Location) {
+        if self.short_faces == 0 {
+            self.first_short_face = place;
+        }
+        self.short_faces += 1;
+    }
+
+    fn finish(mut self) -> Result<Mesh> {
+        if let Err((line, cause)) = self.body.check_end() {
+            return Err(self.wrong(("line", line), cause));
+        }
+        let vertices = self.points.len();
+        self.topology.vertices = vertices;
         self.topology.check(self.path)?;
         let mut notes = Vec::new();
-        if !self.rest.iter().all(u8::is_ascii_whitespace) {
-            let (file, left) = (self.path.display(), self.rest.len());
+        notes.extend(short_faces_note(
+            self.path,
+            self.short_faces,
+            self.first_short_face,
+        ));
+        if !self.body.rest.is_empty() {
+            let (file, left) = (self.path.display(), self.body.rest.len());
             let note = format!("{file}: {left} bytes after the last element are left out");
             notes.push(note);
         }
+        let faces = self.topology.faces().count();
         let paint = if self.colours.len() == vertices {
-            Paint::Vertices(self.colours)
-        } else if self.face_colours.len() == self.topology.faces().count() {
-            Paint::Faces(self.face_colours)
+            Paint::Vertices(self.colours.into_display(self.path, &mut notes))
+        } else if self.face_colours.len() == faces {
+            Paint::Faces(self.face_colours.into_display(self.path, &mut notes))
         } else {
             Paint::None
         };
-        let mut triangles: Vec<_> = self.topology.triangles().map(|(_, t)| t).collect();
-        let kept = compact(&mut triangles, vertices);
-        let pattern = Pattern::of(&self.header, (self.bytes, self.ends), &kept);
-        let points = kept.iter().map(|&v| self.points[v as usize]).collect();
+        let pattern = Pattern::of(&self.header, (self.bytes, self.ends));
         Ok(Mesh {
-            points,
-            triangles,
+            points: self.points,
             topology: self.topology,
             paint,
             notes,
@@ -306,29 +366,24 @@ impl<'a> File<'a> {
     }
 }
 
+/// The element that holds strips of triangles.
+const STRIPS: &str = "tristrips";
+
+const NEGATIVE: &str = "a vertex index is negative";
+
+/// The type of the list of a face's or a strip's vertices.
+fn corners(element: &ElementDef) -> Option<&PropertyType> {
+    let found = element.properties.get("vertex_indices");
+    let found = found.or_else(|| element.properties.get("vertex_index"));
+    Some(&found?.data_type)
+}
+
 fn size(kind: &ScalarType) -> usize {
     match kind {
         ScalarType::Char | ScalarType::UChar => 1,
         ScalarType::Short | ScalarType::UShort => 2,
         ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
         ScalarType::Double => 8,
-    }
-}
-
-/// What is wrong with a header: the line that the parser stops at, or else the parser's own words.
-fn header_cause(header: &str, e: &ParseError) -> String {
-    let line = e.line().and_then(|line| header.lines().nth(line - 1));
-    match line {
-        Some(line) => format!("{:?} is not understood in a PLY header", line.trim()),
-        None => e.to_string(),
-    }
-}
-
-fn line_cause(line: &str) -> String {
-    let mut words = line.split_ascii_whitespace();
-    match words.find(|word| word.parse::<f64>().is_err()) {
-        Some(word) => format!("{word:?} is not a number"),
-        None => format!("{:?} is not what the header declares", line.trim()),
     }
 }
 

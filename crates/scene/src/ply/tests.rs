@@ -1,7 +1,7 @@
 //! Files written here, whole and broken.
 
 use super::*;
-use crate::testing::{put, refused};
+use crate::testing::{Surface, put, refused, surface};
 use std::fs;
 
 const SQUARE: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -61,7 +61,7 @@ fn all_three_encodings_say_the_same() {
     let (little, big) = (binary(false, &faces), binary(true, &faces));
     for bytes in [text.into_bytes(), little, big] {
         let mesh = parse(&bytes).unwrap();
-        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 0]]);
+        assert_eq!(surface(&mesh).triangles, [[0, 1, 2], [0, 2, 3], [3, 2, 0]]);
         assert_eq!(mesh.points.len(), 4);
         assert_eq!(mesh.points[2], [1.0, 1.0, 0.0]);
         if let Paint::Vertices(colours) = mesh.paint {
@@ -78,7 +78,7 @@ fn room_is_asked_for_every_corner() {
     };
     let square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
     let triangles = ascii(square, "3 0 1 2\n3 3 2 0\n");
-    let small = 4 * 24 + 2 * 56;
+    let small = 4 * 48 + 2 * 80;
     assert_eq!(need(triangles.as_bytes()), ([4, 2], small));
     let rim: Vec<i16> = (0..1000).map(|i| i % 4).collect();
     let words = rim.iter().map(|v| format!(" {v}")).collect::<String>();
@@ -101,8 +101,9 @@ fn room_is_asked_for_every_corner() {
 fn vertices_that_no_face_uses_are_dropped() {
     let text = ascii("9e9 0 0\n0 0 0\n1 0 0\n9 9 9\n0 1 0\n", "3 4 1 2\n");
     let mesh = parse(text).unwrap();
-    assert_eq!(mesh.points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-    assert_eq!(mesh.triangles, [[2, 0, 1]]);
+    let Surface { points, triangles } = surface(&mesh);
+    assert_eq!(points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(triangles, [[2, 0, 1]]);
     assert_eq!(mesh.topology.vertices, 5);
 }
 
@@ -118,20 +119,24 @@ fn what_is_wrong_is_named_by_line_or_element() {
     // Each line: what is replaced, what by, and a part of the message. `;` ends a line of the file.
     let changes = r#"
         3 0 1 2; | 3 0 1 3; | face 0: vertex 3 does not exist
-        3 0 1 2; | 2 0 1; | face 0: a face of 2
-        3 0 1 2; | 0; | face 0: a face of 0
-        3 0 1 2; | 4 0 1 2; | line 14: bad 'face' 0: "4 0 1 2" is not what the header declares
+        3 0 1 2; | 4 0 1 2 3; | face 0: vertex 3 does not exist
+        3 0 1 2; | 2 0 1; | no triangles
+        3 0 1 2; | 4 0 1 2; | line 15: the file is cut short: 1 'face' are declared, 0 are there
         3 0 1 2; | -3 0 1 2; | line 14: bad 'face' 0
         3 0 1 2; | 3 0 1 2.5; | line 14: bad 'face' 0
         3 0 1 2; | 3 0 -1 2; | face 0: a vertex index is negative
         1 0 0; | 1 0 zero; | line 12: bad 'vertex' 1: "zero" is not a number
-        1 0 0; | nan .5; | line 12: bad 'vertex' 1: "nan .5" is not what the header declares
-        1 0 0; | 1 0; | line 12: bad 'vertex' 1
+        1 0 0; | nan .5; | line 14: numbers after the last element; 'vertex' 1 in line 12 is not on a line
+        1 0 0; | 1 0; | 'vertex' 1 in line 12 is not on a line of its own
+        1 0 0; | 1 0 0 7; | 'vertex' 2 in line 12 is not on a line of its own
+        3 0 1 2; | x 0 1 2; | line 14: bad 'face' 0: "x" is not the length of a list
         face 1 | face 3 | line 15: the file is cut short: 3 'face'
         vertex 3 | vertex 18446744073709551615 | cut short
         vertex 3 | vertex 18446744073709551616 | line 4: "element vertex 18446744073709551616" is not understood
         float y | flot y | "property flot y" is not understood in a PLY header
         property float z; | | number z
+        element face | element faces | no element 'face' or 'tristrips', only 'vertex', 'faces'
+        element face 1 | element face 0;property int a;element face 1 | twice
         vertex_index | corners | vertex_indices
         uchar int | uchar float | whole numbers
         element face 1 | element vertex 1 | twice
@@ -178,15 +183,16 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
         // Vertex 2 is in no face.
         let first = binary(big, &[(3, &[0, 1, 3])]);
         let pattern = parse(&first).unwrap().pattern.unwrap();
+        let kept = [0, 1, 3];
         let mut later = first.clone();
         let z = later.len() - (4 + 6) - 3 - 8;
         later[z..z + 8].copy_from_slice(&[0x3f; 8]);
-        let whole = parse(&later).unwrap();
+        let whole = surface(&parse(&later).unwrap()).points;
         let path = put(&folder, "later.ply", &later);
-        let read = pattern.read(&path).unwrap().unwrap();
-        assert_eq!(read, whole.points);
-        assert_eq!(pattern.read_again(&path).unwrap(), whole.points);
-        assert_ne!(read[2], parse(&first).unwrap().points[2]);
+        let read = pattern.read(&path, &kept).unwrap().unwrap();
+        assert_eq!(read, whole);
+        assert_eq!(pattern.read_again(&path, &kept).unwrap(), whole);
+        assert_ne!(read[2], surface(&parse(&first).unwrap()).points[2]);
         for other in [
             binary(big, &[(3, &[0, 1, 2])]),
             binary(big, &[(3, &[0, 1, 3]), (3, &[0, 1, 3])]),
@@ -195,7 +201,7 @@ fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
             ascii("0 0 0\n", "3 0 0 0\n").into_bytes(),
         ] {
             let path = put(&folder, "other.ply", other);
-            assert!(pattern.read(&path).unwrap().is_none());
+            assert!(pattern.read(&path, &kept).unwrap().is_none());
         }
     }
     let text = parse(ascii("0 0 0\n", "3 0 0 0\n")).unwrap();
@@ -220,9 +226,235 @@ fn floats_are_found_wherever_they_lie_in_a_row() {
     fs::write(file.path(), &bytes).unwrap();
     let pattern = mesh.pattern.unwrap();
     let bits = |points: Vec<Point>| points.concat().into_iter().map(f32::to_bits);
-    let read = pattern.read(file.path()).unwrap().unwrap();
-    let again = pattern.read_again(file.path()).unwrap();
+    let kept = [0, 1, 2];
+    let read = pattern.read(file.path(), &kept).unwrap().unwrap();
+    let again = pattern.read_again(file.path(), &kept).unwrap();
     for read in [read, again] {
         assert!(bits(read).eq(bits(mesh.points.clone())));
     }
+}
+
+const TRIANGLE: &str = "0 0 0\n1 0 0\n0 1 0\n";
+
+fn only_triangle(bytes: impl AsRef<[u8]>) -> Mesh {
+    let mesh = parse(bytes).unwrap();
+    let Surface { points, triangles } = surface(&mesh);
+    assert_eq!(points, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(triangles, [[0, 1, 2]]);
+    mesh
+}
+
+fn note_with(mesh: &Mesh, says: &str) {
+    let is_there = mesh.notes.iter().any(|n| n.contains(says));
+    assert!(is_there, "{says:?} is not in {:?}", mesh.notes);
+}
+
+#[test]
+fn headers_and_numbers_may_end_in_carriage_returns() {
+    let text = ascii(TRIANGLE, "3 0 1 2\n");
+    for end in ["\r", "\r\n"] {
+        assert!(only_triangle(text.replace('\n', end)).notes.is_empty());
+        let wrong = text.replace("1 0 0", "1 0 x").replace('\n', end);
+        refused(parse(wrong), &["line 12: bad 'vertex' 1: \"x\""]);
+    }
+}
+
+/// Bytes that follow a header may be a line feed.
+#[test]
+fn the_first_byte_of_the_data_may_be_a_line_feed() {
+    let text = ascii(TRIANGLE, "3 0 1 2\n");
+    let (head, _) = text.split_once("0 0 0").unwrap();
+    let head = head.replace("format ascii", "format binary_little_endian");
+    let x = f32::from_le_bytes([10, 0, 0, 0x40]);
+    for end in ["\n", "\r\n", "\r"] {
+        let mut bytes = head.replace('\n', end).into_bytes();
+        for point in [[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+            bytes.extend(point.map(f32::to_le_bytes).as_flattened());
+        }
+        bytes.push(3);
+        bytes.extend([0_i32, 1, 2].map(i32::to_le_bytes).as_flattened());
+        let mesh = parse(&bytes).unwrap();
+        assert_eq!(mesh.points[0], [x, 0.0, 0.0], "{end:?}");
+        assert!(mesh.notes.is_empty(), "{:?}", mesh.notes);
+    }
+}
+
+#[test]
+fn header_lines_may_have_blanks_everywhere() {
+    let text = ascii(TRIANGLE, "3 0 1 2\n");
+    let (head, body) = text.split_at(text.find("0 0 0").unwrap());
+    for head in [
+        head.replace("\n", "\n\n").replacen("\n\n", "\n", 1),
+        head.replace("\n", "  \n\t "),
+        head.replace(' ', " \t "),
+        head.replace("made here", ""),
+        head.replace("comment made here", "obj_info"),
+        format!("\u{feff}{head}"),
+    ] {
+        // The last line's blanks belong to the body.
+        only_triangle(format!("{head}{body}"));
+    }
+}
+
+#[test]
+fn names_are_any_words() {
+    let names = [
+        "scalar_#2",
+        "a.b",
+        "1st",
+        "c2c(abs)",
+        "gr\u{f6}\u{df}e",
+        "-",
+        "nx",
+        "nx",
+        "x",
+    ];
+    let latin = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+    let text = ascii(
+        &TRIANGLE.replace('\n', " 7 7 7 7 7 7 7 7 7\n"),
+        "3 0 1 2 9\n",
+    );
+    let declared: String = names
+        .map(|name| format!("property float {name}\n"))
+        .concat();
+    let text = text.replace("element face", &format!("{declared}element face"));
+    let text = text.replace(
+        "end_header",
+        "property uchar \u{e9}\nelement 2\u{e9} 0\nproperty int a\nelement 2\u{e9} 1\nend_header",
+    );
+    only_triangle(&text);
+    only_triangle(latin(&text));
+}
+
+#[test]
+fn numbers_of_ascii_bodies_are_a_stream() {
+    let faces = "3 0 1 2\n";
+    for body in [
+        format!("\n{TRIANGLE}\n\n{faces}\n"),
+        format!("0 0\n0\n1\n0 0\n0 1 0\n{faces}"),
+        format!("0 0 0 1 0 0 0 1 0 {faces}"),
+        "0 0 0 1 0\n0 0 1 0 3\n0 1\n2".to_owned(),
+        "0 0 0\n1 0 0\n0 1 0\n3\n0\n1\n2\n".to_owned(),
+    ] {
+        let text = ascii(TRIANGLE, faces);
+        let head = &text[..text.find("0 0 0").unwrap()];
+        assert!(only_triangle(format!("{head}{body}")).notes.is_empty());
+    }
+}
+
+#[test]
+fn numbers_of_visual_c_are_read() {
+    for word in ["-1.#IND", "1.#QNAN0", "-nan(ind)", "1.#INF"] {
+        let mesh = parse(ascii(&format!("{word} 0 0\n1 0 0\n0 1 0\n"), "3 0 1 2\n")).unwrap();
+        assert!(!mesh.points[0][0].is_finite(), "{word}");
+    }
+}
+
+#[test]
+fn short_faces_are_skipped_with_a_remark() {
+    for (faces, says) in [
+        (
+            "3 0 1 2\n2 0 1\n",
+            "skipped 1 faces of fewer than 3 vertices, the first in face 1",
+        ),
+        (
+            "0\n3 0 1 2\n1 9\n2 0 -1\n",
+            "skipped 3 faces of fewer than 3 vertices, the first in face 0",
+        ),
+    ] {
+        note_with(&only_triangle(ascii(TRIANGLE, faces)), says);
+    }
+    let coloured = ascii(TRIANGLE, "0 1 2 3\n3 0 1 2 9 8 7\n").replace(
+        "end_header",
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header",
+    );
+    let mesh = only_triangle(coloured);
+    assert!(matches!(mesh.paint, Paint::Faces(colours) if colours == [[9, 8, 7]]));
+    let binary = parse(binary(false, &[(2, &[0, 1]), (3, &[3, 2, 0]), (0, &[])])).unwrap();
+    note_with(&binary, "skipped 2 faces");
+    refused(
+        parse(ascii(TRIANGLE, "2 0 1\n3 0 1 7\n")),
+        &["face 1: vertex 7"],
+    );
+}
+
+fn strips(lists: &str) -> String {
+    let points = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n";
+    ascii(points, lists).replace("element face", "element tristrips")
+}
+
+#[test]
+fn strips_have_one_side() {
+    let of = |lists: &str| surface(&parse(strips(lists)).unwrap()).triangles;
+    assert_eq!(of("4 0 1 2 3\n"), [[0, 1, 2], [2, 1, 3]]);
+    let all = [[0, 1, 2], [2, 1, 3], [2, 3, 4]];
+    assert_eq!(of("5 0 1 2 3 4\n"), all);
+    // Turns start anew after -1 and in every list. Triangles that join strips stay.
+    assert_eq!(
+        of("8 0 1 2 -1 1 3 2 4\n4 0 0 1 2\n"),
+        [[0, 1, 2], [1, 3, 2], [2, 3, 4], [0, 0, 1], [1, 0, 2]]
+    );
+}
+
+#[test]
+fn strips_are_checked_as_faces_are() {
+    let mesh = parse(strips("9 -1 0 1 -1 -1 0 1 2 -1\n")).unwrap();
+    assert_eq!(surface(&mesh).triangles, [[0, 1, 2]]);
+    note_with(
+        &mesh,
+        "skipped 1 faces of fewer than 3 vertices, the first in tristrips 0",
+    );
+    for (lists, says) in [
+        ("3 0 1 5\n", "tristrips 0: vertex 5 does not exist"),
+        ("3 0 1 -2\n", "tristrips 0: a vertex index is negative"),
+        ("2 0 1\n", "no triangles"),
+    ] {
+        refused(parse(strips(lists)), &[says]);
+    }
+    let float = strips("3 0 1 2\n").replace("uchar int", "uchar float");
+    refused(
+        parse(float),
+        &["'tristrips' are not declared as whole numbers"],
+    );
+}
+
+#[test]
+fn strips_and_faces_come_in_file_order() {
+    let text = strips("3 2 1 3\n").replace(
+        "end_header",
+        "element face 1\nproperty list uchar short vertex_indices\nend_header",
+    );
+    let mesh = parse(text + "3 0 1 2\n").unwrap();
+    assert_eq!(surface(&mesh).triangles, [[2, 1, 3], [0, 1, 2]]);
+}
+
+#[test]
+fn concave_faces_are_not_fanned() {
+    let mesh = parse(ascii("2 2 0\n0 1 0\n-2 2 0\n0 0 0\n", "4 0 1 2 3\n")).unwrap();
+    assert_eq!(surface(&mesh).triangles, [[0, 1, 3], [1, 2, 3]]);
+}
+
+#[test]
+fn float_colours_to_255_are_told_from_colours_to_1() {
+    let with = |scale: f32| {
+        let colour = [1.0, 0.5, 0.0]
+            .map(|c: f32| (c * scale).to_string())
+            .join(" ");
+        let points = TRIANGLE.replace('\n', &format!(" {colour}\n"));
+        let declared = ["red", "green", "blue"].map(|c| format!("property float {c}\n"));
+        let text = ascii(&points, "3 0 1 2\n");
+        text.replace("element face", &(declared.concat() + "element face"))
+    };
+    for (scale, notes) in [(1.0, 0), (255.0, 1)] {
+        let mesh = only_triangle(with(scale));
+        assert_eq!(mesh.notes.len(), notes);
+        assert!(matches!(mesh.paint, Paint::Vertices(c) if c == [[255, 128, 0]; 3]));
+    }
+}
+
+#[test]
+fn wide_text_is_refused_by_name() {
+    let text = ascii(TRIANGLE, "3 0 1 2\n");
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    refused(parse(wide), &["UTF-16"]);
 }

@@ -1,0 +1,142 @@
+//! The header: what a file declares, in words that blanks separate.
+
+use crate::text::lines;
+use ply_rs_bw::ply::{Addable, ElementDef, Encoding, PropertyDef, PropertyType, ScalarType};
+
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    /// In the order of the file. Names of elements that are not used may occur twice.
+    pub(super) elements: Vec<ElementDef>,
+    /// Length with the end of the last line.
+    pub(super) bytes: usize,
+    pub(super) lines: usize,
+}
+
+/// The line that is wrong, if it is one, and the reason.
+type Wrong = (Option<usize>, String);
+
+impl Header {
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, Wrong> {
+        let Some(length) = length(bytes) else {
+            let cause = "not a whole PLY header: no line 'end_header'";
+            return Err((None, cause.to_owned()));
+        };
+        let mut declared = Declared::default();
+        let mut count = 0;
+        for line in lines(&bytes[..length]) {
+            count += 1;
+            let line = String::from_utf8_lossy(line);
+            let words: Vec<_> = line.split_ascii_whitespace().collect();
+            let known = match count {
+                1 => matches!(words[..], ["ply" | "\u{feff}ply"]).then_some(()),
+                _ => declared.add(&words),
+            };
+            known.ok_or_else(|| {
+                let cause = format!("{:?} is not understood in a PLY header", line.trim());
+                (Some(count), cause)
+            })?;
+        }
+        let no_format = || (None, "the header has no line 'format'".to_owned());
+        Ok(Self {
+            encoding: declared.encoding.ok_or_else(no_format)?,
+            elements: declared.elements,
+            bytes: length,
+            lines: count,
+        })
+    }
+
+    pub(super) fn element(&self, name: &str) -> Option<&ElementDef> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+}
+
+/// Bytes of the header with the end of its last line, if it has one.
+///
+/// Where lines end in a carriage return alone, a line feed after the last one belongs to the data.
+fn length(bytes: &[u8]) -> Option<usize> {
+    let first = lines(bytes).next()?;
+    let ends = &bytes[first.len()..];
+    let without_feeds = ends.starts_with(b"\r") && !ends.starts_with(b"\r\n");
+    let mut start = 0;
+    for line in lines(bytes) {
+        let rest = &bytes[start + line.len()..];
+        let end = match rest {
+            [b'\r', b'\n', ..] if !without_feeds => 2,
+            [] => 0,
+            _ => 1,
+        };
+        if line.trim_ascii() == b"end_header" {
+            return (end > 0).then_some(start + line.len() + end);
+        }
+        let feed = usize::from(rest.starts_with(b"\r\n"));
+        start += line.len() + 1 + feed;
+    }
+    None
+}
+
+#[derive(Default)]
+struct Declared {
+    encoding: Option<Encoding>,
+    elements: Vec<ElementDef>,
+}
+
+impl Declared {
+    /// Adds a line; `None` if it is not understood.
+    fn add(&mut self, words: &[&str]) -> Option<()> {
+        match *words {
+            [] | ["comment" | "obj_info", ..] | ["end_header"] => {}
+            ["format", encoding, _version] if self.encoding.is_none() => {
+                self.encoding = Some(self::encoding(encoding)?);
+            }
+            ["element", name, count] => {
+                let mut element = ElementDef::new(name.to_owned());
+                element.count = count.parse().ok()?;
+                self.elements.push(element);
+            }
+            ["property", kind, name] => {
+                let kind = PropertyType::Scalar(scalar(kind)?);
+                self.property(name, kind)?;
+            }
+            ["property", "list", length, item, name] => {
+                let kind = PropertyType::List(scalar(length)?, scalar(item)?);
+                self.property(name, kind)?;
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// A name may occur twice. The second property gets a name that no other has, because it is read but not used.
+    fn property(&mut self, name: &str, kind: PropertyType) -> Option<()> {
+        let properties = &mut self.elements.last_mut()?.properties;
+        let mut name = name.to_owned();
+        if properties.contains_key(&name) {
+            name = format!("{name} {}", properties.len());
+        }
+        properties.add(PropertyDef::new(name, kind));
+        Some(())
+    }
+}
+
+fn encoding(word: &str) -> Option<Encoding> {
+    Some(match word {
+        "ascii" => Encoding::Ascii,
+        "binary_big_endian" => Encoding::BinaryBigEndian,
+        "binary_little_endian" => Encoding::BinaryLittleEndian,
+        _ => return None,
+    })
+}
+
+fn scalar(word: &str) -> Option<ScalarType> {
+    Some(match word {
+        "char" | "int8" => ScalarType::Char,
+        "uchar" | "uint8" => ScalarType::UChar,
+        "short" | "int16" => ScalarType::Short,
+        "ushort" | "uint16" => ScalarType::UShort,
+        "int" | "int32" => ScalarType::Int,
+        "uint" | "uint32" => ScalarType::UInt,
+        "float" | "float32" => ScalarType::Float,
+        "double" | "float64" => ScalarType::Double,
+        _ => return None,
+    })
+}

@@ -1,0 +1,167 @@
+//! Triangles of polygons, n - 2 for each polygon of n vertices, in the order of the faces.
+//!
+//! A polygon that the fan from its first vertex covers becomes that fan; every convex polygon is one. The ears of others
+//! are clipped in the polygon's plane. Both keep the polygon's orientation.
+
+use crate::mesh::Topology;
+use earcut::Earcut;
+use geom::Point;
+
+/// The most vertices of a polygon whose ears are clipped, which takes up to quadratic time.
+const MAX_CLIPPED: usize = 1 << 15;
+
+/// A surface of triangles.
+#[derive(Debug, Default)]
+pub(crate) struct Triangulation {
+    /// Vertices of each triangle.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Concave polygons that have too many vertices for their ears to be clipped, and became fans.
+    pub(crate) fanned: usize,
+}
+
+/// Triangulates all faces of a topology whose vertices are at `points`.
+pub(crate) fn triangulate(topology: &Topology, points: &[Point]) -> Triangulation {
+    let mut clipper = Clipper {
+        points,
+        earcut: Earcut::new(),
+        flat: Vec::new(),
+        indices: Vec::new(),
+        ears: Vec::new(),
+    };
+    let mut found = Triangulation {
+        triangles: Vec::with_capacity(topology.triangle_count()),
+        fanned: 0,
+    };
+    for corners in topology.faces() {
+        match corners {
+            &[a, b, c] => found.triangles.push([a, b, c]),
+            _ => clipper.polygon(corners, &mut found),
+        }
+    }
+    found
+}
+
+/// Buffers that are reused from polygon to polygon.
+struct Clipper<'a> {
+    points: &'a [Point],
+    earcut: Earcut<f64>,
+    /// The polygon's vertices in its plane, counter-clockwise.
+    flat: Vec<[f64; 2]>,
+    indices: Vec<u32>,
+    /// Triangles by their corners' places in the polygon, in rising order.
+    ears: Vec<[u32; 3]>,
+}
+
+impl Clipper<'_> {
+    fn polygon(&mut self, corners: &[u32], found: &mut Triangulation) {
+        let is_fan = !self.flatten(corners) || self.is_covered_by_fan();
+        let is_large = corners.len() > MAX_CLIPPED;
+        if is_fan || is_large {
+            found.fanned += usize::from(!is_fan);
+            let rim = corners[1..].windows(2);
+            let fan = rim.map(|edge| [corners[0], edge[0], edge[1]]);
+            found.triangles.extend(fan);
+            return;
+        }
+        self.clip();
+        let corner = |place: u32| corners[place as usize];
+        complete(&self.ears, corners.len(), |places| {
+            found.triangles.push(places.map(corner));
+        });
+    }
+
+    /// Projects a polygon along the longest axis of its normal, by Newell's method. This is an affine map of the polygon's
+    /// plane, so that inside and outside stay the same. It rounds no coordinate.
+    ///
+    /// Returns whether the polygon has a plane: all vertices are finite, and some area is left.
+    fn flatten(&mut self, corners: &[u32]) -> bool {
+        let point = |&vertex: &u32| self.points[vertex as usize].map(f64::from);
+        let first = point(&corners[0]);
+        let from_first = |p: [f64; 3]| [0, 1, 2].map(|axis| p[axis] - first[axis]);
+        let mut normal = [0.0; 3];
+        let mut a = [0.0; 3];
+        for b in corners[1..].iter().map(point).map(from_first) {
+            normal[0] += a[1] * b[2] - a[2] * b[1];
+            normal[1] += a[2] * b[0] - a[0] * b[2];
+            normal[2] += a[0] * b[1] - a[1] * b[0];
+            a = b;
+        }
+        let size = normal.map(f64::abs);
+        let axis = match size {
+            [x, y, z] if x >= y && x >= z => 0,
+            [_, y, z] if y >= z => 1,
+            _ => 2,
+        };
+        let (mut u, mut v) = ((axis + 1) % 3, (axis + 2) % 3);
+        if normal[axis] < 0.0 {
+            (u, v) = (v, u);
+        }
+        let flat = corners.iter().map(point).map(|p| [p[u], p[v]]);
+        self.flat.clear();
+        self.flat.extend(flat);
+        normal.iter().all(|n| n.is_finite()) && size[axis] > 0.0
+    }
+
+    /// Whether no triangle of the fan from the first vertex is turned over.
+    fn is_covered_by_fan(&self) -> bool {
+        let [x, y] = self.flat[0];
+        let from_first = |p: [f64; 2]| [p[0] - x, p[1] - y];
+        self.flat[1..].windows(2).all(|edge| {
+            let (a, b) = (from_first(edge[0]), from_first(edge[1]));
+            a[0] * b[1] >= a[1] * b[0]
+        })
+    }
+
+    fn clip(&mut self) {
+        let flat = self.flat.iter().copied();
+        self.earcut.earcut(flat, &[], &mut self.indices);
+        let found = self.indices.as_chunks::<3>().0.iter();
+        self.ears.clear();
+        self.ears.extend(found.map(|&(mut ear)| {
+            ear.sort_unstable();
+            ear
+        }));
+        // By the first corner, then by the last one, the farthest first.
+        self.ears.sort_unstable_by_key(|&[a, b, c]| (a, !c, b));
+    }
+}
+
+/// Emits `vertices - 2` triangles that fill a polygon, as places in rising order, so that each has the polygon's orientation.
+///
+/// `ears` are triangles that do not cross, sorted. Some may be missing: collinear and repeated vertices make ears without
+/// area, which are not clipped, and a polygon that crosses itself has no triangulation. Fans fill the gaps.
+fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
+    let apex = |from: u32, to: u32| {
+        let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));
+        let ear = ears.get(at).filter(|ear| (ear[0], ear[2]) == (from, to));
+        ear.map(|ear| ear[1])
+    };
+    // The end of the longest chord from a place that ends at `limit` or before; an edge of the polygon else.
+    let reach = |from: u32, limit: u32| {
+        let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !limit));
+        let ear = ears.get(at).filter(|ear| ear[0] == from);
+        ear.map_or(from + 1, |ear| ear[2])
+    };
+    let mut open = vec![[0, vertices as u32 - 1]];
+    while let Some([from, to]) = open.pop() {
+        if to - from < 2 {
+            continue;
+        }
+        if let Some(apex) = apex(from, to) {
+            emit([from, apex, to]);
+            open.extend([[apex, to], [from, apex]]);
+            continue;
+        }
+        let mut at = reach(from, to);
+        open.push([from, at]);
+        while at < to {
+            let next = reach(at, to);
+            emit([from, at, next]);
+            open.push([at, next]);
+            at = next;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,166 @@
+//! Text as other programs write it: line ends of three kinds, numbers that are not finite, and encodings that are refused.
+
+use std::str::FromStr;
+
+/// Lines that end in a line feed, a carriage return, or both.
+#[derive(Clone)]
+pub(crate) struct Lines<'a> {
+    rest: &'a [u8],
+}
+
+/// Splits `bytes` into lines. The last one may lack its end; nothing follows the last end.
+pub(crate) fn lines(bytes: &[u8]) -> Lines<'_> {
+    Lines { rest: bytes }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
+        let end = self.rest.iter().position(is_end);
+        let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
+        let after = rest.strip_prefix(b"\r\n").or_else(|| rest.get(1..));
+        self.rest = after.unwrap_or_default();
+        Some(line)
+    }
+}
+
+/// Parses a number. `nan` and `inf` may be spelled as the C libraries print them: `-nan(ind)`, `1.#QNAN`, `-1.#INF00`.
+pub(crate) fn number<F: FromStr>(word: &str) -> Option<F> {
+    let parsed = word.parse().ok();
+    parsed.or_else(|| not_finite(word)?.parse().ok())
+}
+
+fn not_finite(word: &str) -> Option<&'static str> {
+    let bare = word.strip_prefix(['-', '+']).unwrap_or(word);
+    if let Some(name) = bare.strip_prefix("1.#") {
+        return match name.strip_prefix("INF") {
+            _ if !is_msvc_name(name) => None,
+            Some(_) if word.starts_with('-') => Some("-inf"),
+            Some(_) => Some("inf"),
+            None => Some("nan"),
+        };
+    }
+    let head = bare.get(..4)?;
+    (head.eq_ignore_ascii_case("nan(") && bare.ends_with(')')).then_some("nan")
+}
+
+/// Whether `name` follows `1.#` in a number of Visual C++, which pads names with digits, an exponent, or cuts them short.
+fn is_msvc_name(name: &str) -> bool {
+    let letters = name.trim_end_matches(|c: char| c.is_ascii_digit() || "e+-".contains(c));
+    !letters.is_empty() && letters.bytes().all(|b| b.is_ascii_uppercase())
+}
+
+/// Returns `line` up to its comment. The `#` within a number such as `1.#IND` does not start a comment.
+pub(crate) fn before_comment(line: &str) -> &str {
+    let starts_comment = |&(at, _): &(usize, &str)| {
+        let (before, after) = (&line[..at], &line[at + 1..]);
+        let end = after.find(|c: char| c.is_ascii_whitespace() || c == '#');
+        let name = &after[..end.unwrap_or(after.len())];
+        let is_number = before.ends_with("1.") && is_msvc_name(name);
+        !is_number
+    };
+    let comment = line.match_indices('#').find(starts_comment);
+    comment.map_or(line, |(at, _)| &line[..at])
+}
+
+/// Refuses text of two or four bytes a character, which would be read as an empty file.
+pub(crate) fn check_encoding(bytes: &[u8]) -> Result<(), String> {
+    let name = match bytes {
+        [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => "UTF-32",
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+        [1..=255, 0, 0, 0, ..] | [0, 0, 0, 1..=255, ..] => "UTF-32",
+        [1..=255, 0, 1..=255, 0, ..] | [0, 1..=255, 0, 1..=255, ..] => "UTF-16",
+        _ => return Ok(()),
+    };
+    Err(format!("the text is {name}; save it as UTF-8"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_in_either_character_or_both() {
+        let split = |text: &'static str| -> Vec<_> { lines(text.as_bytes()).collect() };
+        assert_eq!(split("a\nb\rc\r\nd"), [b"a", b"b", b"c", b"d"]);
+        assert_eq!(split("a\r\r\n\nb\r"), [&b"a"[..], b"", b"", b"b"]);
+        assert_eq!(split("").len(), 0);
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_have_the_spellings_of_c() {
+        for word in [
+            "nan",
+            "NaN",
+            "-nan",
+            "-nan(ind)",
+            "nan(snan)",
+            "NAN(0x8)",
+            "1.#IND",
+            "-1.#IND00",
+            "1.#QNAN",
+            "+1.#SNAN",
+            "1.#R",
+            "-1.#IO",
+            "1.#QNAN0e+000",
+        ] {
+            assert!(number::<f32>(word).is_some_and(f32::is_nan), "{word}");
+        }
+        for (word, value) in [("1.#INF", f32::INFINITY), ("-1.#INF00", -f32::INFINITY)] {
+            assert_eq!(number::<f32>(word), Some(value), "{word}");
+        }
+        for word in [
+            "1.#", "1.#5", "1.#inf", "2.#INF", "nan(", "nan()x", "1.0.0", "", "#",
+        ] {
+            assert_eq!(number::<f32>(word), None, "{word}");
+        }
+    }
+
+    #[test]
+    fn a_comment_starts_at_a_sharp_outside_a_number() {
+        for (line, before) in [
+            ("v 1 2 3 # x", "v 1 2 3 "),
+            ("v 1 2 3# x", "v 1 2 3"),
+            (
+                "v -1.#IND 1.#QNAN 1.#INF # 1.#IND",
+                "v -1.#IND 1.#QNAN 1.#INF ",
+            ),
+            ("v 0 0 1.#IND# x", "v 0 0 1.#IND"),
+            ("v 0 0 1.# x", "v 0 0 1."),
+            ("v 0 0 1.#x", "v 0 0 1."),
+            ("# \u{e9}\\", ""),
+            ("v 1 2 3", "v 1 2 3"),
+        ] {
+            assert_eq!(before_comment(line), before);
+        }
+    }
+
+    #[test]
+    fn wide_encodings_are_named() {
+        let wide = |bytes: usize, big: bool, text: &str| -> Vec<u8> {
+            let unit = |c: char| {
+                let all = (c as u32).to_be_bytes();
+                let mut unit = all[4 - bytes..].to_vec();
+                if !big {
+                    unit.reverse();
+                }
+                unit
+            };
+            text.chars().flat_map(unit).collect()
+        };
+        for text in ["\u{feff}v 0 0 0\n", "v 0 0 0\n", "# \u{4e2d}"] {
+            for big in [false, true] {
+                for (bytes, name) in [(2, "UTF-16"), (4, "UTF-32")] {
+                    let refused = check_encoding(&wide(bytes, big, text)).unwrap_err();
+                    assert!(refused.contains(name), "{text:?} {big}: {refused}");
+                }
+            }
+            assert_eq!(check_encoding(text.as_bytes()), Ok(()));
+        }
+    }
+}
