@@ -43,8 +43,11 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
             "{file}: {fanned} concave faces have too many vertices to be triangulated, and are read as fans"
         ));
     }
-    let place = (path, &folder);
-    let colours = colours(place, &mesh.topology, &triangles, mesh.paint, &mut notes);
+    let surface = Surface {
+        topology: &mesh.topology,
+        triangles: &triangles,
+    };
+    let colours = colours((path, &folder), &surface, mesh.paint, &mut notes);
     let kept = compact(&mut triangles, mesh.topology.vertices);
     let (keys, vertices) = (files.len(), kept.len());
     check_keys(path, (keys, vertices, triangles.len()), options)?;
@@ -145,14 +148,23 @@ impl Sequence {
     }
 }
 
-/// Returns one colour for each of the `triangles`, which have the file's vertex numbers.
+/// The faces of a mesh, and their triangles by the file's vertex numbers.
+struct Surface<'a> {
+    topology: &'a Topology,
+    triangles: &'a [[u32; 3]],
+}
+
+/// Returns one colour for each triangle.
 fn colours(
     place: (&Path, &Folder),
-    topology: &Topology,
-    triangles: &[[u32; 3]],
+    surface: &Surface<'_>,
     paint: Paint,
     notes: &mut Vec<String>,
 ) -> Vec<Rgb> {
+    let Surface {
+        topology,
+        triangles,
+    } = surface;
     match paint {
         Paint::None => vec![CLAY; triangles.len()],
         Paint::Vertices(colours) => {

@@ -316,7 +316,7 @@ impl<'a> File<'a> {
         }
         for (index, corners) in strip.windows(3).enumerate() {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
-            let is_even = index % 2 == 0;
+            let is_even = index.is_multiple_of(2);
             self.topology
                 .push(if is_even { [a, b, c] } else { [b, a, c] });
         }

@@ -175,7 +175,7 @@ fn concave_polygons_of_too_many_vertices_are_counted() {
     let count = MAX_CLIPPED + 1;
     let point = |i: usize| {
         let (sin, cos) = (i as f32 / count as f32 * std::f32::consts::TAU).sin_cos();
-        let radius = if i % 2 == 0 { 1.0 } else { 0.5 };
+        let radius = if i.is_multiple_of(2) { 1.0 } else { 0.5 };
         [cos * radius, sin * radius, 0.0]
     };
     let points: Vec<Point> = (0..count).map(point).collect();
