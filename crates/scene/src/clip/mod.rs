@@ -12,15 +12,17 @@ mod rig;
 mod schema;
 
 use crate::mesh::joined_triangles;
+use crate::rounding::Rounding;
 use crate::source::extension;
 use crate::stream::{check_counts, check_keys, within};
 use crate::{Facts, MAX_FPS, Options, Result, Scene, SceneError, stream};
 use document::File;
+use geom::lock;
 use motion::Motion;
 use part::{Drawn, Part};
 use rig::Rig;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 const MAX_KEYS: usize = 1 << 16;
 /// The most vertices in all key frames together: 48 GiB.
@@ -54,23 +56,33 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let colours = |p: &Part| std::iter::repeat_n(p.colour, p.triangles.len());
     let colours = parts.iter().flat_map(colours).collect();
     let triangles = joined_triangles(parts.iter().map(|p| (&p.triangles[..], p.vertices())));
-    let facts = Facts {
-        format: extension(path),
-        files: vec![path.to_owned()],
-        clip: clip.map(|i| clip_name(&file, i)),
-        seconds_per_key: (times.len() > 1).then(|| times[1] - times[0]),
-        notes,
-    };
-    let keys = times.len();
-    let source = move |key: usize| {
+    let (keys, seconds_per_key) = (times.len(), times.get(1).map(|t| t - times[0]));
+    let positions = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
-        // A list that grows takes more than its points in the end.
+        // A list that grows takes more memory than its points do in the end.
         let mut points = Vec::with_capacity(vertices);
         for part in &parts {
             points.extend(part.positions(&pose, &motion, time));
         }
-        Ok(points)
+        points
+    };
+    let exact = positions(0);
+    let rounding = Rounding::of(&exact, options);
+    notes.extend(rounding.remark(path, &exact, options));
+    let facts = Facts {
+        format: extension(path),
+        files: vec![path.to_owned()],
+        clip: clip.map(|i| clip_name(&file, i)),
+        seconds_per_key,
+        offset: rounding.chosen(options),
+        notes,
+    };
+    let first = Mutex::new(Some(rounding.points(&exact)));
+    drop(exact);
+    let source = move |key: usize| {
+        let first = lock(&first).take_if(|_| key == 0);
+        Ok(first.unwrap_or_else(|| rounding.points(&positions(key))))
     };
     let animation = stream::animation(source, (keys, vertices), triangles, options)?;
     Ok(Scene {

@@ -36,7 +36,7 @@ pub(super) struct Motion {
 impl Motion {
     pub(super) fn of(file: &File, clip: Option<&Animation>) -> Result<Self> {
         let mut motion = Self::default();
-        for clip in clip {
+        if let Some(clip) = clip {
             for (index, channel) in clip.channels.iter().enumerate() {
                 motion.add(file, clip, (index, channel))?;
             }

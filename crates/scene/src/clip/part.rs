@@ -6,9 +6,9 @@ use super::motion::Motion;
 use super::rig::{self, Rig, vector};
 use super::schema::{Material, Mesh, Node, Primitive, Whole};
 use crate::mesh::{compact, from_linear};
+use crate::rounding::Position;
 use crate::stream::check_memory;
 use crate::{Options, Result, Rgb};
-use geom::Point;
 use glam::{DMat4, DVec3, Mat4};
 use std::collections::BTreeMap;
 
@@ -251,7 +251,8 @@ impl Part {
         self.rest.len()
     }
 
-    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Point> {
+    /// Returns the positions in the world.
+    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Position> {
         let mut points = self.rest.clone();
         let weights = motion.weights(self.node, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
@@ -269,7 +270,7 @@ impl Part {
                 .iter_mut()
                 .for_each(|p| *p = world.transform_point3(*p)),
         }
-        points.into_iter().map(|p| p.as_vec3().to_array()).collect()
+        points.into_iter().map(|p| p.to_array()).collect()
     }
 }
 
