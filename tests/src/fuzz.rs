@@ -135,7 +135,7 @@ fn word(bytes: &[u8]) -> OsString {
 }
 
 fn rays(path: &Path) -> Result<(), String> {
-    let rays = output::read_rays(path);
+    let rays = output::RayFile::open(path).and_then(|file| file.read([0.0; 3]));
     rays.map(drop).map_err(|e| e.to_string())
 }
 

@@ -34,6 +34,46 @@ impl Mesh {
         Self::new(triangles, vertices.len(), motion)
     }
 
+    /// Creates a mesh that never moves from vertices in double precision, such as those of a survey or a globe.
+    ///
+    /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh. Meshes
+    /// of one scene take the same offset, and so do the origins of its rays:
+    ///
+    /// ```
+    /// use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
+    ///
+    /// // Single precision has steps of 0.5 this far north.
+    /// let offset = [691_608.0, 5_334_760.0, 520.0];
+    /// let vertices = [
+    ///     [691_608.1, 5_334_760.2, 520.5],
+    ///     [691_609.1, 5_334_760.2, 520.5],
+    ///     [691_608.1, 5_334_761.2, 520.5],
+    /// ];
+    /// let mut scene = Scene::new();
+    /// scene.add(Mesh::fixed_f64(&vertices, &[[0, 1, 2]], offset)?);
+    /// let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+    ///
+    /// let eye = [691_608.3, 5_334_760.4, 600.0];
+    /// let origin = std::array::from_fn(|axis| (eye[axis] - offset[axis]) as f32);
+    /// let mut step = tracer.step(0.0);
+    /// let query = step.trace(&[Ray::new(origin, [0.0, 0.0, -1.0])], Query::Closest)?;
+    /// let step = step.submit()?;
+    /// assert_eq!(tracer.hits(step, query)?.closest(0).unwrap().t, 79.5);
+    /// # Ok::<(), abvh::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As for [`Mesh::fixed`].
+    pub fn fixed_f64(
+        vertices: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+        offset: [f64; 3],
+    ) -> Result<Self> {
+        let round = |v: &[f64; 3]| std::array::from_fn(|axis| (v[axis] - offset[axis]) as f32);
+        let rounded: Vec<Point> = vertices.iter().map(round).collect();
+        Self::fixed(&rounded, triangles)
+    }
+
     /// A mesh that goes through key frames, one position a vertex each. Time is measured in them: at time `k + a` it stands
     /// between key frames `k` and `k + 1`, by the weight `a`, and before the first and after the last it stands still.
     ///

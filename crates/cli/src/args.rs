@@ -112,7 +112,7 @@ pub(crate) struct TraceArgs {
     /// The moment, in key frames
     #[arg(long, value_name = "T", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) time: f64,
-    /// Rays: float32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
+    /// Rays: float32 or float64 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
     #[arg(long, value_name = "RAYS.npy")]
     pub(crate) rays: PathBuf,
     /// File for what was found
@@ -173,6 +173,10 @@ pub(crate) struct SourceArgs {
     /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     pub(crate) allow_outside: bool,
+    /// Subtract the scene's centre in double precision before coordinates are rounded to single precision. Points and rays
+    /// on the command line and in files keep the scene's coordinates
+    #[arg(long)]
+    pub(crate) recentre: bool,
     /// Memory for key frames, in MiB: those of larger scenes are read while they are played
     #[arg(long, value_name = "MIB", default_value = "512")]
     pub(crate) key_memory: u32,
@@ -184,6 +188,7 @@ impl SourceArgs {
             fps: self.fps,
             clip: self.clip.clone(),
             allow_outside: self.allow_outside,
+            recentre: self.recentre,
             key_bytes: u64::from(self.key_memory) << 20,
             ..scene::Options::default()
         }

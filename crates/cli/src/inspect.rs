@@ -91,6 +91,9 @@ fn text(scene: &Scene, i: &Inspection) -> String {
         false => format!("bounds: {:?} to {:?}\n", bounds.min, bounds.max),
         true => "bounds: none, no vertex is finite\n".to_owned(),
     };
+    if let Some(offset) = scene.facts.offset {
+        text += &format!("offset: {offset:?} is subtracted from all coordinates\n");
+    }
     text += &format!(
         "motion: {:.1}% of the vertices move; a key step is {:.3}% of the diagonal in the mean, {:.3}% at most\n",
         100.0 * m.moving,
@@ -138,6 +141,7 @@ pub(crate) fn scene_facts(scene: &Scene) -> Value {
             "files": facts.files.iter().map(|f| f.to_string_lossy()).collect::<Vec<_>>(),
             "clip": facts.clip,
             "seconds_per_key": facts.seconds_per_key,
+            "offset": facts.offset,
             "notes": facts.notes,
         },
     })

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if frames.is_empty() {
         return no_frames(args, &scene, (earlier, &outputs), &all);
     }
-    let view = view(args, &scene);
+    let view = view(args, &scene)?;
     let camera = camera(&view, args.size)?;
     let query = shading::query((&camera, view.light));
     let ask = asked.over(&frames, query);
@@ -57,7 +57,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     if let Some(file) = &args.rays_out {
         // A run that does not begin leaves no folders.
         let tidy = |_: &_| new.iter().for_each(|dir| drop(std::fs::remove_dir(dir)));
-        output::write_rays(file, camera.pixels(), camera.rays()).inspect_err(tidy)?;
+        let offset = scene.facts.offset;
+        output::write_rays(file, camera.pixels(), camera.rays(), offset).inspect_err(tidy)?;
     }
     // A video is made of all frames, also of those whose files are whole.
     let (old, todo) = match outputs.video.any() {
@@ -165,15 +166,29 @@ fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Re
     tell(args, &text)
 }
 
-/// The view that frames the motion, with what was asked for in its place.
-fn view(args: &RenderArgs, scene: &Scene) -> View {
+/// Returns the view that frames the motion, with the requested points in place of its own.
+fn view(args: &RenderArgs, scene: &Scene) -> Result<View, Stop> {
     let framed = shading::frame_scene(&scene.animation, args.fov, args.size);
-    View {
-        eye: args.eye.unwrap_or(framed.eye),
-        look_at: args.look_at.unwrap_or(framed.look_at),
+    let point = |option, requested: Option<[f64; 3]>, framed| match requested {
+        Some(point) => in_scene(option, point, scene),
+        None => Ok(framed),
+    };
+    Ok(View {
+        eye: point("--eye", args.eye, framed.eye)?,
+        look_at: point("--look-at", args.look_at, framed.look_at)?,
         up: args.up.unwrap_or(framed.up),
-        light: args.light.unwrap_or(framed.light),
+        light: point("--light", args.light, framed.light)?,
         ..framed
+    })
+}
+
+/// Converts a point of the scene's files to the coordinates of its key frames.
+fn in_scene(option: &str, point: [f64; 3], scene: &Scene) -> Result<Point, Stop> {
+    let offset = scene.facts.offset.unwrap_or_default();
+    let moved: Point = std::array::from_fn(|i| (point[i] - offset[i]) as f32);
+    match moved.iter().all(|x| x.is_finite()) {
+        true => Ok(moved),
+        false => Err(Stop::bad(format!("{option} {point:?} is too far away"))),
     }
 }
 

@@ -191,6 +191,9 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
         ("frames", frames_value(args, key_times)),
         ("intersector", json!(intersector)),
     ]);
+    if args.source.recentre {
+        all.insert("recentre", json!(true));
+    }
     if !is_robust || has_own_trees(args.device.backend) {
         all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));

@@ -8,6 +8,7 @@ use crate::stop::Stop;
 use crate::table::counted;
 use crate::{frames, talk};
 use abvh::Query;
+use output::HitArrays;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let files = Files {
@@ -28,8 +29,10 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         ..Ask::of(args.device.backend, args.method, update)
     };
     let mut opening = session::begin(&ask);
-    let rays = output::read_rays(&args.rays).map_err(Stop::bad)?;
-    let scene = scene::open(&args.scene, &args.source.options_of_run(rays.len()))?;
+    let file = output::RayFile::open(&args.rays).map_err(Stop::bad)?;
+    let scene = scene::open(&args.scene, &args.source.options_of_run(file.count()))?;
+    let offset = scene.facts.offset;
+    let rays = file.read(offset.unwrap_or_default()).map_err(Stop::bad)?;
     let (tree_time, time) = moments(args, scene.animation.whole_times())?;
     let query = match args.any_hit {
         true => Query::Any,
@@ -39,6 +42,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
     if !args.quiet {
         setup.auto.iter().for_each(|t| talk::say(&t.to_string()));
+        scene.facts.notes.iter().for_each(|note| talk::say(note));
     }
     if let Some(time) = tree_time {
         tracer.warm_up(time)?;
@@ -50,7 +54,12 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     if args.any_hit {
         output::write_found(&args.out, hits.any())?;
     } else {
-        output::write_hits(&args.out, &[rays.len() as u64], hits.in_scene(), None)?;
+        let shape = [rays.len() as u64];
+        let hits = HitArrays {
+            offset,
+            ..HitArrays::of(hits.in_scene(), &shape)
+        };
+        hits.write(&args.out)?;
     }
     let closest = hits.in_scene().iter().filter(|h| h.is_hit()).count();
     let any = hits.any().iter().filter(|&&b| b != 0).count();

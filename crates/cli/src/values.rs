@@ -4,7 +4,6 @@ use clap::builder::{
     OsStringValueParser, PathBufValueParser, PossibleValuesParser, RangedU64ValueParser,
     TypedValueParser,
 };
-use geom::Point;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -35,9 +34,9 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
 }
 
 /// `x,y,z`, all finite.
-pub(crate) fn point(text: &str) -> Result<Point, String> {
-    let numbers: Vec<f32> = text.split(',').map(finite).collect::<Result<_, _>>()?;
-    Point::try_from(numbers.as_slice()).map_err(|_| {
+pub(crate) fn point<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<[T; 3], String> {
+    let numbers: Vec<T> = text.split(',').map(finite).collect::<Result<_, _>>()?;
+    numbers.try_into().map_err(|numbers: Vec<T>| {
         let found = numbers.len();
         format!("a point or direction is three numbers, x,y,z; found {found}")
     })
@@ -119,11 +118,12 @@ mod tests {
 
     #[test]
     fn points_are_three_finite_numbers() {
-        assert_eq!(point("1,-2.5,3e2"), Ok([1.0, -2.5, 300.0]));
+        assert_eq!(point("1,-2.5,3e2"), Ok([1.0_f32, -2.5, 300.0]));
+        assert_eq!(point("0.1,1e99,0"), Ok([0.1_f64, 1e99, 0.0]));
         for bad in [
             "", "1,2", "1,2,3,4", "1,2,nan", "1,inf,2", "1,2,1e99", "a,b,c", "1;2;3",
         ] {
-            point(bad).unwrap_err();
+            point::<f32>(bad).unwrap_err();
         }
     }
 

@@ -5,9 +5,8 @@ use crate::conflicts::whole;
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
-use backend::Hits;
 use geom::{Camera, Point, lock};
-use output::{Chroma, FrameStats, Journal, Planes, RunTimeline, Video};
+use output::{Chroma, FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
 use rayon::Scope;
 use scene::Scene;
 use shading::Shot;
@@ -201,7 +200,13 @@ impl<'a> Writer<'a> {
             let pixels = pixels.as_chunks::<4>().0;
             buffers.planes.set(pixels, width as usize, video);
         }
-        (self.outputs).write(index, [width, height], hits, &buffers.rgb)?;
+        let shape = [height, width].map(u64::from);
+        let hits = HitArrays {
+            shadow: Some(&hits.blocked),
+            offset: self.scene.facts.offset,
+            ..HitArrays::of(&hits.closest, &shape)
+        };
+        (self.outputs).write(index, [width, height], &hits, &buffers.rgb)?;
         let folders = self.outputs.folders();
         let files = |folder| self.outputs.in_folder(index, folder);
         let digests = folders.iter().map(|f| output::digests(&files(f)));
@@ -283,18 +288,17 @@ impl Outputs {
     pub(crate) fn write(
         &self,
         frame: u64,
-        [width, height]: [u32; 2],
-        hits: &Hits,
+        size: [u32; 2],
+        hits: &HitArrays<'_>,
         rgb: &[u8],
     ) -> Result<(), Stop> {
         if let Some(file) = self.hits(frame) {
-            let shape = [height, width].map(u64::from);
             output::remove_special_file(&file)?;
-            output::write_hits(&file, &shape, &hits.closest, Some(&hits.blocked))?;
+            hits.write(&file)?;
         }
         if let Some(file) = self.image(frame) {
             output::remove_special_file(&file)?;
-            output::write_png(&file, [width, height], rgb)?;
+            output::write_png(&file, size, rgb)?;
         }
         Ok(())
     }

@@ -15,26 +15,53 @@ use zip::{CompressionMethod, DateTime};
 /// More than the heads of five arrays and the archive's directory take.
 const ROOM_FOR_HEADS: usize = 4096;
 
-/// Writes arrays `triangle` u32 (4294967295 = miss), `t`, `u`, `v` f32 (miss: inf, 0, 0), one hit a ray, row by row. Where
-/// there are shadow rays, also `shadow` u8: 1 where the way to the light is blocked. All are of shape `[height, width]` or
-/// `[rays]`.
-///
-/// # Panics
-/// If the lengths do not match the shape.
-pub fn write_hits(
-    path: &Path,
-    shape: &[u64],
-    hits: &[Hit],
-    shadow: Option<&[u8]>,
-) -> Result<(), OutputError> {
-    let hits = hits.iter();
-    write_archive(path, 17 * hits.len(), |zip| {
-        add(zip, shape, "triangle", hits.clone().map(|h| h.triangle))?;
-        add(zip, shape, "t", hits.clone().map(|h| h.t))?;
-        add(zip, shape, "u", hits.clone().map(|h| h.u))?;
-        add(zip, shape, "v", hits.clone().map(|h| h.v))?;
-        shadow.map_or(Ok(()), |s| add(zip, shape, "shadow", s.iter().copied()))
-    })
+/// Closest hits of a list or a picture of rays, as they are written to a file.
+#[derive(Clone, Copy, Debug)]
+pub struct HitArrays<'a> {
+    /// `[height, width]`, or `[rays]`.
+    pub shape: &'a [u64],
+    /// One hit for each ray, row by row.
+    pub hits: &'a [Hit],
+    /// 1 where the light is blocked. Absent without shadow rays.
+    pub shadow: Option<&'a [u8]>,
+    /// The point that was subtracted from the scene's coordinates.
+    pub offset: Option<[f64; 3]>,
+}
+
+impl<'a> HitArrays<'a> {
+    /// Hits without shadows and without an offset.
+    #[must_use]
+    pub fn of(hits: &'a [Hit], shape: &'a [u64]) -> Self {
+        Self {
+            shape,
+            hits,
+            shadow: None,
+            offset: None,
+        }
+    }
+
+    /// Writes arrays `triangle` u32 (4294967295 = miss) and `t`, `u`, `v` f32 (miss: inf, 0, 0) of the shape. Where they are
+    /// present, `shadow` u8 of the same shape and `offset` f64 (3,) follow.
+    ///
+    /// # Errors
+    /// Those of the system.
+    ///
+    /// # Panics
+    /// If the lengths do not match the shape.
+    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+        let (hits, shape) = (self.hits.iter(), self.shape);
+        write_archive(path, 17 * hits.len(), |zip| {
+            add(zip, shape, "triangle", hits.clone().map(|h| h.triangle))?;
+            add(zip, shape, "t", hits.clone().map(|h| h.t))?;
+            add(zip, shape, "u", hits.clone().map(|h| h.u))?;
+            add(zip, shape, "v", hits.clone().map(|h| h.v))?;
+            if let Some(shadow) = self.shadow {
+                add(zip, shape, "shadow", shadow.iter().copied())?;
+            }
+            let offset = self.offset;
+            offset.map_or(Ok(()), |o| add(zip, &[3], "offset", o.into_iter()))
+        })
+    }
 }
 
 /// Writes the one array `hit` u8 of shape (N,): 1 where a ray met anything.
@@ -113,7 +140,12 @@ mod tests {
         let path = dir.path().join("hits_0000.npz");
         let hits = hits();
         let shadow = [1, 0, 0, 0, 0, 1];
-        write_hits(&path, &[2, 3], &hits, Some(&shadow)).unwrap();
+        let arrays = HitArrays {
+            shadow: Some(&shadow),
+            offset: Some([0.5, 1e300, -0.1]),
+            ..HitArrays::of(&hits, &[2, 3])
+        };
+        arrays.write(&path).unwrap();
         let (shape, dtype, triangle) = read::<u32>(&path, "triangle");
         assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'<u4'"));
         assert_eq!(triangle, [0, 4_294_967_295, 7, 3, 4_294_967_295, 1]);
@@ -128,6 +160,9 @@ mod tests {
         let (shape, dtype, read_shadow) = read::<u8>(&path, "shadow");
         assert_eq!((shape, dtype.as_str()), (vec![2, 3], "'|u1'"));
         assert_eq!(read_shadow, shadow);
+        let (shape, dtype, offset) = read::<f64>(&path, "offset");
+        assert_eq!((shape, dtype.as_str()), (vec![3], "'<f8'"));
+        assert_eq!(offset, [0.5, 1e300, -0.1]);
     }
 
     #[test]
@@ -140,12 +175,12 @@ mod tests {
             names.sort_unstable();
             names.join(" ")
         };
-        write_hits(&path, &[6], &hits(), None).unwrap();
+        HitArrays::of(&hits(), &[6]).write(&path).unwrap();
         assert_eq!(names(), "t.npy triangle.npy u.npy v.npy");
         let bytes = fs::read(&path).unwrap();
         // Bytes 10..14 of a local file header: time and date. 1980-01-01 00:00 is (0, 0x0021).
         assert_eq!(bytes[10..14], [0, 0, 0x21, 0]);
-        write_hits(&path, &[6], &hits(), None).unwrap();
+        HitArrays::of(&hits(), &[6]).write(&path).unwrap();
         let again = fs::read(&path).unwrap();
         assert_eq!(again, bytes, "equal hits are equal files");
         write_found(&path, &[1, 0, 1]).unwrap();
@@ -158,6 +193,11 @@ mod tests {
     fn arrays_of_another_shape_are_misuse() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.npz");
-        let _ = write_hits(&path, &[2, 3], &hits(), Some(&[1, 0]));
+        let hits = hits();
+        let arrays = HitArrays {
+            shadow: Some(&[1, 0]),
+            ..HitArrays::of(&hits, &[2, 3])
+        };
+        let _ = arrays.write(&path);
     }
 }

@@ -17,9 +17,9 @@ pub use atomic::{
     OutputError, check_dir, check_writable, prepare_dir, remove_special_file, remove_unfinished,
     write_whole, write_with,
 };
-pub use hits::{write_found, write_hits};
+pub use hits::{HitArrays, write_found};
 pub use journal::{Digest, Finished, Journal, Manifest, NamedDigest, SceneId, clear_run, digests};
-pub use rays::{read_rays, write_rays};
+pub use rays::{RayFile, write_rays};
 pub use stats::{
     FrameStats, SCHEMA, Summary, TIMES, Taken, Time, memory, mrays, overview, rates, trees,
     write_json,

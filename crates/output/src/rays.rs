@@ -1,65 +1,157 @@
-//! Rays as `.npy` arrays: f32 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
+//! Rays as `.npy` arrays: f32 or f64 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
 
 use crate::atomic::{OutputError, write_with};
 use geom::Ray;
-use npyz::{DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder};
-use std::io::{self, BufRead, BufReader, Read};
-use std::path::Path;
+use npyz::{
+    AutoSerialize, DType, NpyFile, NpyHeader, Order, TypeChar, WriteOptions, WriterBuilder,
+};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
 
 /// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
 const MAX_HEADER: u32 = 4096;
 
-/// Reads rays of either byte order, in C or Fortran order. Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are
-/// not finite are kept: such rays miss (see [`Ray::is_valid`]). An error says what was found and what is wanted.
-pub fn read_rays(path: &Path) -> Result<Vec<Ray>, OutputError> {
-    let name = path.display();
-    let unreadable = |cause| OutputError::reading(path, cause);
-    let refused = |reason| OutputError(format!("{name}: {reason}"));
-    let file = host::open(path).map_err(unreadable)?;
-    let mut reader = BufReader::with_capacity(1 << 18, file);
-    let first_bytes = reader.fill_buf().map_err(unreadable)?;
-    host::refuse_pointer(first_bytes).map_err(unreadable)?;
-    let no_array = |reason| refused(format!("not a .npy array: {reason}"));
-    let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
-    let (rays, columns) = check(&header).map_err(refused)?;
-    let size = reader.get_ref().metadata().map_err(unreadable)?.len();
-    let found = size.saturating_sub(header_bytes);
-    let wanted = u128::from(rays) * u128::from(columns) * 4;
-    if wanted > u128::from(found) {
-        let shape = shape_text(header.shape());
-        let says = format!("truncated: shape {shape} takes {wanted} bytes of data");
-        return Err(refused(format!("{says}, found {found}")));
-    }
-    // Numbers are read into a list that grows by doubling. There are no more than the file has bytes.
-    let values = (rays * columns).next_power_of_two() * size_of::<f32>() as u64;
-    let bytes = values.saturating_add(rays.saturating_mul(size_of::<Ray>() as u64));
-    host::check(bytes).map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
-    let values = NpyFile::with_header(header.clone(), reader).into_vec::<f32>();
-    let values = values.map_err(unreadable)?;
-    Ok(to_rays(&values, columns as usize, header.order()))
+/// An open file of rays whose header was checked.
+pub struct RayFile {
+    path: PathBuf,
+    header: NpyHeader,
+    reader: BufReader<File>,
+    rays: usize,
+    columns: usize,
+    format: Format,
 }
 
-/// Writes so many rays as little-endian f32 in C order, (N, 6) if all cover `(0, inf)`, else (N, 8).
+/// The type of the numbers.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Single,
+    Double,
+}
+
+impl Format {
+    fn bytes(self) -> usize {
+        match self {
+            Self::Single => 4,
+            Self::Double => 8,
+        }
+    }
+}
+
+impl RayFile {
+    /// Opens a file of either byte order, in C or Fortran order.
+    ///
+    /// # Errors
+    /// The system's, or what was found in the file and what is expected.
+    pub fn open(path: &Path) -> Result<Self, OutputError> {
+        let name = path.display();
+        let unreadable = |cause| OutputError::reading(path, cause);
+        let refused = |reason| OutputError(format!("{name}: {reason}"));
+        let file = host::open(path).map_err(unreadable)?;
+        let mut reader = BufReader::with_capacity(1 << 18, file);
+        let first_bytes = reader.fill_buf().map_err(unreadable)?;
+        host::refuse_pointer(first_bytes).map_err(unreadable)?;
+        let no_array = |reason| refused(format!("not a .npy array: {reason}"));
+        let (header, header_bytes) = read_header(&mut reader).map_err(no_array)?;
+        let (format, [rays, columns]) = check(&header).map_err(refused)?;
+        let size = reader.get_ref().metadata().map_err(unreadable)?.len();
+        let found = size.saturating_sub(header_bytes);
+        let wanted = u128::from(rays) * u128::from(columns) * format.bytes() as u128;
+        if wanted > u128::from(found) {
+            let shape = shape_text(header.shape());
+            let says = format!("truncated: shape {shape} takes {wanted} bytes of data");
+            return Err(refused(format!("{says}, found {found}")));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            header,
+            reader,
+            rays: rays as usize,
+            columns: columns as usize,
+            format,
+        })
+    }
+
+    /// Returns the number of rays.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.rays
+    }
+
+    /// Reads the rays. `offset` is subtracted from the origins in double precision, before all numbers are rounded to single
+    /// precision.
+    ///
+    /// Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are not finite are kept: such rays miss (see
+    /// [`Ray::is_valid`]).
+    ///
+    /// # Errors
+    /// The system's, also if memory does not hold the rays.
+    pub fn read(self, offset: [f64; 3]) -> Result<Vec<Ray>, OutputError> {
+        let unreadable = |cause| OutputError::reading(&self.path, cause);
+        // Numbers are read into a list that grows by doubling. There are no more than the file has bytes.
+        let values = (self.rays * self.columns).next_power_of_two() * self.format.bytes();
+        let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
+        let checked = host::check(bytes as u64);
+        checked.map_err(|e| unreadable(io::Error::new(io::ErrorKind::OutOfMemory, e)))?;
+        let table = Table {
+            rays: self.rays,
+            columns: self.columns,
+            order: self.header.order(),
+            offset,
+        };
+        let file = NpyFile::with_header(self.header, self.reader);
+        match self.format {
+            Format::Single => file.into_vec::<f32>().map(|values| table.rays(&values)),
+            Format::Double => file.into_vec::<f64>().map(|values| table.rays(&values)),
+        }
+        .map_err(unreadable)
+    }
+}
+
+/// Writes so many rays in C order, (N, 6) if all cover `(0, inf)`, else (N, 8). The numbers are little-endian f32, or f64 with
+/// the `offset` added to the origins.
+///
+/// # Errors
+/// Those of the system.
 pub fn write_rays(
     path: &Path,
     count: usize,
     rays: impl Iterator<Item = Ray> + Clone,
+    offset: Option<[f64; 3]>,
 ) -> Result<(), OutputError> {
     let is_whole = |r: Ray| r.t_min == 0.0 && r.t_max == f32::INFINITY;
     let columns = if rays.clone().all(is_whole) { 6 } else { 8 };
-    write_with(path, |out| {
-        let mut npy = WriteOptions::new()
-            .default_dtype()
-            .shape(&[count as u64, columns])
-            .writer(out)
-            .begin_nd()?;
-        for r in rays {
-            let [o, d] = [r.origin, r.direction];
-            let row = [o[0], o[1], o[2], d[0], d[1], d[2], r.t_min, r.t_max];
-            npy.extend(row[..columns as usize].iter().copied())?;
+    let row = |r: Ray| {
+        let [o, d] = [r.origin, r.direction];
+        [o[0], o[1], o[2], d[0], d[1], d[2], r.t_min, r.t_max]
+    };
+    let shape = [count as u64, columns];
+    let columns = columns as usize;
+    write_with(path, |out| match offset {
+        None => {
+            let numbers = rays.flat_map(|r| row(r).into_iter().take(columns));
+            write_numbers(out, &shape, numbers)
         }
-        npy.finish()
+        Some(offset) => {
+            let moved = |r: Ray| {
+                let mut row = row(r).map(f64::from);
+                (0..3).for_each(|i| row[i] += offset[i]);
+                row.into_iter().take(columns)
+            };
+            write_numbers(out, &shape, rays.flat_map(moved))
+        }
     })
+}
+
+fn write_numbers<T: AutoSerialize>(
+    out: &mut dyn Write,
+    shape: &[u64],
+    numbers: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    let npy = WriteOptions::new().default_dtype().shape(shape);
+    let mut npy = npy.writer(out).begin_nd()?;
+    npy.extend(numbers)?;
+    npy.finish()
 }
 
 /// The header and its length in bytes, after checks that keep a hostile one from costing stack, memory or a panic.
@@ -102,21 +194,23 @@ fn shape_digits(header: &[u8]) -> usize {
     tuple.bytes().filter(u8::is_ascii_digit).count()
 }
 
-/// Rays and columns.
-fn check(header: &NpyHeader) -> Result<(u64, u64), String> {
+/// The type of the numbers, and how many rays and columns there are.
+fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
     let dtype = header.dtype();
-    let float_bytes = match &dtype {
+    let bytes = match &dtype {
         DType::Plain(t) if t.type_char() == TypeChar::Float => t.size_field(),
         _ => 0,
     };
-    if float_bytes != 4 {
-        let (found, convert) = (dtype.descr(), "; convert with rays.astype('float32')");
-        let hint = if float_bytes == 8 { convert } else { "" };
-        let says = "rays must be float32 ('<f4' or '>f4'), found";
-        return Err(format!("{says} {found}{hint}"));
-    }
+    let format = match bytes {
+        4 => Format::Single,
+        8 => Format::Double,
+        _ => {
+            let (found, says) = (dtype.descr(), "rays must be float32 or float64, found");
+            return Err(format!("{says} {found}"));
+        }
+    };
     match *header.shape() {
-        [rays, columns @ (6 | 8)] => Ok((rays, columns)),
+        [rays, columns @ (6 | 8)] => Ok((format, [rays, columns])),
         ref other => {
             let says = "rays must have shape (N, 6) or (N, 8), found";
             Err(format!("{says} {}", shape_text(other)))
@@ -124,21 +218,34 @@ fn check(header: &NpyHeader) -> Result<(u64, u64), String> {
     }
 }
 
-fn to_rays(values: &[f32], columns: usize, order: Order) -> Vec<Ray> {
-    let rays = values.len() / columns;
-    let at = |ray: usize, column: usize| match order {
-        Order::C => values[ray * columns + column],
-        Order::Fortran => values[column * rays + ray],
-    };
-    let ray = |i| {
-        let from = |first| std::array::from_fn(|c| at(i, first + c));
-        let mut ray = Ray::new(from(0), from(3));
-        if columns == 8 {
-            (ray.t_min, ray.t_max) = (at(i, 6), at(i, 7));
-        }
-        ray
-    };
-    (0..rays).map(ray).collect()
+/// How numbers make up rays.
+struct Table {
+    rays: usize,
+    columns: usize,
+    order: Order,
+    offset: [f64; 3],
+}
+
+impl Table {
+    fn rays<T: Copy + Into<f64>>(&self, values: &[T]) -> Vec<Ray> {
+        let at = |ray: usize, column: usize| -> f64 {
+            let place = match self.order {
+                Order::C => ray * self.columns + column,
+                Order::Fortran => column * self.rays + ray,
+            };
+            values[place].into()
+        };
+        let ray = |i| {
+            let origin = std::array::from_fn(|c| (at(i, c) - self.offset[c]) as f32);
+            let direction = std::array::from_fn(|c| at(i, 3 + c) as f32);
+            let mut ray = Ray::new(origin, direction);
+            if self.columns == 8 {
+                (ray.t_min, ray.t_max) = (at(i, 6) as f32, at(i, 7) as f32);
+            }
+            ray
+        };
+        (0..self.rays).map(ray).collect()
+    }
 }
 
 /// A shape as Python writes it.
@@ -187,7 +294,8 @@ mod tests {
             assert!(text.contains("rays.npy") && !text.contains('\n'), "{text}");
             text
         };
-        read_rays(&path).map_err(text)
+        let file = RayFile::open(&path).map_err(text)?;
+        file.read([0.0; 3]).map_err(text)
     }
 
     fn refused(bytes: &[u8], because: &[&str]) {
@@ -202,13 +310,17 @@ mod tests {
         let dir = TempDir::new().unwrap();
         let path = dir.path().join("rays.npy");
         for mut rays in [rays(0), rays(5), rays(1)] {
-            write_rays(&path, rays.len(), rays.iter().copied()).unwrap();
-            assert_eq!(read_rays(&path).unwrap(), rays);
+            write_rays(&path, rays.len(), rays.iter().copied(), None).unwrap();
+            let file = RayFile::open(&path).unwrap();
+            assert_eq!(file.count(), rays.len());
+            assert_eq!(file.read([0.0; 3]).unwrap(), rays);
             for ray in &mut rays {
                 (ray.t_min, ray.t_max) = (0.25, 4.0);
             }
-            write_rays(&path, rays.len(), rays.iter().copied()).unwrap();
-            assert_eq!(read_rays(&path).unwrap(), rays);
+            write_rays(&path, rays.len(), rays.iter().copied(), None).unwrap();
+            let file = RayFile::open(&path).unwrap();
+            assert_eq!(file.count(), rays.len());
+            assert_eq!(file.read([0.0; 3]).unwrap(), rays);
         }
     }
 
@@ -228,9 +340,47 @@ mod tests {
     }
 
     #[test]
+    fn offsets_are_subtracted_in_double_precision() {
+        let dir = TempDir::new().unwrap();
+        let path = dir.path().join("rays.npy");
+        let offset = [691_608.65, 5_334_760.25, -1e9];
+        let want = rays(6);
+        write_rays(&path, 6, want.iter().copied(), Some(offset)).unwrap();
+        let file = RayFile::open(&path).unwrap();
+        for (found, want) in file.read(offset).unwrap().iter().zip(&want) {
+            let off = |i: usize| (found.origin[i] - want.origin[i]).abs();
+            assert!((0..3).all(|i| off(i) < 1e-6), "{found:?} is not {want:?}");
+            assert_eq!(found.direction, want.direction);
+        }
+        let ray = [
+            offset[0] + 0.125,
+            offset[1] - 80.0,
+            offset[2],
+            0.0,
+            0.0,
+            1.0,
+            0.5,
+            2.0,
+        ];
+        for (descr, bytes) in [
+            ("<f8", ray.map(f64::to_le_bytes)),
+            (">f8", ray.map(f64::to_be_bytes)),
+        ] {
+            let file = npy(&header(descr, "False", "(1, 8)"), bytes.as_flattened());
+            fs::write(&path, file).unwrap();
+            let found = RayFile::open(&path).unwrap().read(offset).unwrap()[0];
+            assert_eq!(found.origin, [0.125, -80.0, 0.0]);
+            assert_eq!(
+                (found.direction, found.t_min, found.t_max),
+                ([0.0, 0.0, 1.0], 0.5, 2.0)
+            );
+        }
+    }
+
+    #[test]
     fn another_type_or_shape_is_named() {
         let data = [0; 64];
-        for (descr, says) in [("<f8", "'<f8'; convert"), ("<i4", "'<i4'"), ("|O", "found")] {
+        for (descr, says) in [("<f2", "'<f2'"), ("<i4", "'<i4'"), ("|O", "found")] {
             let file = npy(&header(descr, "False", "(1, 6)"), &data);
             refused(&file, &["float32", says]);
         }

@@ -4,6 +4,7 @@
 //! equally many key frames; one with a single key frame stands still and is repeated.
 
 use crate::mesh::joined_triangles;
+use crate::rounding::Position;
 use crate::stream::{check_keys, within};
 use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
 use geom::{Animation, Point};
@@ -26,7 +27,7 @@ pub(crate) struct Input<'a> {
 /// So a zero is a positive one, even where an input stands as it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
-    at: Point,
+    at: Position,
     scale: f32,
 }
 
@@ -36,8 +37,13 @@ impl Placement {
         scale: 1.0,
     };
 
+    /// Returns where the placement puts a point, in double precision.
+    fn put_exactly(self, p: Position) -> Position {
+        std::array::from_fn(|i| p[i] * f64::from(self.scale) + self.at[i])
+    }
+
     fn put(self, p: Point) -> Point {
-        std::array::from_fn(|i| p[i] * self.scale + self.at[i])
+        std::array::from_fn(|i| p[i] * self.scale + self.at[i] as f32)
     }
 }
 
@@ -88,12 +94,12 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> 
 
 /// `x,y,z` or `x,y,z*scale`.
 fn parse(text: &str) -> Option<Placement> {
-    let number = |t: &str| t.parse::<f32>().ok().filter(|x| x.is_finite());
+    let number = |t: &str| t.parse::<f64>().ok().filter(|x| (*x as f32).is_finite());
     let (at, scale) = text.split_once('*').unwrap_or((text, "1"));
-    let numbers: Vec<f32> = at.split(',').map(number).collect::<Option<_>>()?;
+    let numbers: Vec<f64> = at.split(',').map(number).collect::<Option<_>>()?;
     Some(Placement {
         at: numbers.try_into().ok()?,
-        scale: number(scale).filter(|&s| s > 0.0)?,
+        scale: number(scale).map(|s| s as f32).filter(|&s| s > 0.0)?,
     })
 }
 
@@ -122,6 +128,8 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
     let places = inputs
         .iter()
         .map(|i| i.place.unwrap_or(Placement::AS_IT_IS));
+    let mut places: Vec<_> = places.collect();
+    let offset = options.recentre.then(|| recentre(&mut places, &scenes));
     let placed: Vec<_> = animations().map(Arc::clone).zip(places).collect();
     let source = move |key: usize| {
         let mut all = Vec::with_capacity(vertices);
@@ -136,12 +144,27 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
     Ok(Scene {
         name,
         animation: Arc::new(timed(spec, animation, &scenes)?),
-        facts: facts(&scenes),
+        facts: Facts {
+            offset,
+            ..facts(&scenes)
+        },
         colours: scenes
             .iter()
             .flat_map(|s| s.colours.iter().copied())
             .collect(),
     })
+}
+
+/// Places inputs whose coordinates have offsets of their own relative to one offset, and returns it: the centre of the
+/// first input.
+fn recentre(places: &mut [Placement], scenes: &[Scene]) -> Position {
+    let mut common = None;
+    for (place, scene) in places.iter_mut().zip(scenes) {
+        let centre = place.put_exactly(scene.facts.offset.unwrap_or_default());
+        let offset = *common.get_or_insert(centre);
+        place.at = std::array::from_fn(|i| centre[i] - offset[i]);
+    }
+    common.unwrap_or_default()
 }
 
 /// With the times that the key frames of all inputs that move have in common, if they have times of their own.
@@ -202,6 +225,7 @@ fn facts(scenes: &[Scene]) -> Facts {
         clip: (!clips.is_empty()).then(|| clips.join("+")),
         seconds_per_key: facts().find_map(|f| f.seconds_per_key),
         notes: notes.collect(),
+        ..Facts::default()
     }
 }
 
@@ -215,7 +239,7 @@ mod tests {
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
     /// An input, and where it stands with its scale.
-    type Told<'a> = (&'a str, Option<(Point, f32)>);
+    type Told<'a> = (&'a str, Option<(Position, f32)>);
 
     fn exists(name: &str) -> bool {
         THERE.contains(&name)

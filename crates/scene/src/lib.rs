@@ -14,6 +14,7 @@ mod mesh;
 mod obj;
 mod ply;
 mod polygon;
+mod rounding;
 mod sequence;
 mod source;
 mod stream;
@@ -54,6 +55,9 @@ pub struct Facts {
     pub clip: Option<String>,
     /// Seconds between key frames, where the source tells.
     pub seconds_per_key: Option<f64>,
+    /// The point that was subtracted from all coordinates, in the units of the files. Absent unless
+    /// [`Options::recentre`] requested it; demos have no offset.
+    pub offset: Option<[f64; 3]>,
     /// Remarks for the reader: what was skipped, assumed or missing.
     pub notes: Vec<String>,
 }
@@ -70,6 +74,9 @@ pub struct Options {
     pub clip: Option<String>,
     /// Whether a scene's files may name files outside its folder.
     pub allow_outside: bool,
+    /// Whether the centre of the first key frame is subtracted from all coordinates, before they are rounded to single
+    /// precision. [`Facts::offset`] returns it.
+    pub recentre: bool,
     /// Bytes that all key frames may take to be held. Those of larger scenes are read while they are played.
     pub key_bytes: u64,
     /// Bytes that may be taken; what the host has free, if absent.
@@ -86,6 +93,7 @@ impl Default for Options {
             fps: 24.0,
             clip: None,
             allow_outside: false,
+            recentre: false,
             key_bytes: 512 << 20,
             memory: None,
             more_bytes: 0,
@@ -140,6 +148,7 @@ impl SceneError {
 #[cfg(test)]
 mod testing {
     use crate::mesh::{Mesh, compact};
+    use crate::rounding::Rounding;
     use crate::{Options, Result, Scene, polygon};
     use geom::Point;
     use std::fs;
@@ -163,7 +172,8 @@ mod testing {
     pub(crate) fn surface(mesh: &Mesh) -> Surface {
         let mut triangles = polygon::triangulate(&mesh.topology, &mesh.points).triangles;
         let kept = compact(&mut triangles, mesh.points.len());
-        let points = kept.iter().map(|&v| mesh.points[v as usize]).collect();
+        let points = kept.iter().map(|&v| mesh.points[v as usize]);
+        let points = points.map(|p| Rounding::default().point(p)).collect();
         Surface { points, triangles }
     }
 

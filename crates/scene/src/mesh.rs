@@ -1,14 +1,14 @@
 //! One mesh file of any format: vertices, faces and colours, and how it is compared with the next key frame.
 
 use crate::ply::Pattern;
+use crate::rounding::Position;
 use crate::stream::check_counts;
 use crate::{Location, Result, Rgb, SceneError};
-use geom::Point;
 use std::path::Path;
 
 pub(crate) struct Mesh {
     /// Positions of the file's vertices, used or not.
-    pub(crate) points: Vec<Point>,
+    pub(crate) points: Vec<Position>,
     /// The faces, on which key frames must agree.
     pub(crate) topology: Topology,
     pub(crate) paint: Paint,

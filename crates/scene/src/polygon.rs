@@ -4,8 +4,8 @@
 //! are clipped in the polygon's plane. Both keep the polygon's orientation.
 
 use crate::mesh::Topology;
+use crate::rounding::Position;
 use earcut::Earcut;
-use geom::Point;
 
 /// The most vertices of a polygon whose ears are clipped, which takes up to quadratic time.
 const MAX_CLIPPED: usize = 1 << 15;
@@ -20,7 +20,7 @@ pub(crate) struct Triangulation {
 }
 
 /// Triangulates all faces of a topology whose vertices are at `points`.
-pub(crate) fn triangulate(topology: &Topology, points: &[Point]) -> Triangulation {
+pub(crate) fn triangulate(topology: &Topology, points: &[Position]) -> Triangulation {
     let mut clipper = Clipper {
         points,
         earcut: Earcut::new(),
@@ -43,7 +43,7 @@ pub(crate) fn triangulate(topology: &Topology, points: &[Point]) -> Triangulatio
 
 /// Buffers that are reused from polygon to polygon.
 struct Clipper<'a> {
-    points: &'a [Point],
+    points: &'a [Position],
     earcut: Earcut<f64>,
     /// The polygon's vertices in its plane, counter-clockwise.
     flat: Vec<[f64; 2]>,
@@ -75,7 +75,7 @@ impl Clipper<'_> {
     ///
     /// Returns whether the polygon has a plane: all vertices are finite, and some area is left.
     fn flatten(&mut self, corners: &[u32]) -> bool {
-        let point = |&vertex: &u32| self.points[vertex as usize].map(f64::from);
+        let point = |&vertex: &u32| self.points[vertex as usize];
         let first = point(&corners[0]);
         let from_first = |p: [f64; 3]| [0, 1, 2].map(|axis| p[axis] - first[axis]);
         let mut normal = [0.0; 3];

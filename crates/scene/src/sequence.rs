@@ -3,6 +3,7 @@
 use crate::mesh::{CLAY, Mesh, Paint, Topology, compact, mean};
 use crate::ply::Pattern;
 use crate::polygon::{self, Triangulation};
+use crate::rounding::{Position, Rounding};
 use crate::source::extension;
 use crate::stream::check_keys;
 use crate::{Facts, Options, Result, Rgb, Scene, SceneError, obj, ply, stream};
@@ -49,6 +50,12 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     };
     let colours = colours((path, &folder), &surface, mesh.paint, &mut notes);
     let kept = compact(&mut triangles, mesh.topology.vertices);
+    let exact = pick(&mesh.points, &kept);
+    drop(mesh.points);
+    let rounding = Rounding::of(&exact, options);
+    notes.extend(rounding.remark(path, &exact, options));
+    let first = rounding.points(&exact);
+    drop(exact);
     let (keys, vertices) = (files.len(), kept.len());
     check_keys(path, (keys, vertices, triangles.len()), options)?;
     let sequence = Arc::new(Sequence {
@@ -57,7 +64,8 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
         files: files.clone(),
         topology: mesh.topology,
         pattern: mesh.pattern,
-        first: Mutex::new(Some(pick(&mesh.points, &kept))),
+        first: Mutex::new(Some(first)),
+        rounding,
         kept,
         notes: Mutex::default(),
     });
@@ -68,6 +76,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     let facts = Facts {
         format: extension(&files[0]),
         files,
+        offset: rounding.chosen(options),
         notes,
         ..Facts::default()
     };
@@ -80,7 +89,7 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
 }
 
 /// Returns the points of these vertices.
-fn pick(points: &[Point], vertices: &[u32]) -> Vec<Point> {
+fn pick(points: &[Position], vertices: &[u32]) -> Vec<Position> {
     vertices.iter().map(|&v| points[v as usize]).collect()
 }
 
@@ -96,6 +105,7 @@ struct Sequence {
     pattern: Option<Pattern>,
     /// Vertices that faces use, by their numbers in the files.
     kept: Vec<u32>,
+    rounding: Rounding,
     /// The first key frame, until somebody asks for it.
     first: Mutex<Option<Vec<Point>>>,
     /// Remarks on later files, by their number.
@@ -114,11 +124,12 @@ impl Sequence {
         self.check_unchanged(key)?;
         if let Some(pattern) = &self.pattern {
             if self.alike[key].load(Ordering::Relaxed) {
-                return pattern.read_again(path, &self.kept);
+                let points = pattern.read_again(path, &self.kept)?;
+                return Ok(self.rounding.points(&points));
             }
             if let Some(points) = pattern.read(path, &self.kept)? {
                 self.alike[key].store(true, Ordering::Relaxed);
-                return Ok(points);
+                return Ok(self.rounding.points(&points));
             }
         }
         let mesh = read(path)?;
@@ -130,7 +141,7 @@ impl Sequence {
         if !notes.is_empty() && key > 0 {
             lock(&self.notes).insert(key, notes);
         }
-        Ok(pick(&mesh.points, &self.kept))
+        Ok(self.rounding.points(&pick(&mesh.points, &self.kept)))
     }
 
     /// What was learnt of a file holds as long as it is the same.

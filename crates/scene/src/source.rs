@@ -310,7 +310,9 @@ mod tests {
     fn git_lfs_pointers_are_named_in_every_format() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
         let triangle = obj(0, TRIANGLE);
-        let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"a.bin","byteLength":8}]}"#;
+        let gltf = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+            "accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}],
+            "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"uri":"a.bin","byteLength":36}]}"#;
         let folder = folder(&[
             ("a.obj", pointer.to_owned()),
             ("a.ply", pointer.to_owned()),

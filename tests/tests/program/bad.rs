@@ -37,7 +37,7 @@ fn inputs(sandbox: &Sandbox) {
     ] {
         sandbox.write(name, text);
     }
-    sandbox.write("double.npy", npy("<f8", "(2, 6)", &[0; 96]));
+    sandbox.write("half.npy", npy("<f2", "(2, 6)", &[0; 24]));
     std::fs::create_dir(sandbox.path().join("empty")).unwrap();
 }
 
@@ -65,7 +65,7 @@ render a.obj --clip 0 | a.obj | clip | .glb
 render demo:twist:100 --frames 1 --size 8x8 --out a.obj/pictures | a.obj/pictures
 render demo:twist:100 --frames 1 --size 8x8 --no-images --stats a.obj/stats.json | a.obj/stats.json
 trace a.obj --time 0 --out hits.npz --rays rays.npy | rays.npy
-trace a.obj --time 0 --out hits.npz --rays double.npy | double.npy | f8 | 32
+trace a.obj --time 0 --out hits.npz --rays half.npy | half.npy | f2 | 32
 trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 ";
 

@@ -1,5 +1,6 @@
 //! What is written, and what is said, when all goes well: pictures and a table, hits, reduced key frames.
 
+use crate::bad::npy;
 use crate::devices::{BACKENDS, HOST, Subject};
 use crate::sandbox::{Sandbox, says, trial};
 use geom::{Animation, Point};
@@ -23,6 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("files::help_and_version_succeed", help),
         trial("files::a_reader_that_goes_away_is_no_crash", broken_pipe),
         trial("hits::trace_repeats_render", trace_repeats_render),
+        trial("hits::points_keep_the_coordinates_of_the_files", recentred),
         trial("reduce::what_is_there_is_never_overwritten", kept),
     ];
     backends.chain(scenes).chain(others).collect()
@@ -78,6 +80,69 @@ fn broken_pipe(sandbox: &Sandbox) {
         let crashed = stderr.contains("panicked") || output.status.code() == Some(101);
         assert!(!crashed, "abvh {words}: {output:?}");
     }
+}
+
+/// A slope of 0.1 across a square of size 1, at a survey point where single precision has steps of 0.5.
+fn recentred(sandbox: &Sandbox) {
+    let corner = |x: f64, y: f64| [691_608.0 + x, 5_334_760.2 + y, 520.0 + 0.1 * x];
+    let corners = [
+        corner(0.0, 0.0),
+        corner(1.0, 0.0),
+        corner(0.0, 1.0),
+        corner(1.0, 1.0),
+    ];
+    let vertices = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).concat();
+    sandbox.write("a.obj", vertices + "f 1 2 3\nf 2 4 3\n");
+    let rays = [(0.25, 0.25), (0.75, 0.625)]
+        .map(|(x, y)| [691_608.0 + x, 5_334_760.2 + y, 600.0, 0.0, 0.0, -1.0_f64]);
+    let bytes = rays
+        .as_flattened()
+        .iter()
+        .flat_map(|x: &f64| x.to_le_bytes());
+    sandbox.write(
+        "rays.npy",
+        npy("<f8", "(2, 6)", &bytes.collect::<Vec<u8>>()),
+    );
+    let trace = "trace a.obj --time 0 --backend cpu --intersector exact";
+    let plain = sandbox.does(&format!("{trace} --rays rays.npy --out plain.npz"));
+    says(&plain.stderr, "a.obj: coordinates lose up to|--recentre");
+    sandbox.does(&format!("{trace} --recentre --rays rays.npy --out h.npz"));
+    let (shape, offset) = array::<f64>(sandbox, "h.npz", "offset");
+    assert_eq!(shape, [3]);
+    let centre = [691_608.5, 5_334_760.7, 520.05];
+    assert!(
+        offset.iter().zip(centre).all(|(a, b)| (a - b).abs() < 1e-6),
+        "{offset:?}"
+    );
+    assert_eq!(array::<u32>(sandbox, "h.npz", "triangle").1, [0, 1]);
+    let expected = [79.975_f32, 79.925];
+    let found = array::<f32>(sandbox, "h.npz", "t").1;
+    assert!(
+        found
+            .iter()
+            .zip(expected)
+            .all(|(a, b)| (a - b).abs() < 1e-4),
+        "{found:?}"
+    );
+    // The view from above is that of a camera at the same place, and its rays are those of the files.
+    let view = "--eye 691608.5,5334760.7,522 --look-at 691608.5,5334760.7,520 --up 0,1,0 --light 691608,5334760,530";
+    let frame = "--frames 1 --size 8x8 --no-images --backend cpu --intersector exact --quiet";
+    let words = format!(
+        "render a.obj --recentre {view} {frame} --hits r --rays-out out.npy --stats s.json"
+    );
+    sandbox.does(&words);
+    let triangles = array::<u32>(sandbox, "r/hits_0000.npz", "triangle").1;
+    assert!(
+        triangles.contains(&0) && triangles.contains(&1),
+        "{triangles:?}"
+    );
+    assert_eq!(array::<f64>(sandbox, "r/hits_0000.npz", "offset").1, offset);
+    let stats = sandbox.json("s.json");
+    assert_eq!(stats["scene"]["facts"]["offset"], json!(offset));
+    sandbox.does(&format!(
+        "{trace} --recentre --rays out.npy --out again.npz"
+    ));
+    assert_eq!(array::<u32>(sandbox, "again.npz", "triangle").1, triangles);
 }
 
 /// The rays that `render` writes, traced again: with a fresh tree, and with one of another time.

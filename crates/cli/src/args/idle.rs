@@ -12,6 +12,7 @@ type Bond = (&'static str, bool, &'static str);
 const ASYNC: &str = "goes only with --update async";
 const AUTO: &str = "goes only with --intersector auto";
 const CLIP: &str = "goes only with a .gltf or .glb scene";
+const RECENTRE: &str = "goes only with a scene of files";
 const ORACLE: &str = "goes only with --oracle-rays";
 const AIMED: &str = "goes only with --leak-rays or --oracle-rays";
 const FILES: &str = "goes only with pictures or --hits";
@@ -47,6 +48,7 @@ fn refuse(id: &str, why: &str) -> Result<(), Stop> {
 
 fn bonds(command: &Command) -> Vec<Bond> {
     let has_clip = |scenes: &[String]| ("fps", scenes.iter().any(|s| may_have_clip(s)), CLIP);
+    let has_files = |scenes: &[String]| ("recentre", scenes.iter().any(|s| has_file(s)), RECENTRE);
     let scene = std::slice::from_ref::<String>;
     let is_auto = |i: IntersectorName| i == IntersectorName::Auto;
     match command {
@@ -62,6 +64,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
                 ("fps", clips, CLIP),
+                has_files(scene(&args.scene)),
             ]
         }
         Command::Trace(args) => {
@@ -71,6 +74,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("tolerance", is_auto(args.method.intersector), AUTO),
                 builders(&args.device, args.update),
                 has_clip(scene(&args.scene)),
+                has_files(scene(&args.scene)),
             ]
         }
         Command::Bench(args) => {
@@ -84,14 +88,22 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("builder_threads", builds, HOST),
                 ("fail_above", false, "goes only with --compare"),
                 has_clip(&args.measure.scenes),
+                has_files(&args.measure.scenes),
             ]
         }
-        Command::Chart(args) => vec![has_clip(&args.measure.scenes)],
-        Command::Stress(args) => vec![has_clip(scene(&args.scene))],
+        Command::Stress(args) => vec![
+            has_clip(scene(&args.scene)),
+            has_files(scene(&args.scene)),
+        ],
+        Command::Chart(args) => vec![
+            has_clip(&args.measure.scenes),
+            has_files(&args.measure.scenes),
+        ],
         Command::Inspect(args) => {
             let reduces = args.reduce_keys.is_some();
             vec![
                 has_clip(scene(&args.scene)),
+                has_files(scene(&args.scene)),
                 ("tolerance", !reduces, "does nothing beside --reduce-keys"),
                 ("reduced_out", reduces, "goes only with --reduce-keys"),
             ]
@@ -120,6 +132,11 @@ fn may_be_async(update: UpdateName) -> bool {
 
 fn host_builds(backend: BackendName, update: UpdateName) -> bool {
     !has_own_trees(backend) && update != UpdateName::DeviceRebuild
+}
+
+/// Whether an input of the scene can be a file: demos are no files.
+fn has_file(scene: &str) -> bool {
+    scene.split('+').any(|input| !input.starts_with("demo:"))
 }
 
 /// Whether the word can name a clip: by its ending, or as a pattern.

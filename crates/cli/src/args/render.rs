@@ -49,21 +49,21 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "1280x720")]
     pub(crate) size: [u32; 2],
     /// Where the eye is
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) eye: Option<Point>,
+    #[arg(long, value_name = "x,y,z", value_parser = values::point::<f64>, allow_hyphen_values = true)]
+    pub(crate) eye: Option<[f64; 3]>,
     /// What it looks at
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) look_at: Option<Point>,
+    #[arg(long, value_name = "x,y,z", value_parser = values::point::<f64>, allow_hyphen_values = true)]
+    pub(crate) look_at: Option<[f64; 3]>,
     /// Which way is up
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "x,y,z", value_parser = values::point::<f32>, allow_hyphen_values = true)]
     pub(crate) up: Option<Point>,
     /// Vertical field of view
     #[arg(long, value_name = "DEG", default_value = "40", value_parser = values::number(|d: f32| d > 0.0 && d < 180.0,
         "a field of view lies between 0 and 180 degrees"))]
     pub(crate) fov: f32,
     /// Where the lamp is
-    #[arg(long, value_name = "x,y,z", value_parser = values::point, allow_hyphen_values = true)]
-    pub(crate) light: Option<Point>,
+    #[arg(long, value_name = "x,y,z", value_parser = values::point::<f64>, allow_hyphen_values = true)]
+    pub(crate) light: Option<[f64; 3]>,
     /// Directory for pictures: frame_0000.png and so on
     #[arg(long, value_name = "DIR", default_value = "abvh-out", value_parser = values::file())]
     pub(crate) out: PathBuf,

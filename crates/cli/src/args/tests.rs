@@ -133,6 +133,7 @@ bench demo:twist --compare a b | SCENE | --compare
 bench --fail-above 2 | --fail-above | --compare
 chart --fps 12 | --fps | .gltf
 inspect demo:twist --fps 12 | --fps | .gltf
+inspect demo:twist+demo:hall --recentre | --recentre | files
 inspect a.glb --reduce-keys 1 --tolerance 1 | --tolerance | --reduce-keys
 inspect a.glb --reduced-out d | --reduced-out | --reduce-keys
 conform --cases 3 --case 2 | --cases | --case
@@ -147,7 +148,7 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 28);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 29);
 }
 
 #[test]
@@ -161,6 +162,7 @@ fn what_does_something_is_taken() {
         "render --update refit --builder-threads 2",
         "render hall.obj+figure.GLB@2,0,-1*0.5 --fps 30",
         "render figures/* --fps 30",
+        "render demo:hall+a.obj --recentre",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
         "bench --predict on,off --builder-threads 2",
         "bench --backend cpu,vulkan-rt --builder-threads 2 --tolerance 2",

@@ -1,190 +1,279 @@
-//! Numbers out of accessors, every range checked before it is read.
+//! Numbers out of accessors. Every range is checked before it is read.
 
 use super::document::File;
+use super::schema::{Accessor, Sparse, Whole};
 use crate::{Result, SceneError};
-use gltf::Accessor;
-use gltf::accessor::{DataType, Dimensions, Item};
-use gltf::buffer::View;
 
-/// Reads an accessor of N floats an element; integers are normalised if the accessor says so.
-pub(super) fn floats<const N: usize>(
-    file: &File,
-    accessor: &Accessor<'_>,
-) -> Result<Vec<[f32; N]>> {
-    let dimensions = match N {
-        1 => Dimensions::Scalar,
-        3 => Dimensions::Vec3,
-        4 => Dimensions::Vec4,
-        _ => Dimensions::Mat4,
-    };
-    expect(file, accessor, dimensions)?;
-    let kind = accessor.data_type();
-    let unexpected = |what| Err(unexpected(file, accessor, what));
+/// The type of a component.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(code: Whole) -> Result<Self, String> {
+        match code.0 {
+            5120 => Ok(Self::I8),
+            5121 => Ok(Self::U8),
+            5122 => Ok(Self::I16),
+            5123 => Ok(Self::U16),
+            5125 => Ok(Self::U32),
+            5126 => Ok(Self::F32),
+            code => Err(format!("component type {code} is not supported")),
+        }
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    /// Reads the component at the start of `bytes`, which must hold one.
+    fn read(self, bytes: &[u8]) -> f64 {
+        match (self, bytes) {
+            (Self::I8, [b, ..]) => b.cast_signed().into(),
+            (Self::U8, [b, ..]) => (*b).into(),
+            (Self::I16, [a, b, ..]) => i16::from_le_bytes([*a, *b]).into(),
+            (Self::U16, [a, b, ..]) => u16::from_le_bytes([*a, *b]).into(),
+            (Self::U32, [a, b, c, d, ..]) => u32::from_le_bytes([*a, *b, *c, *d]).into(),
+            (Self::F32, [a, b, c, d, ..]) => f32::from_le_bytes([*a, *b, *c, *d]).into(),
+            _ => unreachable!("elements are cut to size"),
+        }
+    }
+}
+
+/// An accessor of a known type.
+struct Elements<'a> {
+    file: &'a File,
+    index: Whole,
+    accessor: &'a Accessor,
+    component: Component,
+    /// Components of an element.
+    width: usize,
+}
+
+/// Reads an accessor of N floats an element. Normalised integers become fractions.
+pub(super) fn floats<const N: usize>(file: &File, index: Whole) -> Result<Vec<[f32; N]>> {
+    let elements = Elements::of(file, index)?;
+    elements.expect(match N {
+        1 => "SCALAR",
+        3 => "VEC3",
+        4 => "VEC4",
+        _ => "MAT4",
+    })?;
+    let kind = elements.component;
     let largest: Option<f32> = match kind {
-        DataType::F32 => None,
-        _ if dimensions == Dimensions::Mat4 => return unexpected("32-bit floats"),
-        DataType::I8 => Some(127.0),
-        DataType::U8 => Some(255.0),
-        DataType::I16 => Some(32767.0),
-        DataType::U16 => Some(65535.0),
-        DataType::U32 => return unexpected("numbers that are not 32-bit integers"),
+        Component::F32 => None,
+        _ if N > 4 => return Err(elements.unexpected("32-bit floats")),
+        Component::I8 => Some(127.0),
+        Component::U8 => Some(255.0),
+        Component::I16 => Some(32767.0),
+        Component::U16 => Some(65535.0),
+        Component::U32 => return Err(elements.unexpected("numbers that are not 32-bit integers")),
     };
-    let largest = largest.filter(|_| accessor.normalized());
-    elements(file, accessor, |bytes| {
+    let largest = largest.filter(|_| elements.accessor.normalized);
+    elements.read(|bytes| {
         std::array::from_fn(|i| {
-            let x = number(kind, &bytes[i * kind.size()..]) as f32;
-            // Of a signed integer both lowest values mean -1.
+            let x = kind.read(&bytes[i * kind.size()..]) as f32;
+            // The two lowest values of a signed integer both mean -1.
             largest.map_or(x, |largest| (x / largest).max(-1.0))
         })
     })
 }
 
-/// Likewise, of an accessor that may be left out; nothing then.
-pub(super) fn listed<const N: usize>(
-    file: &File,
-    accessor: Option<Accessor<'_>>,
-) -> Result<Vec<[f32; N]>> {
-    accessor.map_or(Ok(Vec::new()), |accessor| floats(file, &accessor))
+/// Reads an accessor that may be absent: an absent one has no elements.
+pub(super) fn listed<const N: usize>(file: &File, index: Option<Whole>) -> Result<Vec<[f32; N]>> {
+    index.map_or(Ok(Vec::new()), |index| floats(file, index))
 }
 
-pub(super) fn indices(file: &File, accessor: &Accessor<'_>) -> Result<Vec<u32>> {
-    expect(file, accessor, Dimensions::Scalar)?;
-    match accessor.data_type() {
-        kind @ (DataType::U8 | DataType::U16 | DataType::U32) => {
-            elements(file, accessor, |bytes| number(kind, bytes) as u32)
+pub(super) fn indices(file: &File, index: Whole) -> Result<Vec<u32>> {
+    let elements = Elements::of(file, index)?;
+    elements.expect("SCALAR")?;
+    match elements.component {
+        kind @ (Component::U8 | Component::U16 | Component::U32) => {
+            elements.read(|bytes| kind.read(bytes) as u32)
         }
-        _ => Err(unexpected(file, accessor, "unsigned integers")),
+        _ => Err(elements.unexpected("unsigned integers")),
     }
 }
 
-/// How many elements there are, once they are known to be there.
-pub(super) fn count(file: &File, accessor: &Accessor<'_>) -> Result<usize> {
-    find(file, accessor).map_err(|e| wrong(file, accessor, e))?;
-    Ok(accessor.count())
+/// Returns the number of elements, after a check that the file holds them.
+pub(super) fn count(file: &File, index: Whole) -> Result<usize> {
+    let elements = Elements::of(file, index)?;
+    elements.find().map_err(|e| elements.wrong(e))?;
+    Ok(elements.accessor.count.0)
 }
 
-fn wrong(file: &File, accessor: &Accessor<'_>, cause: impl std::fmt::Display) -> SceneError {
-    file.wrong(("accessor", accessor.index()), cause)
-}
-
-fn unexpected(file: &File, accessor: &Accessor<'_>, what: &str) -> SceneError {
-    let (kind, dimensions) = (accessor.data_type(), accessor.dimensions());
-    let cause = format!("{what} are expected, {kind:?} {dimensions:?} are declared");
-    wrong(file, accessor, cause)
-}
-
-fn expect(file: &File, accessor: &Accessor<'_>, dimensions: Dimensions) -> Result<()> {
-    if accessor.dimensions() == dimensions {
-        return Ok(());
-    }
-    let what = format!("{dimensions:?} elements");
-    Err(unexpected(file, accessor, &what))
-}
-
-fn number(kind: DataType, bytes: &[u8]) -> f64 {
-    match kind {
-        DataType::I8 => i8::from_slice(bytes).into(),
-        DataType::U8 => u8::from_slice(bytes).into(),
-        DataType::I16 => i16::from_slice(bytes).into(),
-        DataType::U16 => u16::from_slice(bytes).into(),
-        DataType::U32 => u32::from_slice(bytes).into(),
-        DataType::F32 => f32::from_slice(bytes).into(),
-    }
-}
-
-/// Elements, each with what lies between it and the next.
+/// The bytes of each element, up to the next element.
 type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
-/// So many elements of a size in a view from an offset on, if they are there.
-fn rows<'a>(
-    file: &'a File,
-    view: &View<'_>,
-    offset: usize,
-    [count, size]: [usize; 2],
-) -> Result<Rows<'a>, String> {
-    let buffer = file.buffers.get(view.buffer().index());
-    let buffer = buffer.map_or(&[][..], Vec::as_slice);
-    let (number, length) = (view.index(), view.length());
-    let rest = buffer.get(view.offset()..);
-    let Some(bytes) = rest.and_then(|rest| rest.get(..length)) else {
-        let all = buffer.len();
-        return Err(format!(
-            "buffer view {number} ends beyond its buffer of {all} bytes"
-        ));
-    };
-    let stride = view.stride().unwrap_or(size);
-    if stride < size {
-        return Err(format!(
-            "buffer view {number} has a stride of {stride} bytes for elements of {size}"
-        ));
-    }
-    let end = (count - 1).checked_mul(stride);
-    let end = end.and_then(|n| n.checked_add(offset)?.checked_add(size));
-    if end.is_none_or(|end| end > length) {
-        return Err(format!(
-            "{count} elements of {size} bytes from byte {offset} do not fit into buffer view {number} of {length} bytes"
-        ));
-    }
-    Ok(bytes[offset..].chunks(stride).take(count))
+/// Equal elements in a buffer view.
+struct Span {
+    view: Whole,
+    offset: Option<Whole>,
+    count: usize,
+    /// Bytes of an element.
+    size: usize,
 }
 
-/// An accessor's own elements, if they are not zeros; and those that replace some of them, by their places.
-type Elements<'a> = (Option<Rows<'a>>, Vec<(usize, &'a [u8])>);
-
-fn find<'a>(file: &'a File, accessor: &Accessor<'_>) -> Result<Elements<'a>, String> {
-    const MOST_ZEROS: usize = 1 << 26;
-    let (count, size) = (accessor.count(), accessor.size());
-    if count == 0 {
-        return Ok((None, Vec::new()));
-    }
-    let own = accessor.view();
-    if own.is_none() && count > MOST_ZEROS {
-        return Err(format!(
-            "{count} elements are more than the limit of {MOST_ZEROS}"
-        ));
-    }
-    let own = own.map(|view| rows(file, &view, accessor.offset(), [count, size]));
-    let (own, mut replaced) = (own.transpose()?, Vec::new());
-    let Some(sparse) = accessor.sparse() else {
-        return Ok((own, replaced));
-    };
-    let (indices, values, length) = (sparse.indices(), sparse.values(), sparse.count());
-    if length == 0 {
-        return Err("sparse, but no element is replaced".to_owned());
-    }
-    let digits = indices.index_type().size();
-    let (at, view) = (indices.offset(), indices.view());
-    let places = rows(file, &view, at, [length, digits])?;
-    let values = rows(file, &values.view(), values.offset(), [length, size])?;
-    let mut least = 0;
-    for (place, value) in places.zip(values) {
-        let index = place[..digits].iter().rev();
-        let index = index.fold(0, |n, &b| n << 8 | usize::from(b));
-        if index < least || index >= count {
+impl Span {
+    fn rows<'a>(&self, file: &'a File) -> Result<Rows<'a>, String> {
+        let (view, bytes) = file.view_bytes(self.view)?;
+        let (number, length) = (self.view.0, bytes.len());
+        let (count, size) = (self.count, self.size);
+        let offset = self.offset.map_or(0, |o| o.0);
+        let stride = view.byte_stride.map_or(size, |s| s.0);
+        if stride < size {
             return Err(format!(
-                "sparse index {index} is out of order or beyond the last of {count} elements"
+                "buffer view {number} has a stride of {stride} bytes for elements of {size}"
             ));
         }
-        least = index + 1;
-        replaced.push((index, value));
+        let end = (count - 1).checked_mul(stride);
+        let end = end.and_then(|n| n.checked_add(offset)?.checked_add(size));
+        if end.is_none_or(|end| end > length) {
+            return Err(format!(
+                "{count} elements of {size} bytes from byte {offset} do not fit into buffer view {number} of {length} bytes"
+            ));
+        }
+        Ok(bytes[offset..].chunks(stride).take(count))
     }
-    Ok((own, replaced))
 }
 
-fn elements<T: Clone>(
-    file: &File,
-    accessor: &Accessor<'_>,
-    read: impl Fn(&[u8]) -> T,
-) -> Result<Vec<T>> {
-    let (own, replaced) = find(file, accessor).map_err(|e| wrong(file, accessor, e))?;
-    let count = accessor.count();
-    let mut elements = host::room(count).map_err(|e| wrong(file, accessor, e))?;
-    match own {
-        Some(own) => elements.extend(own.map(&read)),
-        None => elements.resize(count, read(&vec![0; accessor.size()])),
+/// The values of an accessor.
+#[derive(Default)]
+struct Found<'a> {
+    /// Absent if all elements are zeros.
+    own: Option<Rows<'a>>,
+    /// Elements that replace others, by their index.
+    replaced: Vec<(usize, &'a [u8])>,
+}
+
+impl<'a> Elements<'a> {
+    fn of(file: &'a File, index: Whole) -> Result<Self> {
+        let accessor = file.accessor(index)?;
+        let wrong = |cause| file.wrong(("accessor", index.0), cause);
+        let component = Component::of(accessor.component_type).map_err(wrong)?;
+        let width = match accessor.kind.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" | "MAT2" => 4,
+            "MAT3" => 9,
+            "MAT4" => 16,
+            kind => return Err(wrong(format!("type {kind:?} is not supported"))),
+        };
+        Ok(Self {
+            file,
+            index,
+            accessor,
+            component,
+            width,
+        })
     }
-    for (index, value) in replaced {
-        elements[index] = read(value);
+
+    fn wrong(&self, cause: impl std::fmt::Display) -> SceneError {
+        self.file.wrong(("accessor", self.index.0), cause)
     }
-    Ok(elements)
+
+    fn unexpected(&self, what: &str) -> SceneError {
+        let (kind, component) = (&self.accessor.kind, self.component);
+        self.wrong(format!(
+            "{what} are expected, {component:?} {kind} are declared"
+        ))
+    }
+
+    fn expect(&self, kind: &str) -> Result<()> {
+        if self.accessor.kind == kind {
+            return Ok(());
+        }
+        Err(self.unexpected(&format!("{kind} elements")))
+    }
+
+    /// Bytes of an element.
+    fn size(&self) -> usize {
+        self.width * self.component.size()
+    }
+
+    fn find(&self) -> Result<Found<'a>, String> {
+        const MOST_ZEROS: usize = 1 << 26;
+        let count = self.accessor.count.0;
+        if count == 0 {
+            return Ok(Found::default());
+        }
+        let own = self.accessor.buffer_view.map(|view| Span {
+            view,
+            offset: self.accessor.byte_offset,
+            count,
+            size: self.size(),
+        });
+        if own.is_none() && count > MOST_ZEROS {
+            return Err(format!(
+                "{count} elements are more than the limit of {MOST_ZEROS}"
+            ));
+        }
+        let own = own.map(|span| span.rows(self.file)).transpose()?;
+        let sparse = self.accessor.sparse.as_ref();
+        let replaced = sparse.map_or(Ok(Vec::new()), |sparse| self.replaced(sparse))?;
+        Ok(Found { own, replaced })
+    }
+
+    fn replaced(&self, sparse: &Sparse) -> Result<Vec<(usize, &'a [u8])>, String> {
+        let (length, count) = (sparse.count.0, self.accessor.count.0);
+        if length == 0 {
+            return Err("sparse, but no element is replaced".to_owned());
+        }
+        let kind = Component::of(sparse.indices.component_type)?;
+        if !matches!(kind, Component::U8 | Component::U16 | Component::U32) {
+            return Err(format!(
+                "sparse indices are {kind:?}, which is not unsigned"
+            ));
+        }
+        let places = Span {
+            view: sparse.indices.buffer_view,
+            offset: sparse.indices.byte_offset,
+            count: length,
+            size: kind.size(),
+        };
+        let values = Span {
+            view: sparse.values.buffer_view,
+            offset: sparse.values.byte_offset,
+            count: length,
+            size: self.size(),
+        };
+        let (places, values) = (places.rows(self.file)?, values.rows(self.file)?);
+        let mut least = 0;
+        let replaced = places.zip(values).map(|(place, value)| {
+            let index = kind.read(place) as usize;
+            if index < least || index >= count {
+                return Err(format!(
+                    "sparse index {index} is out of order or beyond the last of {count} elements"
+                ));
+            }
+            least = index + 1;
+            Ok((index, value))
+        });
+        replaced.collect()
+    }
+
+    fn read<T: Clone>(&self, read: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
+        let found = self.find().map_err(|e| self.wrong(e))?;
+        let count = self.accessor.count.0;
+        let mut elements = host::room(count).map_err(|e| self.wrong(e))?;
+        match found.own {
+            Some(own) => elements.extend(own.map(&read)),
+            None => elements.resize(count, read(&vec![0; self.size()])),
+        }
+        for (index, value) in found.replaced {
+            elements[index] = read(value);
+        }
+        Ok(elements)
+    }
 }

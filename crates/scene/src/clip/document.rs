@@ -1,101 +1,152 @@
-//! A file whose every index leads somewhere, and its buffers.
+//! An open file: its document, and its buffers once they are used.
 
+use super::container::Container;
+use super::schema::{Accessor, BufferView, Document, Head, Node, Whole};
 use crate::Location;
 use crate::{Result, SceneError};
-use base64::Engine;
-use base64::alphabet::STANDARD;
-use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use gltf::json::validation::{Checked, Validate};
-use gltf::json::{self, Root};
-use gltf::{Document, Glb, Gltf, buffer};
+use data_url::DataUrl;
 use host::Folder;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::borrow::Cow;
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 pub(super) struct File {
     pub(super) path: PathBuf,
     pub(super) document: Document,
-    pub(super) buffers: Vec<Vec<u8>>,
+    folder: Folder,
+    /// The binary chunk of a `.glb` file.
+    binary: Option<Vec<u8>>,
+    /// Each loaded when it is first used, since one without uses may be absent.
+    buffers: Vec<OnceLock<Result<Vec<u8>, String>>>,
+    /// Remarks on the whole file.
+    pub(super) notes: Vec<String>,
 }
 
-/// Extensions that change how surfaces look and not where they are.
-const LOOKS: [&str; 5] = [
-    "KHR_materials_",
-    "KHR_texture_",
-    "KHR_lights_",
-    "KHR_xmp",
-    "EXT_texture_",
+/// Supported extensions that change geometry.
+const GEOMETRY: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
+
+/// Beginnings of names, after the vendor, of extensions that change neither geometry nor motion.
+const NEUTRAL: [&str; 15] = [
+    "audio_",
+    "feature_metadata",
+    "instance_features",
+    "lights_",
+    "materials_",
+    "mesh_features",
+    "mesh_manifold",
+    "node_hoverability",
+    "node_selectability",
+    "packing_",
+    "primitive_outline",
+    "structural_metadata",
+    "techniques_",
+    "texture_",
+    "xmp",
 ];
 
-/// Extensions that say where surfaces are, and are understood.
-const PLACES: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
-
-/// Whether an extension needs no word: it is understood, or changes looks alone.
-fn is_understood(name: &str) -> bool {
-    PLACES.contains(&name) || LOOKS.iter().any(|start| name.starts_with(start))
+/// Returns whether a scene is complete without a remark on this extension.
+fn is_complete_with(name: &str) -> bool {
+    let (_, own_name) = name.split_once('_').unwrap_or_default();
+    GEOMETRY.contains(&name) || NEUTRAL.iter().any(|start| own_name.starts_with(start))
 }
 
 impl File {
-    pub(super) fn wrong(&self, place: Location, cause: impl std::fmt::Display) -> SceneError {
+    pub(super) fn wrong(&self, place: Location, cause: impl fmt::Display) -> SceneError {
         SceneError::malformed(&self.path, place, cause)
-    }
-
-    /// Remarks on extensions that the file does without where they are not understood.
-    pub(super) fn remarks(&self) -> Vec<String> {
-        let used = self.document.extensions_used();
-        used.filter(|name| !is_understood(name))
-            .map(|name| format!("the extension {name:?} is not supported and left out"))
-            .collect()
     }
 
     pub(super) fn open(path: &Path, allow_outside: bool) -> Result<Self> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
-        let malformed = |cause: &str| SceneError::malformed(path, None, cause);
-        check_container(&bytes).map_err(|cause| malformed(&cause))?;
-        let read = parse(&bytes).or_else(|e| without_idle_channels(&bytes).ok_or(e));
-        let (mut root, blob) = read.map_err(|e| malformed(&format!("not glTF: {e}")))?;
-        make_safe(&mut root).map_err(|cause| malformed(&cause))?;
-        let document = Document::from_json_without_validation(root);
-        let mut file = Self {
+        let malformed = |cause: String| SceneError::malformed(path, None, cause);
+        let container = Container::split(&bytes).map_err(malformed)?;
+        let mut document = parse(container.json).map_err(malformed)?;
+        let mut notes = extensions(&document).map_err(malformed)?;
+        if document.scenes.is_empty() && document.nodes.is_empty() && !document.meshes.is_empty() {
+            place_meshes(&mut document);
+            notes.push("the file has no nodes; each mesh is shown once, as it is".to_owned());
+        }
+        Ok(Self {
             path: path.to_owned(),
+            folder: Folder::of(path, allow_outside),
+            binary: container.binary.map(<[u8]>::to_vec),
+            buffers: document.buffers.iter().map(|_| OnceLock::new()).collect(),
             document,
-            buffers: Vec::new(),
-        };
-        file.buffers = file.load(blob, &Folder::of(path, allow_outside))?;
-        Ok(file)
+            notes,
+        })
     }
 
-    fn load(&self, mut blob: Option<Vec<u8>>, folder: &Folder) -> Result<Vec<Vec<u8>>> {
-        let load = |buffer: buffer::Buffer<'_>| {
-            let place = ("buffer", buffer.index());
-            let data = match buffer.source() {
-                buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk".to_owned()),
-                buffer::Source::Uri(uri) => fetch(folder, uri),
-            };
-            let data = data.map_err(|cause| self.wrong(place, cause))?;
-            let (found, needed) = (data.len(), buffer.length());
-            if found < needed {
-                let cause = format!("{needed} bytes are declared, {found} are there");
-                return Err(self.wrong(place, cause));
-            }
-            Ok(data)
+    /// Returns an item of one of the document's lists.
+    pub(super) fn item<'a, T>(&self, kind: &str, list: &'a [T], index: Whole) -> Result<&'a T> {
+        list.get(index.0).ok_or_else(|| {
+            let (index, count) = (index.0, list.len());
+            let cause = format!("{kind} {index} does not exist, there are {count}");
+            SceneError::malformed(&self.path, None, cause)
+        })
+    }
+
+    pub(super) fn node(&self, index: Whole) -> Result<&Node> {
+        self.item("node", &self.document.nodes, index)
+    }
+
+    pub(super) fn accessor(&self, index: Whole) -> Result<&Accessor> {
+        self.item("accessor", &self.document.accessors, index)
+    }
+
+    /// Returns the bytes of a buffer view. The error is the cause.
+    pub(super) fn view_bytes(&self, index: Whole) -> Result<(&BufferView, &[u8]), String> {
+        let views = &self.document.buffer_views;
+        let Some(view) = views.get(index.0) else {
+            let (index, count) = (index.0, views.len());
+            return Err(format!(
+                "buffer view {index} does not exist, there are {count}"
+            ));
         };
-        self.document.buffers().map(load).collect()
+        let buffer = self.buffer(view.buffer)?;
+        let rest = buffer.get(view.byte_offset.map_or(0, |o| o.0)..);
+        let bytes = rest.and_then(|rest| rest.get(..view.byte_length.0));
+        let bytes = bytes.ok_or_else(|| {
+            let (index, all) = (index.0, buffer.len());
+            format!("buffer view {index} ends beyond its buffer of {all} bytes")
+        });
+        Ok((view, bytes?))
+    }
+
+    fn buffer(&self, index: Whole) -> Result<&[u8], String> {
+        let Some(buffer) = self.buffers.get(index.0) else {
+            let (index, count) = (index.0, self.buffers.len());
+            return Err(format!("buffer {index} does not exist, there are {count}"));
+        };
+        let declared = &self.document.buffers[index.0];
+        let found = match (&declared.uri, &self.binary) {
+            (None, Some(binary)) if index.0 == 0 => Ok(binary.as_slice()),
+            (None, _) => Err("it has no uri and there is no binary chunk for it".to_owned()),
+            (Some(uri), _) => {
+                let loaded = buffer.get_or_init(|| fetch(&self.folder, uri));
+                loaded.as_deref().map_err(String::clone)
+            }
+        };
+        let number = index.0;
+        let bytes = found.map_err(|cause| format!("buffer {number}: {cause}"))?;
+        let (found, needed) = (bytes.len(), declared.byte_length.0);
+        if found < needed {
+            return Err(format!(
+                "buffer {number}: {needed} bytes are declared, {found} are there"
+            ));
+        }
+        Ok(bytes)
     }
 }
 
-/// The bytes of a base64 data URI or of a file beside this one.
+/// Reads a data URI, or a file below the folder.
 fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
-    if let Some(data) = uri.strip_prefix("data:") {
-        let (kind, data) = data.split_once(',').ok_or("a data URI without data")?;
-        if !kind.ends_with(";base64") {
-            return Err("a data URI that is not base64".to_owned());
-        }
-        let config =
-            GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
-        let decoded = GeneralPurpose::new(&STANDARD, config).decode(data.trim());
-        return decoded.map_err(|e| format!("bad base64: {e}"));
+    if uri.starts_with("data:") {
+        let data = DataUrl::process(uri).map_err(|_| "a data URI without data")?;
+        let decoded = data.decode_to_vec();
+        return decoded
+            .map(|(bytes, _)| bytes)
+            .map_err(|_| "a data URI with bad base64".to_owned());
     }
     if uri.contains("://") {
         return Err(format!(
@@ -107,105 +158,81 @@ fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
     read.map_err(|e| format!("cannot read {}: {e}", folder.path(&name).display()))
 }
 
-/// A document, and the binary chunk that may come with it.
-type Parsed = (Root, Option<Vec<u8>>);
-
-fn parse(bytes: &[u8]) -> Result<Parsed, gltf::Error> {
-    let gltf = Gltf::from_slice_without_validation(bytes)?;
-    Ok((gltf.document.into_json(), gltf.blob))
+fn read<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
+    serde_json::from_slice(json).map_err(|e| format!("not glTF: {e}"))
 }
 
-/// Likewise, less all channels that move no node: the specification has them ignored, and `gltf` 1.4 takes none.
-fn without_idle_channels(bytes: &[u8]) -> Option<Parsed> {
-    let (text, blob) = match bytes.starts_with(b"glTF") {
-        true => Glb::from_slice(bytes).map(|glb| (glb.json, glb.bin)).ok()?,
-        false => (bytes.into(), None),
-    };
-    let mut root: Value = serde_json::from_slice(&text).ok()?;
-    for animation in root.get_mut("animations")?.as_array_mut()? {
-        let channels = animation.get_mut("channels")?.as_array_mut()?;
-        let moves = |target: &Value| target.get("node").is_some();
-        channels.retain(|channel| channel.get("target").is_none_or(moves));
+/// Reads a document, of a supported version.
+fn parse(json: &[u8]) -> Result<Document, String> {
+    let head: Head = read(json)?;
+    let asset = head.asset.as_ref();
+    let least = asset.and_then(|a| Version::of(a.min_version.as_ref()?));
+    let own = asset.and_then(|a| Version::of(a.version.as_ref()?));
+    if let Some(least) = least.filter(|least| *least > SUPPORTED) {
+        return Err(format!(
+            "the file needs glTF {least}, only {SUPPORTED} is supported"
+        ));
     }
-    let root = serde_json::from_value(root).ok()?;
-    Some((root, blob.map(Cow::into_owned)))
-}
-
-/// The `gltf` crate subtracts from a GLB's length before it looks at it.
-fn check_container(bytes: &[u8]) -> Result<(), String> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok(());
-    }
-    let length = bytes.as_chunks().0.get(2).copied();
-    match length.map(u32::from_le_bytes) {
-        Some(length) if (length as usize) > bytes.len() => {
-            let found = bytes.len();
-            Err(format!(
-                "the file is cut short: {length} bytes are declared, {found} are there"
-            ))
+    match own {
+        None => Err(format!(
+            "there is no asset.version; glTF 1.0 is not supported, only {SUPPORTED}"
+        )),
+        Some(own) if own.major != SUPPORTED.major => {
+            Err(format!("glTF {own} is not supported, only {SUPPORTED}"))
         }
-        Some(length) if length >= 20 => Ok(()),
-        _ => Err("the file is cut short within its header".to_owned()),
+        // Files of a later minor version are readable, unless they name a higher minimum.
+        Some(_) => read(json),
     }
 }
 
-/// Checks all that later code takes for granted: indices, known values, supported extensions.
-fn make_safe(root: &mut Root) -> Result<(), String> {
-    root.extensions_required.retain(|name| !is_understood(name));
-    if let Some(name) = root.extensions_required.first() {
+/// A version of the specification.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Version {
+    major: u32,
+    minor: u32,
+}
+
+const SUPPORTED: Version = Version { major: 2, minor: 0 };
+
+impl Version {
+    fn of(value: &Value) -> Option<Self> {
+        let text = match value {
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        let mut parts = text.split('.');
+        Some(Self {
+            major: parts.next()?.parse().ok()?,
+            minor: parts.next().unwrap_or("0").parse().ok()?,
+        })
+    }
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.major, self.minor)
+    }
+}
+
+/// Refuses unsupported extensions that are required, and returns remarks on those that are used.
+fn extensions(document: &Document) -> Result<Vec<String>, String> {
+    let mut required = document.extensions_required.iter();
+    if let Some(name) = required.find(|name| !is_complete_with(name)) {
         return Err(format!(
             "the file requires the extension {name:?}, which is not supported"
         ));
     }
-    check_attributes(root)?;
-    check_targets(root)?;
-    let mut first = None;
-    root.validate(root, json::Path::new, &mut |path, error| {
-        let path = path().to_string();
-        let is_missing = error == json::validation::Error::Missing;
-        // An accessor without a view is one of zeros.
-        let zeros = path.starts_with("accessors[") && path.ends_with(".bufferView") && is_missing;
-        // Those of positions are not used here.
-        let bounds = path.ends_with(".min") || path.ends_with(".max");
-        if !(zeros || bounds) {
-            first.get_or_insert_with(|| format!("{path}: {error}"));
-        }
-    });
-    first.map_or(Ok(()), Err)
+    let used = document.extensions_used.iter();
+    let used = used.filter(|name| !is_complete_with(name));
+    let remark = |name| format!("the extension {name:?} is not supported and left out");
+    Ok(used.map(remark).collect())
 }
 
-/// The validation of `gltf` 1.4 panics on these if they lead nowhere.
-fn check_attributes(root: &Root) -> Result<(), String> {
-    let accessors = root.accessors.len();
-    for (m, mesh) in root.meshes.iter().enumerate() {
-        for (p, primitive) in mesh.primitives.iter().enumerate() {
-            let mut attributes = primitive.attributes.iter();
-            if let Some((name, index)) = attributes.find(|a| a.1.value() >= accessors) {
-                let (name, index) = (name.to_string(), index.value());
-                return Err(format!(
-                    "meshes[{m}].primitives[{p}].attributes[{name:?}]: accessor {index} does not exist, there are {accessors}"
-                ));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The validation of `gltf` 1.4 looks at the samplers of channels and not at their targets.
-fn check_targets(root: &Root) -> Result<(), String> {
-    let nodes = root.nodes.len();
-    for (a, animation) in root.animations.iter().enumerate() {
-        for (c, channel) in animation.channels.iter().enumerate() {
-            let (node, path) = (channel.target.node.value(), &channel.target.path);
-            if node >= nodes {
-                return Err(format!(
-                    "animations[{a}].channels[{c}]: node {node} does not exist, there are {nodes}"
-                ));
-            }
-            if matches!(path, Checked::Invalid) {
-                return Err(format!("animations[{a}].channels[{c}]: unknown path"));
-            }
-        }
-    }
-    Ok(())
+/// Gives each mesh a node. A file without scenes and nodes is a library of meshes (glTF 2.0, 3.5.1).
+fn place_meshes(document: &mut Document) {
+    let node = |mesh| Node {
+        mesh: Some(Whole(mesh)),
+        ..Node::default()
+    };
+    document.nodes = (0..document.meshes.len()).map(node).collect();
 }

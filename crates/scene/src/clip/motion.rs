@@ -3,36 +3,56 @@
 use super::accessor::floats;
 use super::document::File;
 use super::rig::{Parts, unit};
+use super::schema::{Animation, Channel, Whole};
 use crate::Result;
 use glam::DVec3;
-use gltf::animation::{Channel, Interpolation, Property};
 use std::collections::BTreeMap;
+
+/// A property of a node that a clip may set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Property {
+    Translation,
+    Rotation,
+    Scale,
+    Weights,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Interpolation {
+    Linear,
+    Step,
+    CubicSpline,
+}
 
 /// All that a clip moves; the default moves nothing.
 #[derive(Default)]
 pub(super) struct Motion {
     /// By node and property.
-    tracks: BTreeMap<(usize, usize), Track>,
-    /// Least and greatest time of any key; nothing if there is none.
+    tracks: BTreeMap<(usize, Property), Track>,
+    /// Least and greatest time of any key.
     span: Option<[f64; 2]>,
 }
 
 impl Motion {
-    pub(super) fn of(file: &File, clip: Option<&gltf::Animation<'_>>) -> Result<Self> {
+    pub(super) fn of(file: &File, clip: Option<&Animation>) -> Result<Self> {
         let mut motion = Self::default();
-        for channel in clip.into_iter().flat_map(gltf::Animation::channels) {
-            motion.add(file, &channel)?;
+        if let Some(clip) = clip {
+            for (index, channel) in clip.channels.iter().enumerate() {
+                motion.add(file, clip, (index, channel))?;
+            }
         }
         Ok(motion)
     }
 
     pub(super) fn moves(&self, node: usize) -> bool {
-        let own = self.tracks.range((node, 0)..(node + 1, 0));
+        let own = self
+            .tracks
+            .range((node, Property::Translation)..=(node, Property::Weights));
         own.count() > 0
     }
 
     fn at(&self, node: usize, property: Property, time: f64) -> Option<Vec<f64>> {
-        let track = self.tracks.get(&(node, property as usize))?;
+        let track = self.tracks.get(&(node, property))?;
         Some(track.at(time))
     }
 
@@ -52,7 +72,7 @@ impl Motion {
 
     /// Weights of the morph targets at a node, if the clip sets them.
     pub(super) fn weights(&self, node: usize, time: f64) -> Option<Vec<f64>> {
-        self.at(node, Property::MorphTargetWeights, time)
+        self.at(node, Property::Weights, time)
     }
 
     /// First and last time, in seconds.
@@ -60,51 +80,85 @@ impl Motion {
         self.span.unwrap_or_default()
     }
 
-    fn add(&mut self, file: &File, channel: &Channel<'_>) -> Result<()> {
-        let sampler = channel.sampler();
-        let (output, how) = (sampler.output(), sampler.interpolation());
-        let place = ("accessor", output.index());
-        let times = times(file, &sampler.input())?;
+    fn add(
+        &mut self,
+        file: &File,
+        clip: &Animation,
+        (index, channel): (usize, &Channel),
+    ) -> Result<()> {
+        // The specification ignores a channel without a node.
+        let Some(node) = channel.target.node else {
+            return Ok(());
+        };
+        let wrong = |cause| file.wrong(("channel", index), cause);
+        file.node(node)?;
+        let property = property(&channel.target.path).map_err(wrong)?;
+        let sampler = file.item("sampler", &clip.samplers, channel.sampler)?;
+        let interpolation = interpolation(sampler.interpolation.as_deref()).map_err(wrong)?;
+        let output = sampler.output;
+        let times = times(file, sampler.input)?;
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
             return Ok(());
         };
         let [start, end] = self.span.unwrap_or([first, last]);
         self.span = Some([start.min(first), end.max(last)]);
-        let node = channel.target().node();
-        let property = channel.target().property();
         let (size, values) = match property {
-            Property::Translation | Property::Scale => (3, numbers::<3>(file, &output)?),
-            Property::Rotation => (4, numbers::<4>(file, &output)?),
-            Property::MorphTargetWeights => (targets(&node), numbers::<1>(file, &output)?),
+            Property::Translation | Property::Scale => (3, numbers::<3>(file, output)?),
+            Property::Rotation => (4, numbers::<4>(file, output)?),
+            Property::Weights => (targets(file, node)?, numbers::<1>(file, output)?),
         };
         let track = Track {
             times,
             values,
             size,
             turns: property == Property::Rotation,
-            interpolation: how,
+            interpolation,
         };
+        let place = ("accessor", output.0);
         track.check().map_err(|cause| file.wrong(place, cause))?;
-        self.tracks.insert((node.index(), property as usize), track);
+        self.tracks.insert((node.0, property), track);
         Ok(())
     }
 }
 
-fn numbers<const N: usize>(file: &File, accessor: &gltf::Accessor<'_>) -> Result<Vec<f64>> {
+fn property(path: &str) -> Result<Property, String> {
+    match path {
+        "translation" => Ok(Property::Translation),
+        "rotation" => Ok(Property::Rotation),
+        "scale" => Ok(Property::Scale),
+        "weights" => Ok(Property::Weights),
+        _ => Err(format!("unknown path {path:?}")),
+    }
+}
+
+fn interpolation(name: Option<&str>) -> Result<Interpolation, String> {
+    match name {
+        None | Some("LINEAR") => Ok(Interpolation::Linear),
+        Some("STEP") => Ok(Interpolation::Step),
+        Some("CUBICSPLINE") => Ok(Interpolation::CubicSpline),
+        Some(name) => Err(format!("unknown interpolation {name:?}")),
+    }
+}
+
+fn numbers<const N: usize>(file: &File, accessor: Whole) -> Result<Vec<f64>> {
     let elements = floats::<N>(file, accessor)?;
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
-fn targets(node: &gltf::Node<'_>) -> usize {
-    let primitives = node.mesh().into_iter().flat_map(|m| m.primitives());
-    let counts = primitives.map(|p| p.morph_targets().count());
-    counts.max().unwrap_or(0)
+/// Returns the number of morph targets at a node.
+fn targets(file: &File, node: Whole) -> Result<usize> {
+    let Some(mesh) = file.node(node)?.mesh else {
+        return Ok(0);
+    };
+    let mesh = file.item("mesh", &file.document.meshes, mesh)?;
+    let counts = mesh.primitives.iter().map(|p| p.targets.len());
+    Ok(counts.max().unwrap_or(0))
 }
 
 /// Finite times that never fall.
-fn times(file: &File, input: &gltf::Accessor<'_>) -> Result<Vec<f64>> {
+fn times(file: &File, input: Whole) -> Result<Vec<f64>> {
     let times = numbers::<1>(file, input)?;
-    let wrong = |cause: &str| Err(file.wrong(("accessor", input.index()), cause));
+    let wrong = |cause: &str| Err(file.wrong(("accessor", input.0), cause));
     if times.iter().any(|t| !t.is_finite()) {
         return wrong("a time is not a finite number");
     }

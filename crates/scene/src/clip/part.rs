@@ -1,22 +1,240 @@
-//! What is drawn: a primitive of a mesh at a node, with its morph targets and its skin.
+//! The primitives that are drawn, each at a node, with its morph targets and its skin.
 
-use super::accessor::{count, floats, indices, listed};
+use super::accessor::{count, floats, indices};
 use super::document::File;
 use super::motion::Motion;
 use super::rig::{self, Rig, vector};
+use super::schema::{Material, Mesh, Node, Primitive, Whole};
 use crate::mesh::{compact, from_linear};
+use crate::rounding::Position;
 use crate::stream::check_memory;
 use crate::{Options, Result, Rgb};
-use geom::Point;
 use glam::{DMat4, DVec3, Mat4};
-use gltf::mesh::Mode;
-use gltf::{Node, Primitive, Semantic};
 use std::collections::BTreeMap;
 
+/// How the vertices of a primitive are connected.
+#[derive(Clone, Copy)]
+enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+    /// By name: not by triangles.
+    Other(&'static str),
+}
+
+impl Mode {
+    fn of(primitive: &Primitive) -> Option<Self> {
+        Some(match primitive.mode.map_or(4, |mode| mode.0) {
+            0 => Self::Other("Points"),
+            1 => Self::Other("Lines"),
+            2 => Self::Other("LineLoop"),
+            3 => Self::Other("LineStrip"),
+            4 => Self::Triangles,
+            5 => Self::Strip,
+            6 => Self::Fan,
+            _ => return None,
+        })
+    }
+}
+
+/// Primitives of triangles in the scene, in the order of its nodes.
+pub(super) struct Drawn<'a> {
+    items: Vec<Item<'a>>,
+    /// Numbers of primitives that are not drawn, by the reason.
+    skipped: BTreeMap<String, usize>,
+}
+
+/// A primitive of a node's mesh.
+#[derive(Clone, Copy)]
+struct Item<'a> {
+    index: usize,
+    node: &'a Node,
+    mesh: &'a Mesh,
+    primitive: &'a Primitive,
+    /// The accessor of its positions.
+    positions: Whole,
+    mode: Mode,
+}
+
+impl<'a> Drawn<'a> {
+    pub(super) fn of(file: &'a File, rig: &Rig) -> Result<Self> {
+        let mut drawn = Self {
+            items: Vec::new(),
+            skipped: BTreeMap::new(),
+        };
+        for index in rig.visible(file)? {
+            let node = &file.document.nodes[index];
+            let Some(number) = node.mesh else { continue };
+            let mesh = file.item("mesh", &file.document.meshes, number)?;
+            for primitive in &mesh.primitives {
+                let mode = Mode::of(primitive).ok_or_else(|| {
+                    let mode = primitive.mode.map_or(0, |mode| mode.0);
+                    file.wrong(("mesh", number.0), format!("unknown mode {mode}"))
+                })?;
+                let reason = match (mode, primitive.positions()) {
+                    (Mode::Other(name), _) => format!("of mode {name}"),
+                    (_, None) => "without positions".to_owned(),
+                    (_, Some(positions)) => {
+                        drawn.items.push(Item {
+                            index,
+                            node,
+                            mesh,
+                            primitive,
+                            positions,
+                            mode,
+                        });
+                        continue;
+                    }
+                };
+                *drawn.skipped.entry(reason).or_insert(0) += 1;
+            }
+        }
+        Ok(drawn)
+    }
+
+    /// Returns remarks on primitives that are not drawn.
+    pub(super) fn skipped(&self) -> Vec<String> {
+        let skipped = self.skipped.iter();
+        let remark = |(reason, n)| format!("skipped {n} primitives {reason}");
+        skipped.map(remark).collect()
+    }
+
+    /// Refuses meshes that memory does not hold: a small file may show one mesh many times.
+    pub(super) fn check_room(&self, file: &File, options: &Options) -> Result<()> {
+        let mut bytes = 0_u64;
+        for item in &self.items {
+            let copies = rig::copies(file, item.index)? as u64;
+            bytes = bytes.saturating_add(item.bytes(file)?.saturating_mul(copies));
+        }
+        let what = "the meshes of its nodes".to_owned();
+        check_memory(&file.path, what, bytes, options)
+    }
+
+    pub(super) fn parts(&self, file: &File, notes: &mut Vec<String>) -> Result<Vec<Part>> {
+        let mut parts = Vec::new();
+        for item in &self.items {
+            let part = item.part(file, notes)?;
+            let copy = |place| Part {
+                place,
+                ..part.clone()
+            };
+            parts.extend(rig::places(file, item.index)?.into_iter().map(copy));
+        }
+        Ok(parts)
+    }
+}
+
+impl Item<'_> {
+    /// Bytes of one copy.
+    fn bytes(&self, file: &File) -> Result<u64> {
+        let vertices = count(file, self.positions)?;
+        let mut points = vertices;
+        for target in self.primitive.displacements().flatten() {
+            points += count(file, target)?;
+        }
+        let corners = match self.primitive.indices {
+            Some(accessor) => count(file, accessor)?,
+            None => vertices,
+        };
+        let bytes = points * size_of::<DVec3>() + corners * size_of::<u32>();
+        Ok(bytes as u64)
+    }
+
+    fn part(&self, file: &File, notes: &mut Vec<String>) -> Result<Part> {
+        let positions = floats(file, self.positions)?;
+        let mut triangles = self.triangles(file, positions.len(), notes)?;
+        let mut moved = Vec::new();
+        for (number, target) in self.primitive.displacements().enumerate() {
+            let Some(accessor) = target else {
+                continue;
+            };
+            let moves = floats::<3>(file, accessor)?;
+            check_count(file, accessor, moves.len(), positions.len())?;
+            moved.push((number, moves));
+        }
+        let skin = self.node.skin;
+        let skin = skin.map(|skin| Skin::new(file, skin, self.primitive, positions.len()));
+        let mut skin = skin.transpose()?;
+        let kept = compact(&mut triangles, positions.len());
+        let used = || kept.iter().map(|&v| v as usize);
+        if let Some(Skin { holds, .. }) = &mut skin {
+            *holds = used().map(|v| std::mem::take(&mut holds[v])).collect();
+        }
+        let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
+        let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
+        let targets = targets.collect();
+        let weights = self.node.weights.as_ref().or(self.mesh.weights.as_ref());
+        Ok(Part {
+            node: self.index,
+            place: DMat4::IDENTITY,
+            triangles,
+            colour: from_linear(self.colour(file)),
+            rest: keep(positions),
+            targets,
+            weights: weights.cloned().unwrap_or_default(),
+            skin,
+        })
+    }
+
+    fn colour(&self, file: &File) -> [f32; 3] {
+        let materials = &file.document.materials;
+        let material = self.primitive.material.and_then(|m| materials.get(m.0));
+        material.map_or([1.0; 3], Material::base_colour)
+    }
+
+    /// Returns the vertices of each triangle, in the order of the file.
+    fn triangles(
+        &self,
+        file: &File,
+        vertices: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<[u32; 3]>> {
+        let accessor = self.primitive.indices;
+        let list = match accessor {
+            Some(accessor) => indices(file, accessor)?,
+            None => (0..vertices as u32).collect(),
+        };
+        if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
+            let place = ("accessor", accessor.map_or(0, |a| a.0));
+            let vertex = list[at];
+            let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
+            return Err(file.wrong(place, cause));
+        }
+        Ok(match self.mode {
+            Mode::Strip => {
+                let turned = |(i, w): (usize, &[u32])| [w[0], w[1 + i % 2], w[2 - i % 2]];
+                list.windows(3).enumerate().map(turned).collect()
+            }
+            Mode::Fan => {
+                let rim = list.iter().skip(1).zip(list.iter().skip(2));
+                rim.map(|(&b, &c)| [list[0], b, c]).collect()
+            }
+            Mode::Triangles | Mode::Other(_) => {
+                let (whole, rest) = list.as_chunks::<3>();
+                if !rest.is_empty() {
+                    let left = rest.len();
+                    let note = format!("left out {left} indices that make no whole triangle");
+                    notes.push(note);
+                }
+                whole.to_vec()
+            }
+        })
+    }
+}
+
+fn check_count(file: &File, accessor: Whole, found: usize, vertices: usize) -> Result<()> {
+    if found == vertices {
+        return Ok(());
+    }
+    let cause = format!("{found} elements for {vertices} vertices");
+    Err(file.wrong(("accessor", accessor.0), cause))
+}
+
+/// A drawn primitive with all that its positions depend on.
 #[derive(Clone)]
 pub(super) struct Part {
     node: usize,
-    /// Where it stands, seen from the node.
+    /// The transform relative to the node.
     place: DMat4,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) colour: Rgb,
@@ -28,113 +246,13 @@ pub(super) struct Part {
     skin: Option<Skin>,
 }
 
-/// All primitives of triangles in the scene, in the order of its nodes.
-pub(super) fn all(file: &File, rig: &Rig, notes: &mut Vec<String>) -> Result<Vec<Part>> {
-    let nodes: Vec<_> = file.document.nodes().collect();
-    let mut parts = Vec::new();
-    let mut skipped = BTreeMap::new();
-    for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
-        let places = rig::places(file, node)?;
-        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
-            match primitive.mode() {
-                Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    let part = Part::new(file, node, &primitive, notes)?;
-                    parts.extend(places.iter().map(|&place| Part {
-                        place,
-                        ..part.clone()
-                    }));
-                }
-                mode => *skipped.entry(format!("{mode:?}")).or_insert(0) += 1,
-            }
-        }
-    }
-    let skipped = skipped.iter();
-    notes.extend(skipped.map(|(mode, n)| format!("skipped {n} primitives of mode {mode}")));
-    Ok(parts)
-}
-
-/// Refuses meshes that memory does not hold: a small file may show one of them many times.
-pub(super) fn check_room(file: &File, rig: &Rig, options: &Options) -> Result<()> {
-    let nodes: Vec<_> = file.document.nodes().collect();
-    let mut bytes = 0_u64;
-    for node in rig.visible(file).into_iter().map(|i| &nodes[i]) {
-        let (copies, _) = rig::instances(file, node)?;
-        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
-            let kept = kept(file, &primitive)?.saturating_mul(copies as u64);
-            bytes = bytes.saturating_add(kept);
-        }
-    }
-    let what = "the meshes of its nodes".to_owned();
-    check_memory(&file.path, what, bytes, options)
-}
-
-/// Bytes that what is kept of a primitive takes.
-fn kept(file: &File, primitive: &Primitive<'_>) -> Result<u64> {
-    let count = |a: Option<gltf::Accessor<'_>>| a.map_or(Ok(0), |a| count(file, &a));
-    let vertices = count(primitive.get(&Semantic::Positions))?;
-    let mut points = vertices;
-    for target in primitive.morph_targets() {
-        points += count(target.positions())?;
-    }
-    let corners = match primitive.indices() {
-        Some(accessor) => count(Some(accessor))?,
-        None => vertices,
-    };
-    let bytes = points * size_of::<DVec3>() + corners * size_of::<u32>();
-    Ok(bytes as u64)
-}
-
 impl Part {
-    fn new(
-        file: &File,
-        node: &Node<'_>,
-        primitive: &Primitive<'_>,
-        notes: &mut Vec<String>,
-    ) -> Result<Self> {
-        // The document was checked to have positions everywhere.
-        let positions = listed(file, primitive.get(&Semantic::Positions))?;
-        let mut triangles = triangles(file, primitive, positions.len(), notes)?;
-        let mut moved = Vec::new();
-        for (number, target) in primitive.morph_targets().enumerate() {
-            let Some(accessor) = target.positions() else {
-                continue;
-            };
-            let moves = floats::<3>(file, &accessor)?;
-            check_count(file, accessor.index(), moves.len(), positions.len())?;
-            moved.push((number, moves));
-        }
-        let skin = node.skin();
-        let skin = skin.map(|skin| Skin::new(file, &skin, primitive, positions.len()));
-        let mut skin = skin.transpose()?;
-        let kept = compact(&mut triangles, positions.len());
-        let used = || kept.iter().map(|&v| v as usize);
-        if let Some(Skin { holds, .. }) = &mut skin {
-            *holds = used().map(|v| std::mem::take(&mut holds[v])).collect();
-        }
-        let keep = |from: Vec<[f32; 3]>| used().map(|v| vector(from[v])).collect();
-        let targets = moved.into_iter().map(|(n, moves)| (n, keep(moves)));
-        let targets = targets.collect();
-        let weights = node.weights().or_else(|| node.mesh()?.weights());
-        let weights = weights.unwrap_or_default();
-        let material = primitive.material().pbr_metallic_roughness();
-        let [r, g, b, _] = material.base_color_factor();
-        Ok(Self {
-            node: node.index(),
-            place: DMat4::IDENTITY,
-            triangles,
-            colour: from_linear([r, g, b]),
-            rest: keep(positions),
-            targets,
-            weights: weights.iter().map(|&w| f64::from(w)).collect(),
-            skin,
-        })
-    }
-
     pub(super) fn vertices(&self) -> usize {
         self.rest.len()
     }
 
-    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Point> {
+    /// Returns the positions in the world.
+    pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Position> {
         let mut points = self.rest.clone();
         let weights = motion.weights(self.node, time);
         let weights = weights.as_ref().unwrap_or(&self.weights);
@@ -152,55 +270,8 @@ impl Part {
                 .iter_mut()
                 .for_each(|p| *p = world.transform_point3(*p)),
         }
-        points.into_iter().map(|p| p.as_vec3().to_array()).collect()
+        points.into_iter().map(|p| p.to_array()).collect()
     }
-}
-
-fn check_count(file: &File, accessor: usize, found: usize, vertices: usize) -> Result<()> {
-    if found == vertices {
-        return Ok(());
-    }
-    let cause = format!("{found} elements for {vertices} vertices");
-    Err(file.wrong(("accessor", accessor), cause))
-}
-
-/// Vertices of each triangle, in the order of the file.
-fn triangles(
-    file: &File,
-    primitive: &Primitive<'_>,
-    vertices: usize,
-    notes: &mut Vec<String>,
-) -> Result<Vec<[u32; 3]>> {
-    let accessor = primitive.indices();
-    let list = match &accessor {
-        Some(accessor) => indices(file, accessor)?,
-        None => (0..vertices as u32).collect(),
-    };
-    if let Some(at) = list.iter().position(|&v| v as usize >= vertices) {
-        let place = ("accessor", accessor.map_or(0, |a| a.index()));
-        let vertex = list[at];
-        let cause = format!("index {at} names vertex {vertex}, but there are {vertices}");
-        return Err(file.wrong(place, cause));
-    }
-    Ok(match primitive.mode() {
-        Mode::TriangleStrip => {
-            let turned = |(i, w): (usize, &[u32])| [w[0], w[1 + i % 2], w[2 - i % 2]];
-            list.windows(3).enumerate().map(turned).collect()
-        }
-        Mode::TriangleFan => {
-            let rim = list.iter().skip(1).zip(list.iter().skip(2));
-            rim.map(|(&b, &c)| [list[0], b, c]).collect()
-        }
-        _ => {
-            let (whole, rest) = list.as_chunks::<3>();
-            if !rest.is_empty() {
-                let left = rest.len();
-                let note = format!("left out {left} indices that make no whole triangle");
-                notes.push(note);
-            }
-            whole.to_vec()
-        }
-    })
 }
 
 /// A skin as one primitive uses it.
@@ -213,35 +284,31 @@ struct Skin {
 }
 
 impl Skin {
-    fn new(
-        file: &File,
-        skin: &gltf::Skin<'_>,
-        primitive: &Primitive<'_>,
-        vertices: usize,
-    ) -> Result<Self> {
-        let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
-        let binds = match skin.inverse_bind_matrices() {
-            Some(accessor) => {
-                let binds = floats::<16>(file, &accessor)?;
-                if binds.len() < nodes.len() {
-                    let (found, joints) = (binds.len(), nodes.len());
-                    let cause = format!("{found} inverse bind matrices for {joints} joints");
-                    return Err(file.wrong(("skin", skin.index()), cause));
-                }
-                let binds = binds.iter().map(Mat4::from_cols_array);
-                binds.map(|m| m.as_dmat4()).collect()
+    fn new(file: &File, number: Whole, primitive: &Primitive, vertices: usize) -> Result<Self> {
+        let skin = file.item("skin", &file.document.skins, number)?;
+        let mut joints = Vec::with_capacity(skin.joints.len());
+        for &joint in &skin.joints {
+            file.node(joint)?;
+            joints.push((joint.0, DMat4::IDENTITY));
+        }
+        if let Some(accessor) = skin.inverse_bind_matrices {
+            let binds = floats::<16>(file, accessor)?;
+            if binds.len() < joints.len() {
+                let (found, joints) = (binds.len(), joints.len());
+                let cause = format!("{found} inverse bind matrices for {joints} joints");
+                return Err(file.wrong(("skin", number.0), cause));
             }
-            None => vec![DMat4::IDENTITY; nodes.len()],
-        };
-        let joints: Vec<_> = nodes.into_iter().zip(binds).collect();
+            for ((_, bind), found) in joints.iter_mut().zip(&binds) {
+                *bind = Mat4::from_cols_array(found).as_dmat4();
+            }
+        }
         let mut holds = vec![Vec::new(); vertices];
         for set in 0.. {
-            let numbers = primitive.get(&Semantic::Joints(set));
-            let weights = primitive.get(&Semantic::Weights(set));
-            let Some((numbers, weights)) = numbers.zip(weights) else {
+            let attribute = |name| primitive.attributes.get(&format!("{name}_{set}"));
+            let Some((&numbers, &weights)) = attribute("JOINTS").zip(attribute("WEIGHTS")) else {
                 break;
             };
-            add_holds(file, &mut holds, joints.len(), (&numbers, &weights))?;
+            add_holds(file, &mut holds, joints.len(), (numbers, weights))?;
         }
         holds.iter_mut().for_each(normalise);
         Ok(Self { joints, holds })
@@ -270,12 +337,12 @@ fn add_holds(
     file: &File,
     holds: &mut [Vec<(usize, f64)>],
     joints: usize,
-    (numbers, weights): (&gltf::Accessor<'_>, &gltf::Accessor<'_>),
+    (numbers, weights): (Whole, Whole),
 ) -> Result<()> {
-    let place = ("accessor", numbers.index());
+    let place = ("accessor", numbers.0);
     let (found, weight) = (floats::<4>(file, numbers)?, floats::<4>(file, weights)?);
-    check_count(file, numbers.index(), found.len(), holds.len())?;
-    check_count(file, weights.index(), weight.len(), holds.len())?;
+    check_count(file, numbers, found.len(), holds.len())?;
+    check_count(file, weights, weight.len(), holds.len())?;
     for (vertex, (found, weight)) in found.into_iter().zip(weight).enumerate() {
         for (joint, weight) in found.into_iter().zip(weight).filter(|(_, w)| *w != 0.0) {
             let joint = joint as usize;

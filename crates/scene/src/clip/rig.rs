@@ -1,12 +1,11 @@
-//! The tree of nodes: where each stands at a time, and the copies of a mesh at one node (`EXT_mesh_gpu_instancing`).
+//! The tree of nodes: the transform of each at a time, and the copies of a mesh at one node (`EXT_mesh_gpu_instancing`).
 
-use super::accessor::listed;
+use super::accessor::{count, listed};
 use super::document::File;
 use super::motion::Motion;
+use super::schema::{Node, Whole};
 use crate::Result;
-use glam::{DMat4, DQuat, DVec3, Mat4};
-use gltf::scene::Transform;
-use gltf::{Accessor, Node};
+use glam::{DMat4, DQuat, DVec3};
 
 /// All nodes of a file, parents before children.
 pub(super) struct Rig {
@@ -17,8 +16,27 @@ pub(super) struct Rig {
 
 struct Joint {
     parent: Option<usize>,
-    /// Where no clip moves it.
-    rest: Transform,
+    /// The transform where no clip moves the node.
+    rest: Rest,
+}
+
+enum Rest {
+    Matrix(DMat4),
+    Parts(Parts),
+}
+
+impl Rest {
+    fn of(node: &Node) -> Self {
+        if let Some(matrix) = &node.matrix {
+            return Self::Matrix(DMat4::from_cols_array(matrix));
+        }
+        let vector = |v: Option<[f64; 3]>, default| v.map_or(default, DVec3::from_array);
+        Self::Parts((
+            vector(node.translation, DVec3::ZERO),
+            node.rotation.map_or(DQuat::IDENTITY, |q| unit(&q)),
+            vector(node.scale, DVec3::ONE),
+        ))
+    }
 }
 
 /// Translation, rotation and scale.
@@ -27,43 +45,51 @@ pub(super) type Parts = (DVec3, DQuat, DVec3);
 impl Rig {
     /// Sorts the nodes; they must make up trees.
     pub(super) fn new(file: &File) -> Result<Self> {
-        let joint = |node: Node<'_>| Joint {
-            parent: None,
-            rest: node.transform(),
-        };
-        let mut nodes: Vec<_> = file.document.nodes().map(joint).collect();
-        for node in file.document.nodes() {
-            for child in node.children() {
-                let parent = nodes[child.index()].parent.replace(node.index());
-                if parent.is_some() {
-                    let place = ("node", child.index());
+        let nodes = &file.document.nodes;
+        let mut parents = vec![None; nodes.len()];
+        for (parent, node) in nodes.iter().enumerate() {
+            for &child in &node.children {
+                file.node(child)?;
+                if parents[child.0].replace(parent).is_some() {
+                    let place = ("node", child.0);
                     return Err(file.wrong(place, "the node has two parents"));
                 }
             }
         }
-        let roots = (0..nodes.len())
-            .filter(|&i| nodes[i].parent.is_none())
-            .collect();
-        let order = descend(file, roots);
+        let roots = (0..nodes.len()).filter(|&i| parents[i].is_none());
+        let order = descend(file, roots.map(Whole).collect());
         if order.len() < nodes.len() {
             let mut reached = order;
             reached.sort_unstable();
             let lost = (0..).zip(&reached).take_while(|(i, r)| i == *r).count();
             return Err(file.wrong(("node", lost), "the node is its own ancestor"));
         }
-        Ok(Self { nodes, order })
+        let joints = parents.into_iter().zip(nodes);
+        let joints = joints.map(|(parent, node)| Joint {
+            parent,
+            rest: Rest::of(node),
+        });
+        Ok(Self {
+            nodes: joints.collect(),
+            order,
+        })
     }
 
-    /// The nodes of the default scene, or of the first, or of all, each after its parent.
-    pub(super) fn visible(&self, file: &File) -> Vec<usize> {
-        let default = file.document.default_scene();
-        match default.or_else(|| file.document.scenes().next()) {
-            Some(scene) => descend(file, scene.nodes().map(|n| n.index()).collect()),
-            None => self.order.clone(),
+    /// Returns the nodes of the default scene, of the first scene without a default, or all nodes without scenes.
+    pub(super) fn visible(&self, file: &File) -> Result<Vec<usize>> {
+        let document = &file.document;
+        if document.scenes.is_empty() && document.scene.is_none() {
+            return Ok(self.order.clone());
         }
+        let scene = document.scene.unwrap_or(Whole(0));
+        let scene = file.item("scene", &document.scenes, scene)?;
+        for &root in &scene.nodes {
+            file.node(root)?;
+        }
+        Ok(descend(file, scene.nodes.clone()))
     }
 
-    /// From each node's frame to the world's, at `time`.
+    /// Returns the transform from each node to the world at `time`.
     pub(super) fn pose(&self, motion: &Motion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
@@ -77,23 +103,13 @@ impl Rig {
     }
 
     fn own(&self, node: usize, motion: &Motion, time: f64) -> DMat4 {
-        let parts = match &self.nodes[node].rest {
-            Transform::Matrix { matrix } => {
-                let matrix = Mat4::from_cols_array_2d(matrix).as_dmat4();
-                if !motion.moves(node) {
-                    return matrix;
-                }
+        let parts = match self.nodes[node].rest {
+            Rest::Matrix(matrix) if !motion.moves(node) => return matrix,
+            Rest::Matrix(matrix) => {
                 let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
                 (translation, rotation, scale)
             }
-            &Transform::Decomposed {
-                translation,
-                rotation,
-                scale,
-            } => {
-                let rotation = unit(&rotation.map(f64::from));
-                (vector(translation), rotation, vector(scale))
-            }
+            Rest::Parts(parts) => parts,
         };
         let (translation, rotation, scale) = motion.parts(node, time, parts);
         DMat4::from_scale_rotation_translation(scale, rotation, translation)
@@ -104,7 +120,7 @@ pub(super) fn vector(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }
 
-/// The rotation a quaternion (x, y, z, w) stands for; none if it is zero.
+/// Returns the rotation of a quaternion (x, y, z, w): the identity for zero.
 pub(super) fn unit(quaternion: &[f64]) -> DQuat {
     let q = DQuat::from_slice(quaternion);
     if q.length_squared() == 0.0 {
@@ -114,57 +130,57 @@ pub(super) fn unit(quaternion: &[f64]) -> DQuat {
     }
 }
 
-/// `roots` and all below them, each after its parent; stops where a node comes twice.
-fn descend(file: &File, roots: Vec<usize>) -> Vec<usize> {
-    let nodes: Vec<_> = file.document.nodes().collect();
+/// Returns `roots` and all nodes below them, each after its parent. A node that is reached twice appears once.
+fn descend(file: &File, roots: Vec<Whole>) -> Vec<usize> {
+    let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];
-    let mut waiting: Vec<usize> = roots.into_iter().rev().collect();
+    let mut waiting = roots;
+    waiting.reverse();
     let mut order = Vec::new();
-    while let Some(i) = waiting.pop() {
+    while let Some(Whole(i)) = waiting.pop() {
         if !std::mem::replace(&mut seen[i], true) {
             order.push(i);
-            let children: Vec<_> = nodes[i].children().map(|c| c.index()).collect();
-            waiting.extend(children.into_iter().rev());
+            waiting.extend(nodes[i].children.iter().rev());
         }
     }
     order
 }
 
-const NAME: &str = "EXT_mesh_gpu_instancing";
-
-/// How many copies of its mesh a node shows; and accessors of their translations, rotations and scales, of one length.
-pub(super) fn instances<'a>(
-    file: &'a File,
-    node: &Node<'_>,
-) -> Result<(usize, [Option<Accessor<'a>>; 3])> {
-    let wrong = |cause| file.wrong(("node", node.index()), cause);
-    let all = node.extension_value(NAME).and_then(|e| e.get("attributes"));
-    let accessor = |name: &str| {
-        let Some(value) = all.and_then(|all| all.get(name)) else {
-            return Ok(None);
-        };
-        let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
-        let found = index.and_then(|i| file.document.accessors().nth(i));
-        let cause = format!("{NAME}: {name} names no accessor: {value}");
-        found.ok_or_else(|| wrong(cause)).map(Some)
-    };
-    let found = [
-        accessor("TRANSLATION")?,
-        accessor("ROTATION")?,
-        accessor("SCALE")?,
-    ];
-    let mut counts = found.iter().flatten().map(Accessor::count);
-    let count = counts.next().unwrap_or(1);
-    if counts.any(|c| c != count) {
-        let cause = format!("{NAME}: its attributes differ in their counts");
-        return Err(wrong(cause));
-    }
-    Ok((count, found))
+/// Accessors of the translations, rotations and scales of a mesh's copies at a node, of one length.
+struct Instances {
+    accessors: [Option<Whole>; 3],
+    /// Copies of the mesh.
+    count: usize,
 }
 
-/// Where each copy stands, seen from the node.
-pub(super) fn places(file: &File, node: &Node<'_>) -> Result<Vec<DMat4>> {
-    let (count, [translations, rotations, scales]) = instances(file, node)?;
+impl Instances {
+    fn of(file: &File, node: usize) -> Result<Self> {
+        let instancing = file.document.nodes[node].extensions.instancing.as_ref();
+        let accessor = |name| instancing.and_then(|i| i.attributes.get(name).copied());
+        let accessors = ["TRANSLATION", "ROTATION", "SCALE"].map(accessor);
+        let counts = accessors.iter().flatten().map(|&a| count(file, a));
+        let counts = counts.collect::<Result<Vec<_>>>()?;
+        let first = counts.first().copied().unwrap_or(1);
+        if counts.iter().any(|&count| count != first) {
+            let cause = "EXT_mesh_gpu_instancing: its attributes differ in their counts";
+            return Err(file.wrong(("node", node), cause));
+        }
+        Ok(Self {
+            accessors,
+            count: first,
+        })
+    }
+}
+
+/// Returns how many copies of its mesh a node shows.
+pub(super) fn copies(file: &File, node: usize) -> Result<usize> {
+    Ok(Instances::of(file, node)?.count)
+}
+
+/// Returns the transform of each copy relative to the node.
+pub(super) fn places(file: &File, node: usize) -> Result<Vec<DMat4>> {
+    let Instances { accessors, count } = Instances::of(file, node)?;
+    let [translations, rotations, scales] = accessors;
     let translations = listed::<3>(file, translations)?;
     let rotations = listed::<4>(file, rotations)?;
     let scales = listed::<3>(file, scales)?;

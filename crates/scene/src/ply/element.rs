@@ -1,7 +1,7 @@
 //! One vertex, face or strip, filled by the parser; and numbers in the grammar of the parser.
 
+use crate::rounding::Position;
 use crate::text::number;
-use geom::Point;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ pub(super) const RESTART: u32 = u32::MAX;
 /// The properties that are used of an element of any kind.
 #[derive(Debug, Default)]
 pub(super) struct Element {
-    pub(super) point: Point,
+    pub(super) point: Position,
     /// Red, green and blue, as far as they are there.
     colour: [Option<f32>; 3],
     /// The vertices of a face or strip, with [`RESTART`] for -1. Absent if another one is negative.
@@ -39,9 +39,9 @@ impl Element {
 
     fn set(&mut self, name: &str, property: &Property) -> Option<()> {
         match name {
-            "x" => self.point[0] = property.to_f32_lossy()?,
-            "y" => self.point[1] = property.to_f32_lossy()?,
-            "z" => self.point[2] = property.to_f32_lossy()?,
+            "x" => self.point[0] = coordinate(property)?,
+            "y" => self.point[1] = coordinate(property)?,
+            "z" => self.point[2] = coordinate(property)?,
             "red" | "r" | "diffuse_red" => self.colour[0] = Some(component(property)?),
             "green" | "g" | "diffuse_green" => self.colour[1] = Some(component(property)?),
             "blue" | "b" | "diffuse_blue" => self.colour[2] = Some(component(property)?),
@@ -49,6 +49,16 @@ impl Element {
             _ => return None,
         }
         Some(())
+    }
+}
+
+/// A coordinate without loss.
+fn coordinate(property: &Property) -> Option<f64> {
+    match property {
+        Property::Int(value) => Some((*value).into()),
+        Property::UInt(value) => Some((*value).into()),
+        Property::Double(value) => Some(*value),
+        other => other.to_f32_lossy().map(f64::from),
     }
 }
 

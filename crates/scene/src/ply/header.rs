@@ -45,6 +45,19 @@ impl Header {
         })
     }
 
+    /// Declares the coordinates of a text file as doubles: its digits may hold more than a float.
+    pub(super) fn widen_text(&mut self) {
+        let mut elements = self.elements.iter_mut();
+        let vertex = elements.find(|e| e.name == "vertex" && self.encoding == Encoding::Ascii);
+        let properties = vertex.into_iter().flat_map(|e| e.properties.iter_mut());
+        for (name, property) in properties {
+            let is_float = matches!(property.data_type, PropertyType::Scalar(ScalarType::Float));
+            if is_float && matches!(name.as_str(), "x" | "y" | "z") {
+                property.data_type = PropertyType::Scalar(ScalarType::Double);
+            }
+        }
+    }
+
     pub(super) fn element(&self, name: &str) -> Option<&ElementDef> {
         self.elements.iter().find(|e| e.name == name)
     }

@@ -8,6 +8,7 @@ mod header;
 mod pattern;
 
 use crate::mesh::{Colours, Mesh, Paint, Topology, short_faces_note};
+use crate::rounding::Position;
 use crate::stream::check_mesh;
 use crate::text::check_encoding;
 use crate::{Location, Result, Rgb, SceneError};
@@ -79,7 +80,7 @@ struct File<'a> {
     body: Body<'a>,
     /// The end of the header, and the end of the vertices once they are read.
     ends: [usize; 2],
-    points: Vec<Point>,
+    points: Vec<Position>,
     colours: Colours,
     face_colours: Colours,
     topology: Topology,
@@ -92,10 +93,11 @@ impl<'a> File<'a> {
     fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let malformed = |cause: String| SceneError::malformed(path, None, cause);
         check_encoding(bytes).map_err(malformed)?;
-        let header = Header::read(bytes).map_err(|(line, cause)| {
+        let mut header = Header::read(bytes).map_err(|(line, cause)| {
             let location = line.map(|line| ("line", line));
             SceneError::malformed(path, location, cause)
         })?;
+        header.widen_text();
         let file = Self {
             path,
             bytes,
@@ -130,7 +132,7 @@ impl<'a> File<'a> {
             more = 0;
         }
         // Lists grow by doubling.
-        let need = vertices * 48 + faces.saturating_mul(80) + more.saturating_mul(32);
+        let need = vertices * 84 + faces.saturating_mul(80) + more.saturating_mul(32);
         ([vertices, faces], need)
     }
 

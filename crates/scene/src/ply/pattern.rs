@@ -2,8 +2,8 @@
 
 use super::header::Header;
 use super::{File, size};
+use crate::rounding::Position;
 use crate::{Result, SceneError};
-use geom::Point;
 use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
 use std::io::{self, Read};
 use std::path::Path;
@@ -36,7 +36,7 @@ impl Pattern {
     }
 
     /// Reads the positions of the `kept` vertices from a file that differs in its vertices alone. Another file has no result.
-    pub(crate) fn read(&self, path: &Path, kept: &[u32]) -> Result<Option<Vec<Point>>> {
+    pub(crate) fn read(&self, path: &Path, kept: &[u32]) -> Result<Option<Vec<Position>>> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let rest = bytes.strip_prefix(&self.head[..]);
         let rest = rest.and_then(|rest| rest.strip_suffix(&self.tail[..]));
@@ -47,7 +47,7 @@ impl Pattern {
     }
 
     /// Reads positions again from a file that [`Self::read`] accepted before.
-    pub(crate) fn read_again(&self, path: &Path, kept: &[u32]) -> Result<Vec<Point>> {
+    pub(crate) fn read_again(&self, path: &Path, kept: &[u32]) -> Result<Vec<Position>> {
         let read = || -> io::Result<Vec<u8>> {
             let mut file = host::open(path)?;
             file.read_exact(&mut vec![0; self.head.len()])?;
@@ -59,7 +59,7 @@ impl Pattern {
         self.points(path, &rows, kept)
     }
 
-    fn points(&self, path: &Path, rows: &[u8], kept: &[u32]) -> Result<Vec<Point>> {
+    fn points(&self, path: &Path, rows: &[u8], kept: &[u32]) -> Result<Vec<Position>> {
         let kept = kept.iter().map(|&v| v as usize);
         if let Some(floats) = &self.floats {
             return Ok(kept.map(|v| floats.point(rows, v)).collect());
@@ -90,11 +90,11 @@ impl Floats {
         (header.encoding == Encoding::BinaryLittleEndian).then_some(Self { row, xyz })
     }
 
-    fn point(&self, rows: &[u8], vertex: usize) -> Point {
+    fn point(&self, rows: &[u8], vertex: usize) -> Position {
         let row = &rows[vertex * self.row..][..self.row];
         self.xyz.map(|at| {
             let bytes = row[at..].first_chunk();
-            f32::from_le_bytes(*bytes.expect("a float ends within the row"))
+            f32::from_le_bytes(*bytes.expect("a float ends within the row")).into()
         })
     }
 }

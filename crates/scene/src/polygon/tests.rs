@@ -5,7 +5,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-fn triangles(points: &[Point]) -> Vec<[u32; 3]> {
+fn triangles(points: &[Position]) -> Vec<[u32; 3]> {
     let mut topology = Topology::default();
     topology.vertices = points.len();
     topology.push(0..points.len() as u32);
@@ -18,18 +18,18 @@ fn fan(vertices: u32) -> Vec<[u32; 3]> {
     (1..vertices - 1).map(|v| [0, v, v + 1]).collect()
 }
 
-fn flat(points: &[[f32; 2]]) -> Vec<Point> {
+fn flat(points: &[[f64; 2]]) -> Vec<Position> {
     points.iter().map(|&[x, y]| [x, y, 0.0]).collect()
 }
 
 /// Twice the area, as a vector.
-fn area(points: &[Point], [a, b, c]: [u32; 3]) -> DVec3 {
-    let at = |v: u32| DVec3::from(points[v as usize].map(f64::from));
+fn area(points: &[Position], [a, b, c]: [u32; 3]) -> DVec3 {
+    let at = |v: u32| DVec3::from(points[v as usize]);
     (at(b) - at(a)).cross(at(c) - at(a))
 }
 
 /// Checks that the triangles join to a disk whose rim is the polygon, in its orientation.
-fn check_disk(points: &[Point], triangles: &[[u32; 3]]) {
+fn check_disk(points: &[Position], triangles: &[[u32; 3]]) {
     let n = points.len() as u32;
     assert_eq!(triangles.len(), n as usize - 2);
     let edges = triangles
@@ -48,7 +48,7 @@ fn check_disk(points: &[Point], triangles: &[[u32; 3]]) {
 }
 
 /// Checks that the triangles cover a simple polygon once: none is turned over.
-fn check_cover(points: &[Point], triangles: &[[u32; 3]]) {
+fn check_cover(points: &[Position], triangles: &[[u32; 3]]) {
     check_disk(points, triangles);
     let whole: DVec3 = triangles.iter().map(|&t| area(points, t)).sum();
     for &t in triangles {
@@ -96,7 +96,7 @@ fn an_arrow_has_its_notch_from_every_first_vertex() {
 fn vertices_on_edges_are_kept() {
     // A comb, with repeated and collinear vertices on every side of every tooth.
     let mut rim = vec![[0.0, -1.0]];
-    for tooth in (0..5).rev().map(|i| i as f32 * 2.0) {
+    for tooth in (0..5).rev().map(|i| f64::from(i) * 2.0) {
         let side = [
             [2.0, 0.0],
             [1.5, 1.0],
@@ -115,8 +115,8 @@ fn vertices_on_edges_are_kept() {
 
 #[test]
 fn polygons_without_a_plane_or_an_inside_still_have_their_triangles() {
-    let nan = f32::NAN;
-    let huge = f32::MAX;
+    let nan = f64::NAN;
+    let huge = f64::from(f32::MAX);
     for rim in [
         vec![[0.0, 0.0]; 5],
         vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]],
@@ -137,7 +137,7 @@ fn polygons_without_a_plane_or_an_inside_still_have_their_triangles() {
             [-0.6, -0.8],
         ],
         vec![[nan, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]],
-        vec![[2.0, 2.0], [0.0, f32::INFINITY], [-2.0, 2.0], [0.0, 0.0]],
+        vec![[2.0, 2.0], [0.0, f64::INFINITY], [-2.0, 2.0], [0.0, 0.0]],
         vec![
             [-huge, -huge],
             [huge, -huge],
@@ -174,11 +174,11 @@ fn gaps_are_filled_whatever_ears_are_there() {
 fn concave_polygons_of_too_many_vertices_are_counted() {
     let count = MAX_CLIPPED + 1;
     let point = |i: usize| {
-        let (sin, cos) = (i as f32 / count as f32 * std::f32::consts::TAU).sin_cos();
+        let (sin, cos) = (i as f64 / count as f64 * std::f64::consts::TAU).sin_cos();
         let radius = if i.is_multiple_of(2) { 1.0 } else { 0.5 };
         [cos * radius, sin * radius, 0.0]
     };
-    let points: Vec<Point> = (0..count).map(point).collect();
+    let points: Vec<Position> = (0..count).map(point).collect();
     let mut topology = Topology::default();
     topology.vertices = count;
     topology.push(0..count as u32);
@@ -203,13 +203,13 @@ proptest! {
         };
         let axis = DVec3::from(axis).try_normalize().unwrap_or(DVec3::X);
         let turn = glam::DQuat::from_axis_angle(axis, angle);
-        let mut points: Vec<Point> = Vec::new();
+        let mut points: Vec<Position> = Vec::new();
         for (i, &(_, kind)) in radii.iter().enumerate() {
             let (a, b) = (corner(i), corner(i + 1));
             let along: &[f64] = [&[0.0][..], &[0.0, 0.0], &[0.0, 0.5], &[0.0, 0.25, 0.75]][usize::from(kind)];
             points.extend(along.iter().map(|&t| {
                 let p = turn * a.lerp(b, t) * 10.0_f64.powi(exponent);
-                p.to_array().map(|c| c as f32)
+                p.to_array().map(|c| f64::from(c as f32))
             }));
         }
         if is_backwards {

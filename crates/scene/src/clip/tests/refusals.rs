@@ -25,9 +25,9 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
     let text = format!("data:application/octet-stream;base64,{text}");
     assert!(read(&text, false).is_ok() && read("../outside.bin", true).is_ok());
     for (source, says) in [
-        ("data:;base64,####", "buffer 0: bad base64"),
+        ("data:;base64,@@@@", "buffer 0: a data URI with bad base64"),
         ("data:;base64,AAAA", "are declared, 3 are there"),
-        ("data:,AAAA", "not base64"),
+        ("data:;base64", "a data URI without data"),
         ("absent.bin", "absent.bin"),
         ("https://example.org/a.bin", "network"),
         ("../outside.bin", "--allow-outside"),
@@ -37,7 +37,7 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
 }
 
 /// Each line: what is replaced, what by, and a part of the message. `HUGE` stands for 2^64 - 1.
-fn refuse(file: &str, bin: &Bin, changes: &str) {
+pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
     for change in changes.trim().lines() {
         let mut parts = change.split(" | ").map(str::trim);
         let [from, to, says] = std::array::from_fn(|_| parts.next().unwrap());
@@ -53,12 +53,12 @@ fn what_leads_nowhere_is_named() {
     let (bin, rest) = moving();
     let changes = r#"
         "POSITION":0 | "POSITION":9 | accessor 9 does not exist
-        "sampler":1 | "sampler":2 | animations[0].channels[1].sampler: Index out of bounds
-        "mesh":0 | "mesh":4 | nodes[0].mesh: Index out of bounds
+        "sampler":1 | "sampler":2 | sampler 2 does not exist, there are 2
+        "mesh":0 | "mesh":4 | mesh 4 does not exist, there are 1
         "children":[0] | "children":[0,2] | its own ancestor
         "children":[1] | "children":[1,0] | node 0: the node has two parents
-        "output":2 | "output":3 | accessor 3: Vec3 elements are expected
-        "input":1 | "input":0 | accessor 0: Scalar elements are expected
+        "output":2 | "output":3 | accessor 3: VEC3 elements are expected
+        "input":1 | "input":0 | accessor 0: SCALAR elements are expected
         "material":0 | "indices":1 | accessor 1: unsigned integers are expected
         "scene":0 | "extensionsRequired":["KHR_draco_mesh_compression"] | KHR_draco_mesh_compression
         "sampler":1,"target":{"node":1 | "sampler":1,"target":{"node":3 | node 3 does not exist

@@ -1,0 +1,87 @@
+//! The JSON text of a file and its binary chunk (glTF 2.0, 4.4).
+
+/// What a `.gltf` or a `.glb` file contains.
+#[derive(Debug)]
+pub(super) struct Container<'a> {
+    pub(super) json: &'a [u8],
+    /// The first chunk of type `BIN`.
+    pub(super) binary: Option<&'a [u8]>,
+}
+
+impl<'a> Container<'a> {
+    /// Splits a file. The error is the cause.
+    pub(super) fn split(bytes: &'a [u8]) -> Result<Self, String> {
+        let container = match bytes.strip_prefix(b"glTF") {
+            Some(_) => Self::split_chunks(bytes)?,
+            None => Self {
+                json: bytes,
+                binary: None,
+            },
+        };
+        check_encoding(container.json)?;
+        Ok(container)
+    }
+
+    fn split_chunks(bytes: &'a [u8]) -> Result<Self, String> {
+        let cut_short = || "the file is cut short within its header".to_owned();
+        let version = word(bytes, 4).ok_or_else(cut_short)?;
+        if version != 2 {
+            return Err(format!("binary glTF {version} is not supported, only 2"));
+        }
+        let length = word(bytes, 8).ok_or_else(cut_short)?;
+        // Bytes after the declared length belong to no chunk.
+        let chunks = bytes.get(..length).ok_or_else(|| {
+            let found = bytes.len();
+            format!("the file is cut short: {length} bytes are declared, {found} are there")
+        })?;
+        let chunks = split(chunks.get(12..).ok_or_else(cut_short)?)?;
+        let mut chunks = chunks.into_iter();
+        let Some((b"JSON", json)) = chunks.next() else {
+            return Err("the first chunk is not of type JSON".to_owned());
+        };
+        let binary = chunks.find(|(kind, _)| *kind == b"BIN\0");
+        Ok(Self {
+            json,
+            binary: binary.map(|(_, data)| data),
+        })
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<usize> {
+    let word = bytes.get(at..)?.first_chunk()?;
+    usize::try_from(u32::from_le_bytes(*word)).ok()
+}
+
+/// The type and the data of a chunk.
+type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
+
+/// Splits a list of chunks. Readers skip chunks of unknown type.
+fn split(mut bytes: &[u8]) -> Result<Vec<Chunk<'_>>, String> {
+    let mut chunks = Vec::new();
+    while let (Some(length), Some((_, rest))) = (word(bytes, 0), bytes.split_at_checked(4)) {
+        let Some((kind, rest)) = rest.split_first_chunk() else {
+            break;
+        };
+        let Some((data, rest)) = rest.split_at_checked(length) else {
+            let (number, found) = (chunks.len(), rest.len());
+            return Err(format!(
+                "chunk {number} is cut short: {length} bytes are declared, {found} are there"
+            ));
+        };
+        chunks.push((kind, data));
+        bytes = rest;
+    }
+    Ok(chunks)
+}
+
+/// Refuses text that begins with a byte order mark, which is invisible in an editor.
+fn check_encoding(json: &[u8]) -> Result<(), String> {
+    let encoding = match json {
+        [0xef, 0xbb, 0xbf, ..] => "UTF-8",
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+        _ => return Ok(()),
+    };
+    Err(format!(
+        "the text begins with a byte order mark of {encoding}; glTF is UTF-8 without one"
+    ))
+}

@@ -1,0 +1,105 @@
+//! Coordinates in double precision, and how they are rounded to the single precision of key frames.
+
+use crate::Options;
+use geom::Point;
+use std::path::Path;
+
+/// A position as files have it.
+pub(crate) type Position = [f64; 3];
+
+/// Subtracts one offset from all key frames of a scene and rounds the differences.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rounding {
+    pub(crate) offset: Position,
+}
+
+/// The bounds of positions that single precision can hold.
+struct Bounds {
+    min: Position,
+    max: Position,
+}
+
+impl Bounds {
+    fn of(points: &[Position]) -> Option<Self> {
+        let is_finite = |p: &&Position| p.iter().all(|x| (*x as f32).is_finite());
+        let mut finite = points.iter().filter(is_finite);
+        let first = *finite.next()?;
+        let bounds = Self {
+            min: first,
+            max: first,
+        };
+        Some(finite.fold(bounds, |bounds, p| Self {
+            min: std::array::from_fn(|i| bounds.min[i].min(p[i])),
+            max: std::array::from_fn(|i| bounds.max[i].max(p[i])),
+        }))
+    }
+
+    /// The length of the diagonal.
+    fn size(&self) -> f64 {
+        let [x, y, z] = std::array::from_fn(|i| self.max[i] - self.min[i]);
+        x.hypot(y).hypot(z)
+    }
+}
+
+impl Rounding {
+    /// Chooses the offset for the vertices of the first key frame: their centre if the scene is recentred, else 0.
+    pub(crate) fn of(first: &[Position], options: &Options) -> Self {
+        let bounds = Bounds::of(first).filter(|_| options.recentre);
+        let centre = |b: Bounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
+        Self {
+            offset: bounds.map(centre).unwrap_or_default(),
+        }
+    }
+
+    pub(crate) fn point(&self, p: Position) -> Point {
+        std::array::from_fn(|i| (p[i] - self.offset[i]) as f32)
+    }
+
+    pub(crate) fn points(&self, all: &[Position]) -> Vec<Point> {
+        all.iter().map(|&p| self.point(p)).collect()
+    }
+
+    /// Returns the offset if the scene is recentred.
+    pub(crate) fn chosen(&self, options: &Options) -> Option<Position> {
+        options.recentre.then_some(self.offset)
+    }
+
+    /// Returns a remark if rounding moves a coordinate by more than a thousandth of the first key frame's size.
+    pub(crate) fn remark(
+        &self,
+        path: &Path,
+        first: &[Position],
+        options: &Options,
+    ) -> Option<String> {
+        const SHARE: f64 = 1e-3;
+        let size = Bounds::of(first)?.size();
+        let error = |p: &Position| {
+            let rounded = self.point(*p);
+            let errors = (0..3).map(|i| (f64::from(rounded[i]) - (p[i] - self.offset[i])).abs());
+            errors.filter(|e| e.is_finite()).fold(0.0, f64::max)
+        };
+        let loss = first.iter().map(error).fold(0.0, f64::max);
+        if loss <= size * SHARE {
+            return None;
+        }
+        let hint = match options.recentre {
+            true => "",
+            false => "; --recentre subtracts the centre before rounding",
+        };
+        let (file, loss, size) = (path.display(), figure(loss), figure(size));
+        Some(format!(
+            "{file}: coordinates lose up to {loss} when they are rounded to 32-bit floats, in a scene of size {size}{hint}"
+        ))
+    }
+}
+
+/// Writes a number with about three digits.
+fn figure(number: f64) -> String {
+    match number {
+        0.01..1e6 => format!("{number:.3}"),
+        _ => format!("{number:.2e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,164 @@
+use super::*;
+use crate::testing::{open_in, put};
+use crate::{Options, Scene};
+use std::fmt::Write as _;
+use tempfile::TempDir;
+
+/// A survey point: steps of single precision are 0.0625 in x and 0.5 in y.
+const EAST: f64 = 691_608.1;
+const NORTH: f64 = 5_334_760.7;
+
+/// Vertices of a triangle of size 1, `shift` to the east.
+fn corners(shift: f64) -> [Position; 3] {
+    let at = |x: f64, y: f64, z: f64| [EAST + shift + x, NORTH + y, z];
+    [at(0.0, 0.0, 0.1), at(1.0, 0.0, 0.3), at(0.0, 1.0, 0.2)]
+}
+
+fn obj(shift: f64) -> String {
+    let mut text = String::new();
+    for [x, y, z] in corners(shift) {
+        writeln!(text, "v {x} {y} {z}").unwrap();
+    }
+    text + "f 1 2 3\n"
+}
+
+fn ply(format: &str, kind: &str, vertices: &[u8], faces: &[u8]) -> Vec<u8> {
+    let header = format!(
+        "ply\nformat {format} 1.0\nelement vertex 3\nproperty {kind} x\nproperty {kind} y\n\
+         property {kind} z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    );
+    [header.as_bytes(), vertices, faces].concat()
+}
+
+fn ascii_ply(kind: &str) -> Vec<u8> {
+    let mut text = String::new();
+    for [x, y, z] in corners(0.0) {
+        writeln!(text, "{x} {y} {z}").unwrap();
+    }
+    ply("ascii", kind, text.as_bytes(), b"3 0 1 2\n")
+}
+
+fn binary_ply(shift: f64) -> Vec<u8> {
+    let vertices: Vec<u8> = corners(shift)
+        .as_flattened()
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    let faces = [&[3][..], &[0_i32, 1, 2].map(i32::to_le_bytes).concat()].concat();
+    ply("binary_little_endian", "double", &vertices, &faces)
+}
+
+/// The triangle at the origin, moved by its node.
+fn gltf() -> String {
+    use base64::prelude::{BASE64_STANDARD, Engine};
+    let [a, b, c] = [[0.0_f32, 0.0, 0.1], [1.0, 0.0, 0.3], [0.0, 1.0, 0.2]];
+    let bytes: Vec<u8> = [a, b, c]
+        .as_flattened()
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    let data = BASE64_STANDARD.encode(bytes);
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0,"translation":[{EAST},{NORTH},0]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "buffers":[{{"byteLength":36,"uri":"data:;base64,{data}"}}]}}"#
+    )
+}
+
+fn open(folder: &TempDir, name: &str, recentre: bool) -> Scene {
+    let options = Options {
+        recentre,
+        ..Options::default()
+    };
+    open_in(folder, name, &options).unwrap()
+}
+
+/// Asserts that a key frame and the offset add up to these positions.
+#[track_caller]
+fn adds_up(scene: &Scene, key: usize, expected: &[Position]) {
+    let offset = scene.facts.offset.unwrap();
+    let key = scene.animation.key(key).unwrap();
+    assert_eq!(key.len(), expected.len());
+    for (found, expected) in key.iter().zip(expected) {
+        for axis in 0..3 {
+            let found = f64::from(found[axis]) + offset[axis];
+            let off = (found - expected[axis]).abs();
+            assert!(off < 1e-6, "axis {axis}: {found} is not {}", expected[axis]);
+        }
+    }
+}
+
+#[test]
+fn coordinates_far_from_the_origin_are_remarked_or_recentred_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    put(&folder, "a.obj", obj(0.0));
+    put(&folder, "double.ply", ascii_ply("double"));
+    put(&folder, "float.ply", ascii_ply("float"));
+    put(&folder, "binary.ply", binary_ply(0.0));
+    put(&folder, "a.gltf", gltf());
+    for name in ["a.obj", "double.ply", "float.ply", "binary.ply", "a.gltf"] {
+        let plain = open(&folder, name, false);
+        let notes = &plain.facts.notes;
+        let says = "coordinates lose up to 0.2";
+        let told = |n: &String| n.contains(name) && n.contains(says) && n.contains("--recentre");
+        assert!(notes.iter().any(told), "{name}: {notes:?}");
+        assert_eq!(plain.facts.offset, None);
+        let near = open(&folder, name, true);
+        assert!(near.facts.notes.is_empty(), "{:?}", near.facts.notes);
+        adds_up(&near, 0, &corners(0.0));
+        let bounds = near.animation.bounds();
+        assert!(bounds.max.iter().all(|x| *x < 0.51), "{name}: {bounds:?}");
+    }
+}
+
+#[test]
+fn single_precision_and_small_losses_need_no_remark() {
+    let folder = tempfile::tempdir().unwrap();
+    // The loss is at most 0.03 in a scene of size 100.
+    put(
+        &folder,
+        "large.obj",
+        "v 691608.1 0 0\nv 691708.3 0 0\nv 691608.1 7 0\nf 1 2 3\n",
+    );
+    put(
+        &folder,
+        "one.obj",
+        "v 0.1 0.2 0.3\nv 1.1 0 0\nv 0 1e99 nan\nv 0 1 0\nf 1 2 3\nf 1 2 4\n",
+    );
+    for name in ["large.obj", "one.obj"] {
+        assert!(open(&folder, name, false).facts.notes.is_empty(), "{name}");
+    }
+    let near = open(&folder, "one.obj", true);
+    assert_eq!(near.facts.offset, Some([0.55, 0.5, 0.15]));
+    let stray = near.animation.key(0).unwrap()[2];
+    assert!(stray[1].is_infinite() && stray[2].is_nan());
+}
+
+#[test]
+fn all_key_frames_have_the_offset_of_the_first_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, shift) in [("1", 0.0), ("2", 3.5), ("3", -2.25)] {
+        put(&folder, &format!("obj/{name}.obj"), obj(shift));
+        put(&folder, &format!("ply/{name}.ply"), binary_ply(shift));
+    }
+    for kind in ["obj", "ply"] {
+        let scene = open(&folder, kind, true);
+        for (key, shift) in [0.0, 3.5, -2.25].into_iter().enumerate() {
+            adds_up(&scene, key, &corners(shift));
+        }
+    }
+}
+
+#[test]
+fn joined_inputs_share_the_offset_of_the_first_one() {
+    let folder = tempfile::tempdir().unwrap();
+    put(&folder, "a.obj", obj(0.0));
+    put(&folder, "b.ply", binary_ply(10.0));
+    put(&folder, "unit.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let place = format!("a.obj+b.ply+unit.obj@{EAST},{NORTH},7*2");
+    let scene = open(&folder, &place, true);
+    let unit = [[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]].map(|[x, y]| [EAST + x, NORTH + y, 7.0]);
+    adds_up(&scene, 0, &[corners(0.0), corners(10.0), unit].concat());
+}
