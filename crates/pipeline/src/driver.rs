@@ -1,6 +1,7 @@
 //! The frame loop: carries out what the schedule says, and never waits for the builder.
 
 mod candidate;
+mod patience;
 mod read_back;
 mod run;
 mod trees;
@@ -17,6 +18,7 @@ use backend::{
 use bvh_layout::Spare;
 use candidate::Candidate;
 use geom::{Animation, Point, Pose};
+use patience::Patience;
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -79,6 +81,8 @@ pub struct Driver {
     candidate: Option<Candidate>,
     /// The last tree that was asked for; generations only rise.
     newest: Generation,
+    /// Whether trees may be requested, after others were rejected.
+    patience: Patience,
     /// The last adopted record's memory, for the next one.
     spare: Spare,
     /// The pose for which the last build made no better tree than the current one.
@@ -137,6 +141,7 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             candidate: None,
+            patience: Patience::default(),
             newest: FIRST,
             spare: Spare::default(),
             has_best_for: None,

@@ -73,6 +73,11 @@ impl LatencyPredictor {
         self.first_build = Some(build);
     }
 
+    /// Whether the last two frames were at the same time.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.step == 0.0
+    }
+
     /// Whether there is any ground for a guess.
     pub(crate) fn has_ground(&self) -> bool {
         self.latency().or(self.guess).is_some()

@@ -1,6 +1,6 @@
 //! How cores are shared between rendering and building, and how much memory a run is going to take.
 
-use crate::Update;
+use crate::{Pace, Update};
 use backend::{DeviceKind, Intersector, Method};
 use geom::{Animation, Point};
 use serde::Serialize;
@@ -16,6 +16,8 @@ const BASE_BYTES: u64 = 16 << 20;
 const DEVICE_TREE_BYTES: u64 = 160;
 /// The same where the device makes the tree, with room to make it in.
 const DEVICE_REBUILD_BYTES: u64 = 260;
+/// Bytes a triangle of the tree that is evaluated next to the current one: its nodes, lists and triangle data.
+const CANDIDATE_BYTES: u64 = 130;
 /// Bytes of a device's buffers that depend on nothing.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
 /// Bytes of the places where few rays are settled.
@@ -43,11 +45,24 @@ impl ExpectedMemory {
     ) -> Self {
         let keys = keys_bytes(animation);
         let trees = trees_bytes(animation.triangle_count(), rays);
-        let on_device = || device_bytes(animation, (method, update), rays);
+        let candidate = candidate_bytes(animation, update);
+        let on_host = match device {
+            DeviceKind::Cpu => candidate,
+            DeviceKind::Gpu | DeviceKind::Software => 0,
+        };
+        let on_device = || device_bytes(animation, (method, update), rays) + candidate;
         Self {
-            host_bytes: BASE_BYTES + keys + trees,
+            host_bytes: BASE_BYTES + keys + trees + on_host,
             device_bytes: (device != DeviceKind::Cpu).then(on_device),
         }
+    }
+}
+
+/// Only a builder that runs free makes trees that are evaluated.
+fn candidate_bytes(animation: &Animation, update: Update) -> u64 {
+    match update {
+        Update::Async(Pace::Free) => animation.live_count() as u64 * CANDIDATE_BYTES,
+        _ => 0,
     }
 }
 
@@ -121,7 +136,6 @@ impl Threads {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Pace;
 
     #[test]
     fn cores_are_shared_where_builder_and_renderer_work_at_once() {

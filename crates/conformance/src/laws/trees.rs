@@ -3,8 +3,8 @@
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
-use crate::reference::Answer;
 use crate::laws::still::COST_TOLERANCE;
+use crate::reference::Answer;
 use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};

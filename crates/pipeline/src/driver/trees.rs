@@ -142,6 +142,9 @@ impl Driver {
 
     /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
+        if let Some(cost) = report.sah_cost {
+            self.patience.observe(cost);
+        }
         let Some(candidate) = &mut self.candidate else {
             return;
         };
@@ -156,13 +159,18 @@ impl Driver {
                 candidate.dearer_at = evaluation.approach;
                 candidate.advance(State::Arrived);
             }
-            Verdict::Reject => self.drop_candidate(Some(evaluation.pose)),
+            Verdict::Reject => {
+                let frames = self.frames - candidate.request.frame;
+                self.patience.rejected(self.frames, frames);
+                self.drop_candidate(Some(evaluation.pose));
+            }
         }
     }
 
     /// Whether it is known when a tree asked for now would be in use, or of no account.
     pub(super) fn may_ask(&self) -> bool {
-        self.predictor.has_ground() || !self.weighs()
+        let is_patient = self.predictor.is_at_rest() || self.patience.is_over(self.frames);
+        (self.predictor.has_ground() && is_patient) || !self.weighs()
     }
 
     /// Whether trees are adopted by their cost. In lockstep each is, whatever it costs.
@@ -384,6 +392,7 @@ impl Driver {
         });
         self.spare = built.topology.into_spare();
         self.has_best_for = None;
+        self.patience.adopted();
         Ok(())
     }
 }

@@ -120,8 +120,8 @@ impl Fake {
                 }
             };
         }
-        let areas: f64 = boxes.iter().map(|b| f64::from(b.half_area())).sum();
-        areas / f64::from(boxes[0].half_area())
+        let areas: f64 = boxes.iter().map(|b| b.half_area()).sum();
+        areas / boxes[0].half_area()
     }
 
     fn note(&self, what: impl FnOnce(&mut Log)) {

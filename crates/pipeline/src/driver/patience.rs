@@ -1,0 +1,77 @@
+//! When a tree may be requested again after others were rejected.
+//!
+//! A build takes cores and memory bandwidth from the frames. Where motion comes back to where it was, as to and fro, the current
+//! tree may be as good as any other, and builds are in vain. So each further rejection doubles the pause before the next
+//! request, in units of the time that the build took. A tree that is adopted ends that, and so does a current tree that comes to
+//! cost more than ever before.
+
+/// Rejections in a row after which pauses grow no longer. Builds then take a thirty-second of the time.
+const MOST: u32 = 6;
+/// A current tree costs more than ever before if it does by this factor.
+const DEARER: f64 = 1.1;
+
+/// Counts rejections and sets the pause.
+#[derive(Debug, Default)]
+pub(super) struct Patience {
+    /// Trees rejected since the last one was adopted.
+    rejections: u32,
+    /// The frame from which on a tree may be requested.
+    until: u64,
+    /// The largest cost of the current tree so far.
+    dearest: f64,
+}
+
+impl Patience {
+    /// A tree whose request, build and evaluation took `frames` frames is rejected in frame `now`.
+    pub(super) fn rejected(&mut self, now: u64, frames: u64) {
+        let pause = (1 << self.rejections) - 1;
+        self.rejections = (self.rejections + 1).min(MOST - 1);
+        self.until = now + pause * frames;
+    }
+
+    /// A tree is adopted.
+    pub(super) fn adopted(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The current tree costs that much in a frame.
+    pub(super) fn observe(&mut self, cost: f64) {
+        if cost > DEARER * self.dearest && self.dearest > 0.0 {
+            (self.rejections, self.until) = (0, 0);
+        }
+        self.dearest = self.dearest.max(cost);
+    }
+
+    /// Whether a tree may be requested in frame `now`.
+    pub(super) fn is_over(&self, now: u64) -> bool {
+        now >= self.until
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames until the next request may come, after each of `count` rejections.
+    fn pauses(patience: &mut Patience, count: usize) -> Vec<u64> {
+        let pause = |_| {
+            patience.rejected(100, 10);
+            (100..).find(|&now| patience.is_over(now)).unwrap() - 100
+        };
+        (0..count).map(pause).collect()
+    }
+
+    #[test]
+    fn pauses_double_until_a_tree_is_adopted_or_the_current_one_costs_more_than_ever() {
+        let mut patience = Patience::default();
+        let all = [0, 10, 30, 70, 150, 310, 310];
+        assert_eq!(pauses(&mut patience, 7), all);
+        patience.adopted();
+        assert_eq!(pauses(&mut patience, 2), all[..2]);
+        for (cost, is_over) in [(2.0, false), (1.0, false), (2.1, false), (2.4, true)] {
+            patience.observe(cost);
+            assert_eq!(patience.is_over(101), is_over, "{cost}");
+        }
+        assert_eq!(pauses(&mut patience, 2), all[..2]);
+    }
+}
