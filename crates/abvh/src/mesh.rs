@@ -2,7 +2,7 @@
 
 use crate::motion::Motion;
 use crate::{Error, Point, Result};
-use geom::{Animation, KeyFrameError};
+use geom::{Animation, KeyFrameError, KeySource};
 use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -69,10 +69,12 @@ impl Mesh {
             return Err(Error::Mesh("it has no key frame".to_owned()));
         }
         let read = move |key: usize| read(key).map_err(|e| KeyFrameError(e.to_string()));
-        let first = read(0).map_err(Error::of_reading)?.len();
+        let source: Arc<KeySource> = Arc::new(read);
+        let first = geom::read_key(&*source, 0)
+            .map_err(Error::of_reading)?
+            .len();
         check_triangles(triangles, first)?;
-        let size = [keys, window];
-        let animation = Animation::streamed(Arc::new(read), size, triangles.to_vec());
+        let animation = Animation::streamed(source, [keys, window], triangles.to_vec());
         let animation = animation.map_err(Error::of_reading)?;
         Ok(Self::animated(Arc::new(animation)))
     }
@@ -146,7 +148,13 @@ impl Mesh {
     /// [`Error::KeyFrame`], with the file and the place in it.
     #[cfg(feature = "files")]
     pub fn open(name: &str) -> Result<Self> {
-        let found = scene::open(name, &scene::Options::default());
+        let open = || scene::open(name, &scene::Options::default());
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
+        // Opening may wait for readers of key frames, which the shared pool must not.
+        let found = match geom::own_pool(threads) {
+            Ok(pool) => geom::run_in(&pool, open),
+            Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),
+        };
         let found = found.map_err(|e| Error::KeyFrame(e.to_string()))?;
         Ok(Self::from(&found))
     }
