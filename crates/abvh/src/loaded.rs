@@ -25,7 +25,7 @@ pub(crate) struct Loaded {
     /// Trees of the scenes before it.
     trees_before: u64,
     /// Submissions that were not seen to be done, the oldest first.
-    under_way: VecDeque<Ticket>,
+    pub(crate) under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
     pub(crate) results: VecDeque<Answer>,
     /// Since the first picture: colours of all triangles where the host shades; the device has its own.
@@ -34,7 +34,7 @@ pub(crate) struct Loaded {
 
 /// Where what a query found is kept.
 pub(crate) struct Answer {
-    query: QueryId,
+    pub(crate) query: QueryId,
     pub(crate) ticket: Ticket,
     /// Among the queries of its submission.
     pub(crate) place: usize,
@@ -148,9 +148,11 @@ impl Loaded {
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         {
-            self.joined.on_device.check()?;
+            self.joined.on_device.check(&self.joined.meshes)?;
             self.release_points();
         }
         let backend = self.driver.backend();
@@ -161,7 +163,7 @@ impl Loaded {
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        if matches!(begun, Err(Error::Device(_))) {
+        if is_failure(&begun) {
             self.joined.on_device.lose();
         }
         begun
@@ -196,7 +198,15 @@ impl Loaded {
     }
 
     /// Waits for a submission.
+    ///
+    /// # Errors
+    /// [`Error::NoResult`] if the program dropped the encoder that holds it.
     pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
+        if !self.results.iter().any(|answer| answer.ticket == ticket) {
+            return Err(Error::NoResult);
+        }
         while self.under_way.contains(&ticket) {
             self.finish(last)?;
         }
@@ -205,6 +215,8 @@ impl Loaded {
 
     /// Waits for all submissions.
     pub(crate) fn finish_all(&mut self, last: &mut Option<Statistics>) -> Result<()> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
         while !self.under_way.is_empty() {
             self.finish(last)?;
         }
@@ -250,6 +262,16 @@ impl Loaded {
         self.results.retain(|answer| answer.query.step.0 >= step);
         !self.results.is_empty()
     }
+}
+
+/// Whether a step failed in a way that leaves the device's vertices unknown.
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+fn is_failure<T>(begun: &Result<T>) -> bool {
+    use Error::{Device, DeviceLost, Misuse, OutOfMemory};
+    matches!(
+        begun,
+        Err(Device(_) | DeviceLost(_) | Misuse(_) | OutOfMemory(_))
+    )
 }
 
 /// The scene that a step's query was traced in, current or former, and the place of its answer among the results.
