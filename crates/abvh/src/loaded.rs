@@ -2,7 +2,7 @@
 
 use crate::mesh::Colour;
 use crate::motion::Joined;
-use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
+use crate::{Error, Mesh, Point, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Camera, KeyFrame};
 use pipeline::{
@@ -49,6 +49,7 @@ impl Loaded {
         mut options: DriverOptions,
         builders: BuilderThreads,
     ) -> Result<Self> {
+        check_memory(&meshes)?;
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, whatever time a step has.
@@ -262,6 +263,15 @@ impl Loaded {
         self.results.retain(|answer| answer.query.step.0 >= step);
         !self.results.is_empty()
     }
+}
+
+/// Refuses a scene that takes more memory than the system grants, because a build cannot report an allocation that fails.
+fn check_memory(meshes: &[Mesh]) -> Result<()> {
+    let keys = meshes.iter().map(Mesh::joined_points).sum::<usize>();
+    let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
+    let bytes = keys * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
+    let bytes = pipeline::trees_bytes(triangles, 0).saturating_add(bytes as u64);
+    host::check(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }
 
 /// Whether a step failed in a way that leaves the device's vertices unknown.

@@ -30,7 +30,7 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        let motion = Motion::Keys(vec![vertices.to_vec()]);
+        let motion = Motion::Keys(vec![copied(vertices)?]);
         Self::new(triangles, vertices.len(), motion)
     }
 
@@ -94,7 +94,7 @@ impl Mesh {
     /// # Errors
     /// As for [`Mesh::fixed`].
     pub fn streamed(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        Self::new(triangles, rest.len(), Motion::Streamed(rest.to_vec()))
+        Self::new(triangles, rest.len(), Motion::Streamed(copied(rest)?))
     }
 
     /// A mesh of rigid parts, of which each vertex belongs to one, by its number. A step gives a matrix for each part: see
@@ -110,8 +110,8 @@ impl Mesh {
         }
         let last = part_of_vertex.iter().max();
         let motion = Motion::Rigid {
-            rest: rest.to_vec(),
-            part_of_vertex: part_of_vertex.to_vec(),
+            rest: copied(rest)?,
+            part_of_vertex: copied(part_of_vertex)?,
             parts: last.map_or(0, |&part| part as usize + 1),
         };
         Self::new(triangles, rest.len(), motion)
@@ -120,7 +120,7 @@ impl Mesh {
     fn new(triangles: &[[u32; 3]], vertices: usize, motion: Motion) -> Result<Self> {
         check_triangles(triangles, vertices)?;
         Ok(Self {
-            triangles: triangles.to_vec(),
+            triangles: copied(triangles)?,
             motion: Arc::new(motion),
             colours: Arc::new([GREY]),
             number: 0,
@@ -165,6 +165,11 @@ impl Mesh {
         self.motion.first().len()
     }
 
+    /// Positions of all key frames that a scene copies.
+    pub(crate) fn joined_points(&self) -> usize {
+        self.motion.key_count() * self.vertex_count()
+    }
+
     /// How many triangles it has.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
@@ -194,6 +199,14 @@ impl From<&scene::Scene> for Mesh {
             ..mesh
         }
     }
+}
+
+/// Returns a copy, unless there is no memory for it.
+fn copied<T: Copy>(from: &[T]) -> Result<Vec<T>> {
+    let room = host::room(from.len());
+    let mut copy = room.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
+    copy.extend_from_slice(from);
+    Ok(copy)
 }
 
 fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {

@@ -104,7 +104,8 @@ impl Builder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::Device`].
+    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::OutOfMemory`] if trees over it
+    /// take more memory than the system grants (some 345 bytes a triangle), as far as that is known before; [`Error::Device`].
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
         self.build_on(backend, scene)
