@@ -59,7 +59,7 @@ pub enum Error {
     /// The device does not do what was asked, or the scene is beyond its limits; or so many threads are beyond the machine's.
     #[error("{0}")]
     Unsupported(String),
-    /// The program broke a rule of the call, which the message names. The tracer is as it was before.
+    /// The program broke a rule of the interface, which the message names. The tracer stays usable.
     #[error("{0}")]
     Misuse(String),
     /// Vertices of this mesh that only the device had are gone, because a step that used them failed or was dropped. The next

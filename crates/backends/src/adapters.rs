@@ -82,8 +82,8 @@ mod tests {
     fn an_index_a_whole_name_or_part_of_one_name_finds_an_adapter() {
         assert_eq!(["0", "4", "chip", "LAP"].map(index), [0, 4, 2, 1]);
         assert_eq!(index("card 4090"), 0, "the whole name wins over a part");
-        let part = find_one("b", &cards()[..1], "d 4090").unwrap();
-        assert_eq!(part.index, 0);
+        let list = &cards()[..1];
+        assert_eq!(find_one("b", list, "d 4090").unwrap().index, 0);
     }
 
     #[test]

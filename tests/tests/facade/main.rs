@@ -3,6 +3,8 @@
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
 mod frames;
+#[cfg(target_os = "linux")]
+mod memory;
 mod oracle;
 mod pictures;
 mod pool;
@@ -57,9 +59,11 @@ const LAWS: [(&str, Law); 28] = [
 ];
 
 /// Likewise, of a backend or a wgpu device that the program opened.
-const OWN: [(&str, (&str, Law)); 2] = [
+const OWN: &[(&str, (&str, Law))] = &[
     ("cpu", ("a_programs_backend_traces", frames::on_backend)),
     ("wgpu", ("a_programs_device_replaces", replace::own)),
+    #[cfg(target_os = "linux")]
+    ("cpu", ("a_scene_beyond_memory_is_refused", memory::refused)),
 ];
 
 /// Whatever a program holds may go to another thread.
@@ -69,6 +73,8 @@ const _: () = {
 };
 
 fn main() {
+    #[cfg(target_os = "linux")]
+    memory::child();
     let devices = [
         ("cpu", Device::Cpu),
         ("vulkan", Device::Vulkan(None)),
