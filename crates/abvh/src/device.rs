@@ -13,10 +13,11 @@ pub enum Device {
     Auto,
     /// The host's cores.
     Cpu,
-    /// Compute shaders through Vulkan: the first GPU, or the adapter of that index or of a part of its name that no other has.
+    /// Compute shaders through Vulkan: the first GPU, or the adapter with this index, or with a name that has this part and
+    /// no other name has. Digits alone are an index.
     #[cfg(feature = "vulkan")]
     Vulkan(Option<String>),
-    /// Compute shaders through wgpu; likewise.
+    /// Compute shaders through wgpu, on an adapter that is chosen as for Vulkan.
     #[cfg(feature = "wgpu")]
     Wgpu(Option<String>),
     /// Compute shaders on a wgpu device that the program opened: see [`crate::own_device`].

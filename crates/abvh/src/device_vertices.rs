@@ -1,6 +1,6 @@
 //! Which meshes have their newest vertices on a device alone.
 
-use crate::{Error, Result};
+use crate::{Error, Mesh, MeshId, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -38,12 +38,10 @@ impl DeviceVertices {
     }
 
     /// Refuses steps as long as vertices that were lost have not come again.
-    pub(crate) fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self, meshes: &[Mesh]) -> Result<()> {
         let Some((mesh, _)) = self.lost.iter().find(|(_, lost)| **lost) else {
             return Ok(());
         };
-        Err(Error::Device(format!(
-            "a step failed that had vertices of mesh {mesh} on the device: they have to come again"
-        )))
+        Err(Error::VerticesLost(MeshId::of(meshes, *mesh)))
     }
 }

@@ -44,8 +44,8 @@ pub enum Error {
     /// The replacement of this mesh was prepared for another tracer.
     #[error("the replacement of mesh {} is of another tracer", .0.index())]
     ForeignReplacement(MeshId),
-    /// The replacement of this mesh was prepared for a scene of which another mesh, or the same, was replaced meanwhile.
-    #[error("the replacement of mesh {} was prepared before another was committed", .0.index())]
+    /// The replacement of this mesh was begun before another replacement of the same mesh was committed.
+    #[error("the replacement of mesh {} was begun before another of the same mesh was committed", .0.index())]
     Conflict(MeshId),
     /// A result is of another step, was given already, or was dropped: results stay until the second step after theirs.
     #[error("there is no result of this query any more, or it is of another step")]
@@ -59,7 +59,20 @@ pub enum Error {
     /// The device does not do what was asked, or the scene is beyond its limits; or so many threads are beyond the machine's.
     #[error("{0}")]
     Unsupported(String),
-    /// The device failed, or was asked for what its memory has no room for.
+    /// The program broke a rule of the interface, which the message names. The tracer stays usable.
+    #[error("{0}")]
+    Misuse(String),
+    /// Vertices of this mesh that only the device had are gone, because a step that used them failed or was dropped. The next
+    /// step has to give them again.
+    #[error("a step that failed or was dropped had vertices of mesh {} on the device: they have to come again", .0.index())]
+    VerticesLost(MeshId),
+    /// The memory of the device or of the host is too small. A smaller request may succeed.
+    #[error("{0}")]
+    OutOfMemory(String),
+    /// The device is gone for good, unplugged or reset: only a new tracer helps.
+    #[error("{0}")]
+    DeviceLost(String),
+    /// The driver refused a call, or a build of a tree failed: a fault in the driver or in the library.
     #[error("{0}")]
     Device(String),
 }
@@ -73,6 +86,9 @@ impl Error {
             BackendError::Unsupported { .. } | BackendError::Limit { .. } => {
                 Self::Unsupported(e.to_string())
             }
+            BackendError::Misuse(why) => Self::Misuse(why),
+            BackendError::OutOfMemory { .. } => Self::OutOfMemory(e.to_string()),
+            BackendError::DeviceLost(_) => Self::DeviceLost(e.to_string()),
             other => Self::Device(other.to_string()),
         }
     }

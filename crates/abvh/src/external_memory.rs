@@ -205,7 +205,7 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Unsupported`] on another device than Vulkan's, where the driver does not export, with the extension's name, and
-    /// beyond its limits; [`Error::Device`] where there is no room.
+    /// beyond its limits; [`Error::OutOfMemory`].
     pub fn external_buffer(&mut self, bytes: u64) -> Result<ExternalBuffer> {
         let gpu = &self.current.exporter()?.gpu;
         let made = ExternalMemory::new(gpu, bytes).map_err(Error::of_backend)?;
@@ -231,7 +231,7 @@ impl Step<'_> {
     /// one does.
     ///
     /// # Errors
-    /// [`Error::TooLate`] after a query; [`Error::Device`] if the semaphore is another device's, or `signal` is not above
+    /// [`Error::TooLate`] after a query; [`Error::Misuse`] if the semaphore is another device's, or `signal` is not above
     /// `wait`, above the semaphore's value and above those of steps before.
     pub fn synchronize(
         &mut self,
@@ -250,7 +250,7 @@ impl Step<'_> {
     /// As [`Step::trace`], of rays that lie in an external buffer, which no host sees.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device; [`Error::Device`], also where a buffer is too small or of another device.
+    /// [`Error::Unsupported`] on another device; [`Error::Misuse`] where a buffer is too small or another device's.
     pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
         rays.lend(self.tracer.current.exporter()?, query)?;
         self.trace(Rays::OnDevice(rays.count), query)

@@ -2,7 +2,7 @@
 
 use crate::mesh::Colour;
 use crate::motion::Joined;
-use crate::{Error, Mesh, QueryId, Ray, Result, Statistics, StepId};
+use crate::{Error, Mesh, Point, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Camera, KeyFrame};
 use pipeline::{
@@ -25,7 +25,7 @@ pub(crate) struct Loaded {
     /// Trees of the scenes before it.
     trees_before: u64,
     /// Submissions that were not seen to be done, the oldest first.
-    under_way: VecDeque<Ticket>,
+    pub(crate) under_way: VecDeque<Ticket>,
     /// That may be asked for, from the oldest to the newest.
     pub(crate) results: VecDeque<Answer>,
     /// Since the first picture: colours of all triangles where the host shades; the device has its own.
@@ -34,7 +34,7 @@ pub(crate) struct Loaded {
 
 /// Where what a query found is kept.
 pub(crate) struct Answer {
-    query: QueryId,
+    pub(crate) query: QueryId,
     pub(crate) ticket: Ticket,
     /// Among the queries of its submission.
     pub(crate) place: usize,
@@ -49,6 +49,7 @@ impl Loaded {
         mut options: DriverOptions,
         builders: BuilderThreads,
     ) -> Result<Self> {
+        check_memory(&meshes)?;
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, whatever time a step has.
@@ -148,9 +149,11 @@ impl Loaded {
     }
 
     fn submit(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         {
-            self.joined.on_device.check()?;
+            self.joined.on_device.check(&self.joined.meshes)?;
             self.release_points();
         }
         let backend = self.driver.backend();
@@ -161,7 +164,7 @@ impl Loaded {
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
-        if matches!(begun, Err(Error::Device(_))) {
+        if is_failure(&begun) {
             self.joined.on_device.lose();
         }
         begun
@@ -196,7 +199,15 @@ impl Loaded {
     }
 
     /// Waits for a submission.
+    ///
+    /// # Errors
+    /// [`Error::NoResult`] if the program dropped the encoder that holds it.
     pub(crate) fn wait(&mut self, ticket: Ticket, last: &mut Option<Statistics>) -> Result<()> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
+        if !self.results.iter().any(|answer| answer.ticket == ticket) {
+            return Err(Error::NoResult);
+        }
         while self.under_way.contains(&ticket) {
             self.finish(last)?;
         }
@@ -205,6 +216,8 @@ impl Loaded {
 
     /// Waits for all submissions.
     pub(crate) fn finish_all(&mut self, last: &mut Option<Statistics>) -> Result<()> {
+        #[cfg(feature = "wgpu")]
+        self.give_up_dropped();
         while !self.under_way.is_empty() {
             self.finish(last)?;
         }
@@ -250,6 +263,25 @@ impl Loaded {
         self.results.retain(|answer| answer.query.step.0 >= step);
         !self.results.is_empty()
     }
+}
+
+/// Refuses a scene that takes more memory than the system grants, because a build cannot report an allocation that fails.
+fn check_memory(meshes: &[Mesh]) -> Result<()> {
+    let keys = meshes.iter().map(Mesh::joined_points).sum::<usize>();
+    let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
+    let bytes = keys * size_of::<Point>() + triangles * size_of::<[u32; 3]>();
+    let bytes = pipeline::trees_bytes(triangles, 0).saturating_add(bytes as u64);
+    host::check(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
+}
+
+/// Whether a step failed in a way that leaves the device's vertices unknown.
+#[cfg(any(feature = "vulkan", feature = "wgpu"))]
+fn is_failure<T>(begun: &Result<T>) -> bool {
+    use Error::{Device, DeviceLost, Misuse, OutOfMemory};
+    matches!(
+        begun,
+        Err(Device(_) | DeviceLost(_) | Misuse(_) | OutOfMemory(_))
+    )
 }
 
 /// The scene that a step's query was traced in, current or former, and the place of its answer among the results.

@@ -2,7 +2,7 @@
 
 use crate::motion::Motion;
 use crate::{Error, Point, Result};
-use geom::{Animation, KeyFrameError};
+use geom::{Animation, KeyFrameError, KeySource};
 use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,7 +30,7 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        let motion = Motion::Keys(vec![vertices.to_vec()]);
+        let motion = Motion::Keys(vec![copied(vertices)?]);
         Self::new(triangles, vertices.len(), motion)
     }
 
@@ -109,10 +109,12 @@ impl Mesh {
             return Err(Error::Mesh("it has no key frame".to_owned()));
         }
         let read = move |key: usize| read(key).map_err(|e| KeyFrameError(e.to_string()));
-        let first = read(0).map_err(Error::of_reading)?.len();
+        let source: Arc<KeySource> = Arc::new(read);
+        let first = geom::read_key(&*source, 0)
+            .map_err(Error::of_reading)?
+            .len();
         check_triangles(triangles, first)?;
-        let size = [keys, window];
-        let animation = Animation::streamed(Arc::new(read), size, triangles.to_vec());
+        let animation = Animation::streamed(source, [keys, window], triangles.to_vec());
         let animation = animation.map_err(Error::of_reading)?;
         Ok(Self::animated(Arc::new(animation)))
     }
@@ -132,7 +134,7 @@ impl Mesh {
     /// # Errors
     /// As for [`Mesh::fixed`].
     pub fn streamed(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
-        Self::new(triangles, rest.len(), Motion::Streamed(rest.to_vec()))
+        Self::new(triangles, rest.len(), Motion::Streamed(copied(rest)?))
     }
 
     /// A mesh of rigid parts, of which each vertex belongs to one, by its number. A step gives a matrix for each part: see
@@ -148,8 +150,8 @@ impl Mesh {
         }
         let last = part_of_vertex.iter().max();
         let motion = Motion::Rigid {
-            rest: rest.to_vec(),
-            part_of_vertex: part_of_vertex.to_vec(),
+            rest: copied(rest)?,
+            part_of_vertex: copied(part_of_vertex)?,
             parts: last.map_or(0, |&part| part as usize + 1),
         };
         Self::new(triangles, rest.len(), motion)
@@ -158,7 +160,7 @@ impl Mesh {
     fn new(triangles: &[[u32; 3]], vertices: usize, motion: Motion) -> Result<Self> {
         check_triangles(triangles, vertices)?;
         Ok(Self {
-            triangles: triangles.to_vec(),
+            triangles: copied(triangles)?,
             motion: Arc::new(motion),
             colours: Arc::new([GREY]),
             number: 0,
@@ -186,7 +188,13 @@ impl Mesh {
     /// [`Error::KeyFrame`], with the file and the place in it.
     #[cfg(feature = "files")]
     pub fn open(name: &str) -> Result<Self> {
-        let found = scene::open(name, &scene::Options::default());
+        let open = || scene::open(name, &scene::Options::default());
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
+        // Opening may wait for readers of key frames, which the shared pool must not.
+        let found = match geom::own_pool(threads) {
+            Ok(pool) => geom::run_in(&pool, open),
+            Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),
+        };
         let found = found.map_err(|e| Error::KeyFrame(e.to_string()))?;
         Ok(Self::from(&found))
     }
@@ -195,6 +203,11 @@ impl Mesh {
     #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.motion.first().len()
+    }
+
+    /// Positions of all key frames that a scene copies.
+    pub(crate) fn joined_points(&self) -> usize {
+        self.motion.key_count() * self.vertex_count()
     }
 
     /// How many triangles it has.
@@ -226,6 +239,14 @@ impl From<&scene::Scene> for Mesh {
             ..mesh
         }
     }
+}
+
+/// Returns a copy, unless there is no memory for it.
+fn copied<T: Copy>(from: &[T]) -> Result<Vec<T>> {
+    let room = host::room(from.len());
+    let mut copy = room.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
+    copy.extend_from_slice(from);
+    Ok(copy)
 }
 
 fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {

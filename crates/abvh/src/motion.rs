@@ -40,7 +40,7 @@ impl Motion {
     }
 
     /// Key frames that an animation of all meshes takes of it.
-    fn key_count(&self) -> usize {
+    pub(crate) fn key_count(&self) -> usize {
         match self {
             Self::Keys(keys) => keys.len(),
             _ => 1,

@@ -75,7 +75,7 @@ impl Loaded {
         let is_copied = from.buffer().usage().contains(wgpu::BufferUsages::COPY_SRC);
         if !is_copied || from.offset() % wgpu::COPY_BUFFER_ALIGNMENT != 0 {
             let why = "a buffer of vertices needs the usage COPY_SRC and an offset of whole floats";
-            return Err(Error::Device(why.into()));
+            return Err(Error::Misuse(why.into()));
         }
         self.take_points(index, from)
     }
@@ -87,6 +87,18 @@ impl Loaded {
         self.driver.forget_key_frames();
         self.joined.is_on_device(mesh);
         Ok(())
+    }
+
+    /// Forgets steps whose encoders were dropped, and steps after them, which build on what those were to do.
+    pub(crate) fn give_up_dropped(&mut self) {
+        let dropped = self.wgpu().map(WgpuBackend::give_up_dropped);
+        let dropped = dropped.unwrap_or_default();
+        if let Some(&first) = dropped.first() {
+            self.driver.give_up(&dropped);
+            self.under_way.retain(|ticket| !dropped.contains(ticket));
+            self.results.retain(|answer| answer.ticket < first);
+            self.joined.on_device.lose();
+        }
     }
 
     /// Tells of the rays on the device that queries are going to trace, in their order.
@@ -107,13 +119,16 @@ impl Loaded {
         let asked: Vec<_> = asked.collect();
         let is_one = asked.len() < 2 || self.driver.backend().traces_together(&asked);
         self.wgpu().ok_or_else(no_wgpu)?;
-        let why = match (self.has_tree(), self.update, is_one) {
-            (false, ..) => "the first tree is built before a step is encoded",
-            (_, Update::Rebuild, _) => "trees that steps wait for are not encoded",
-            (.., false) => "such queries are encoded in a step each",
+        if !self.has_tree() {
+            let why = "the first tree is built before a step is encoded";
+            return Err(Error::Misuse(why.into()));
+        }
+        let why = match (self.update, is_one) {
+            (Update::Rebuild, _) => "trees that steps wait for are not encoded",
+            (_, false) => "such queries are encoded in a step each",
             _ => return Ok(()),
         };
-        Err(Error::Device(why.into()))
+        Err(Error::Unsupported(why.into()))
     }
 
     /// Exchanges the program's commands for none, until they are returned.
@@ -133,6 +148,7 @@ impl Loaded {
 
     /// Takes over what `before`, which differs by one mesh, has on the device alone.
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
+        before.give_up_dropped();
         let backend = before.wgpu();
         if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
             // What it takes over must have been submitted.
@@ -147,6 +163,14 @@ impl Loaded {
             if let Some((points, bytes)) = points.map_err(Error::of_backend)? {
                 self.take_points(mesh, points.slice(bytes))?;
             }
+        }
+        if before
+            .joined
+            .on_device
+            .check(&before.joined.meshes)
+            .is_err()
+        {
+            self.joined.on_device.lose();
         }
         Ok(())
     }
@@ -181,7 +205,7 @@ impl RayBuffers<'_> {
                     "a buffer of {} rays or answers needs {bytes} bytes each and the usage {usage:?}",
                     self.count
                 );
-                return Err(Error::Device(why));
+                return Err(Error::Misuse(why));
             }
         }
         Ok(())
@@ -193,7 +217,7 @@ impl Step<'_> {
     /// step is submitted, and no host sees them.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device; [`Error::Device`], also where a buffer is too small or lacks a usage.
+    /// [`Error::Unsupported`] on another device; [`Error::Misuse`] where a buffer is too small or lacks a usage.
     pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
         buffers.check(query)?;
         self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
@@ -211,13 +235,19 @@ impl Step<'_> {
     /// A step without queries brings the scene up to date for shaders of the program's ([`shader_module`](crate::shader_module)).
     ///
     /// Steps are submitted in their order, before [`Tracer::hits`] of them and before the second step after them: both fail
-    /// until then. So commands with a step must not be dropped.
+    /// until then. If the encoder or its commands are dropped instead, the step has no results, nor have steps after it that
+    /// were begun before. Vertices that only the device had are lost then: [`Error::VerticesLost`] until they come again.
+    ///
+    /// wgpu checks commands only when they are finished. If it refuses them, for one because the encoder is another device's
+    /// or has a pass open, [`Tracer::hits`] of the step or the second step after it returns [`Error::Misuse`]. The tracer then
+    /// goes on as if the encoder had been dropped.
     ///
     /// # Errors
     /// [`Error::TooLate`] if rays of the host's memory were traced in the step, or a picture rendered: they do not wait for
     /// the program.
-    /// [`Error::Unsupported`] on another device; [`Error::Device`] before the first tree is there, see [`Tracer::warm_up`]; with
-    /// [`Update::Rebuild`](crate::Update::Rebuild); with [`Intersector::Exact`](crate::Intersector::Exact) and several queries.
+    /// [`Error::Misuse`] before the first tree is there, see [`Tracer::warm_up`], and where two steps wait to be submitted.
+    /// [`Error::Unsupported`] on another device, with [`Update::Rebuild`](crate::Update::Rebuild), and with
+    /// [`Intersector::Exact`](crate::Intersector::Exact) and several queries. [`Error::Device`].
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
         if self.deferred.len() < self.queries as usize {
             return Err(Error::TooLate);

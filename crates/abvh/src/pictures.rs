@@ -4,15 +4,15 @@ use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
 use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
-use geom::Camera;
+use geom::{Camera, in_parallel};
 use shading::Shot;
 use std::sync::Arc;
 
 impl Step<'_> {
     /// Renders what a camera sees in the light of the sky and of one point, with shadows: meshes in their
     /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
-    /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, in the caller's rayon
-    /// pool. How shadows keep clear of surfaces depends on how far vertices reach. So those that a device alone knows are read
+    /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, on the
+    /// host's cores. How shadows keep clear of surfaces depends on how far vertices reach. So those that a device alone knows are read
     /// back first, and the call waits for them.
     ///
     /// ```
@@ -35,13 +35,18 @@ impl Step<'_> {
     /// # Errors
     /// As for [`Step::trace`].
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
-        let (id, shot) = (self.next_id(), (camera, light));
+        let id = self.next_id();
+        let rendered = self.render_as(id, (camera, light));
+        self.keep_if(id, rendered)
+    }
+
+    fn render_as(&mut self, id: QueryId, shot: (&Camera, Point)) -> Result<()> {
         let Tracer { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
         current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
         let answer = current.results.back();
         let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
-            return Ok(id);
+            return Ok(());
         };
         current.wait(ticket, last)?;
         let hits = current.driver.backend().hits_of(ticket, place);
@@ -51,7 +56,7 @@ impl Step<'_> {
         if let Some(answer) = current.results.back_mut() {
             answer.pixels = Some(rgba);
         }
-        Ok(id)
+        Ok(())
     }
 }
 
@@ -110,7 +115,7 @@ impl Joined {
             camera,
             light,
         };
-        shading::shade(&shot, &hits.closest, &hits.blocked, rgba);
+        in_parallel(|| shading::shade(&shot, &hits.closest, &hits.blocked, rgba));
         Ok(())
     }
 }

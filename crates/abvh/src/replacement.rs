@@ -15,6 +15,8 @@ use std::thread::{self, JoinHandle};
 #[must_use = "nothing is replaced before it is committed"]
 pub struct Replacement {
     mesh: MeshId,
+    /// The other mesh, to be prepared once more for a scene of which others were replaced meanwhile.
+    with: Mesh,
     /// Replacements that were committed before it was begun.
     commits: u64,
     /// The tracer's, which it is known by.
@@ -94,16 +96,19 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::ForeignMesh`]; [`Error::Device`] if no thread can be had.
+    /// [`Error::ForeignMesh`]; [`Error::Unsupported`] if the system starts no thread.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let prepare = self.preparation(mesh.within(&self.current.joined.meshes)?, with)?;
+        let index = mesh.within(&self.current.joined.meshes)?;
+        let prepare = self.preparation(index, with.clone())?;
         let is_given_up = Arc::<AtomicBool>::default();
         let heard = Arc::clone(&is_given_up);
         let thread = thread::Builder::new().name("abvh-replace".into());
         let begun = thread.spawn(move || prepare(&heard));
-        let begun = begun.map_err(|e| Error::Device(format!("no thread to prepare it: {e}")))?;
+        let begun =
+            begun.map_err(|e| Error::Unsupported(format!("no thread to prepare it: {e}")))?;
         Ok(Replacement {
             mesh,
+            with,
             commits: self.commits,
             disposal: Arc::clone(&self.disposal),
             is_given_up,
@@ -115,22 +120,31 @@ impl Tracer {
     /// where they are, however often they moved meanwhile, and all keep their [`MeshId`]. Results of earlier steps
     /// stay as long as ever, and name triangles of the old mesh.
     ///
+    /// Where another mesh was replaced since the replacement was begun, it is prepared once more, and the call waits for that.
+    ///
     /// # Errors
-    /// [`Error::Conflict`] if another was committed since it was begun, [`Error::ForeignReplacement`],
+    /// [`Error::Conflict`] if the same mesh was replaced since it was begun, [`Error::ForeignReplacement`],
     /// those of [`Builder::build`](crate::Builder::build). The old mesh then stays.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let mesh = replacement.mesh;
         if !Arc::ptr_eq(&self.disposal, &replacement.disposal) {
             return Err(Error::ForeignReplacement(mesh));
         }
-        if self.commits != replacement.commits {
+        let newest = self.replaced.get(&mesh.index());
+        if newest.is_some_and(|&commit| commit > replacement.commits) {
             return Err(Error::Conflict(mesh));
         }
-        let mut next = replacement.wait()?;
+        let mut next = if self.commits == replacement.commits {
+            replacement.wait()?
+        } else {
+            let prepare = self.preparation(mesh.index(), replacement.with.clone())?;
+            prepare(&replacement.is_given_up)?
+        };
         next.follow(&mut self.current, mesh.index())?;
         let before = std::mem::replace(&mut self.current, next);
         self.former.push(before);
         self.commits += 1;
+        self.replaced.insert(mesh.index(), self.commits);
         Ok(())
     }
 
@@ -168,7 +182,7 @@ impl Tracer {
             let found = name(backend.as_ref());
             if found != expected {
                 let why = format!("{expected} cannot be opened once more, only {found}");
-                return Err(Error::Device(why));
+                return Err(Error::NoDevice(why));
             }
             let (options, shared) = (builder.options(update), threads.clone());
             threads.install(move || {

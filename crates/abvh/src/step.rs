@@ -112,7 +112,7 @@ impl Step<'_> {
     /// Moves a streamed mesh's vertices, all of them.
     ///
     /// # Errors
-    /// [`Error::Count`], and those of [`Step::vertices_mut`]; [`Error::Device`] where such a buffer cannot be read.
+    /// [`Error::Count`], and those of [`Step::vertices_mut`]; [`Error::Misuse`] where such a buffer cannot be read.
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.may_stream(mesh)?;
         let current = &mut self.tracer.current;
@@ -148,10 +148,12 @@ impl Step<'_> {
         (is_streamed.then_some(index)).ok_or(Error::Motion { mesh, what })
     }
 
-    /// Moves a rigid mesh's parts: one matrix each.
+    /// Moves a rigid mesh's parts: one matrix each. Matrices beyond the last part that has a vertex move nothing, such as those
+    /// of a robot's last links without geometry.
     ///
     /// # Errors
-    /// As for [`Step::vertices`].
+    /// [`Error::Count`] for too few, [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a
+    /// query.
     pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
         let index = self.may_move(mesh)?;
         let joined = &mut self.tracer.current.joined;
@@ -165,7 +167,9 @@ impl Step<'_> {
             let what = "matrices";
             return Err(Error::Motion { mesh, what });
         };
-        check(mesh, "matrices", *parts, matrices.len())?;
+        if matrices.len() < *parts {
+            check(mesh, "matrices", *parts, matrices.len())?;
+        }
         let matrix = |v: usize| &matrices[part_of_vertex[v] as usize];
         set(joined.vertices_of(index), |v| moved(matrix(v), rest[v]));
         Ok(())
@@ -195,8 +199,17 @@ impl Step<'_> {
         let id = self.next_id();
         let kind = query.kind();
         let asked = backend::Query { rays, kind };
-        self.tracer.begin(self.time, (&[id], &[asked]))?;
-        Ok(id)
+        let begun = self.tracer.begin(self.time, (&[id], &[asked]));
+        self.keep_if(id, begun)
+    }
+
+    /// Forgets the newest query if it failed: meshes may move then as before it.
+    pub(crate) fn keep_if(&mut self, id: QueryId, begun: Result<()>) -> Result<QueryId> {
+        if begun.is_err() {
+            self.queries -= 1;
+            (self.tracer.current.results).retain(|answer| answer.query != id);
+        }
+        begun.map(|()| id)
     }
 
     pub(crate) fn defer(&mut self, rays: Deferred, query: Query) -> QueryId {
@@ -246,7 +259,7 @@ impl Step<'_> {
 /// Refuses rays and answers that are not apart in a device's memory.
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 pub(crate) fn apart(are_apart: bool) -> Result<()> {
-    let why = || Error::Device("answers would be written over rays".into());
+    let why = || Error::Misuse("answers would be written over rays".into());
     are_apart.then_some(()).ok_or_else(why)
 }
 

@@ -5,6 +5,7 @@ use crate::replacement::Disposal;
 use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
 use backend::{Backend, DeviceKind, Method, Query};
 use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -103,7 +104,8 @@ impl Builder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::Device`].
+    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::OutOfMemory`] if trees over it
+    /// take more memory than the system grants (some 345 bytes a triangle), as far as that is known before; [`Error::Device`].
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
         self.build_on(backend, scene)
@@ -132,6 +134,7 @@ impl Builder {
             former: Vec::new(),
             builder: self,
             commits: 0,
+            replaced: BTreeMap::new(),
             device,
             kind,
             steps: TRACERS.fetch_add(1, Ordering::Relaxed) << 40,
@@ -239,6 +242,8 @@ pub struct Tracer {
     pub(crate) builder: Builder,
     /// Replacements so far.
     pub(crate) commits: u64,
+    /// The newest of them for each mesh, counted from 1.
+    pub(crate) replaced: BTreeMap<usize, u64>,
     device: String,
     pub(crate) kind: DeviceKind,
     /// Begun so far, counted from where no other tracer does.

@@ -1,7 +1,7 @@
 //! Many vertices at a time, by several threads.
 
 use crate::Point;
-use geom::lock;
+use geom::{in_parallel, in_parallel_scope, lock};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
@@ -13,10 +13,10 @@ pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     let one = |(v, to): (usize, &mut Point)| *to = of(v);
     match to.len() <= FEW {
         true => to.iter_mut().enumerate().for_each(one),
-        false => {
+        false => in_parallel(|| {
             let all = to.par_iter_mut().enumerate();
             all.with_min_len(FEW / 4).for_each(one);
-        }
+        }),
     }
 }
 
@@ -37,7 +37,7 @@ pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
             to.copy_from_slice(from);
         }
     };
-    rayon::in_place_scope(|scope| {
+    in_parallel_scope(|scope| {
         (0..HELPERS).for_each(|_| scope.spawn(|_| copy_runs()));
         copy_runs();
     });

@@ -39,7 +39,10 @@ pub enum BackendError {
         /// What it takes; 0 where only the driver knows.
         bytes: u64,
     },
-    /// The device's interface or its driver took offence at a call: a fault in this program or in theirs.
+    /// The caller broke a rule of the interface.
+    #[error("{0}")]
+    Misuse(String),
+    /// The device's interface or its driver refused a call: a fault in the library or in the driver.
     #[error("{what} was rejected: {why}")]
     Rejected {
         /// What was being made or done.

@@ -2,7 +2,7 @@
 
 use backend::AdapterInfo;
 
-/// The adapter meant by an index, a whole name, or a part of one that no other name has.
+/// Finds an adapter by its index, its whole name, or a part of its name that no other name has. Digits alone are an index.
 /// Case does not matter. `None` if nothing fits.
 ///
 /// # Errors
@@ -12,9 +12,10 @@ pub(crate) fn find<'a>(
     list: &'a [AdapterInfo],
     asked: &str,
 ) -> Result<Option<&'a AdapterInfo>, String> {
-    let index: Option<usize> = asked.parse().ok();
-    if let Some(adapter) = list.iter().find(|a| Some(a.index) == index) {
-        return Ok(Some(adapter));
+    if !asked.is_empty() && asked.bytes().all(|b| b.is_ascii_digit()) {
+        // A number that no index reaches is the index of no adapter.
+        let index: Option<usize> = asked.parse().ok();
+        return Ok(list.iter().find(|a| Some(a.index) == index));
     }
     let asked_lower = asked.to_lowercase();
     let those = |fits: fn(&str, &str) -> bool| -> Vec<&AdapterInfo> {
@@ -81,9 +82,17 @@ mod tests {
     fn an_index_a_whole_name_or_part_of_one_name_finds_an_adapter() {
         assert_eq!(["0", "4", "chip", "LAP"].map(index), [0, 4, 2, 1]);
         assert_eq!(index("card 4090"), 0, "the whole name wins over a part");
-        // Digits beyond the list may still be part of a name.
         let list = &cards()[..1];
-        assert_eq!(find_one("b", list, "4090").unwrap().index, 0);
+        assert_eq!(find_one("b", list, "d 4090").unwrap().index, 0);
+    }
+
+    #[test]
+    fn digits_alone_are_an_index_and_no_part_of_a_name() {
+        for digits in ["5", "40", "4090", "99999999999999999999999999"] {
+            let said = refused(digits);
+            let none = format!("backend b has no adapter '{digits}'; there is 0: Card 4090;");
+            assert!(said.starts_with(&none), "{said}");
+        }
     }
 
     #[test]

@@ -28,6 +28,7 @@ pub(crate) fn start(threads: Option<usize>) {
             .spawn_handler(|worker| hand(crew, worker))
             .build_global(),
     };
+    geom::use_global_pool();
 }
 
 /// Has one of the crew do a worker's work.

@@ -11,7 +11,7 @@ use backend::{
     Generation, Hits, Inspect, Layout, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
 };
 use bvh_layout::Topology;
-use geom::{Aabb, Animation, Point, Pose, Ray};
+use geom::{Aabb, Animation, Point, Pose, Ray, own_pool, run_in};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -81,10 +81,10 @@ impl CpuBackend {
         if threads == Some(0) {
             return Err(BackendError::unsupported(NAME, "0 threads"));
         }
-        let pool = ThreadPoolBuilder::new()
+        let builder = ThreadPoolBuilder::new()
             .num_threads(threads.unwrap_or(0))
-            .thread_name(|i| format!("{NAME}-{i}"))
-            .build()
+            .thread_name(|i| format!("{NAME}-{i}"));
+        let pool = own_pool(builder)
             .map_err(|e| BackendError::NoDevice(format!("cannot start threads: {e}")))?;
         let device = Device {
             backend: NAME,
@@ -127,7 +127,7 @@ impl CpuBackend {
             next.begin(Ticket(self.submitted), begun_ms);
         }
         let (commands, copies) = (&mut self.commands, &mut self.copies);
-        let done = self.pool.install(|| {
+        let done = run_in(&self.pool, || {
             let mut all = commands.drain(..);
             all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
         });
@@ -196,7 +196,7 @@ impl Backend for CpuBackend {
         self.layout = method.layout;
         let tree = (self.new_tree)(method.layout);
         let new = || SceneState::new(animation, method.intersector, tree);
-        self.scene = Some(self.pool.install(new)?);
+        self.scene = Some(run_in(&self.pool, new)?);
         Ok(())
     }
 
@@ -212,7 +212,7 @@ impl Backend for CpuBackend {
             self.generation
         );
         let scene = loaded(&mut self.scene);
-        self.pool.install(|| scene.adopt(tree, generation))?;
+        run_in(&self.pool, || scene.adopt(tree, generation))?;
         self.generation = Some(generation);
         self.state = self.state.min(State::Positions);
         Ok(())

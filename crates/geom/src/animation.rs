@@ -1,6 +1,6 @@
 //! Key-framed triangles: the part of a scene that decides what rays hit.
 
-use crate::key_frames::{KeyFrames, check_key};
+use crate::key_frames::{KeyFrames, check_key, read_key};
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
 use crate::sizes::Sizes;
@@ -60,7 +60,7 @@ impl Animation {
         [keys, window]: [usize; 2],
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, KeyFrameError> {
-        let first: KeyFrame = Arc::new(source(0)?.into());
+        let first: KeyFrame = Arc::new(read_key(&*source, 0)?.into());
         let window = KeyWindow::new(source, Arc::clone(&first), [keys, window])?;
         Self::over(first, KeyFrames::Streamed(Arc::new(window)), triangles)
     }

@@ -6,6 +6,7 @@ use crate::{Aabb, Animation, Point, Pose, Triangle};
 use std::any::Any;
 use std::fmt;
 use std::ops::{Deref, DerefMut};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// Memory of the host that a device reads by itself, so that nothing is copied for it.
@@ -78,6 +79,20 @@ pub struct KeyFrameError(pub String);
 /// Reads a key frame that is not held, counted from 0: one position a vertex, the same bits each time. Several threads ask at
 /// a time. An error says that it cannot be read, or is no longer what it was.
 pub type KeySource = dyn Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync;
+
+/// Reads a key frame. A reader that panics is one that fails: what it leaves behind is its own concern.
+///
+/// # Errors
+/// The reader's.
+pub fn read_key(source: &KeySource, key: usize) -> Result<Vec<Point>, KeyFrameError> {
+    let read = catch_unwind(AssertUnwindSafe(|| source(key)));
+    let panicked = |_| {
+        Err(KeyFrameError(format!(
+            "key frame {key}: its reader panicked"
+        )))
+    };
+    read.unwrap_or_else(panicked)
+}
 
 /// All key frames have as many vertices as the first.
 pub(crate) fn check_key(key: usize, found: usize, first: usize) -> Result<(), KeyFrameError> {

@@ -1,10 +1,9 @@
 //! The key frames that are wanted now or soon, read on threads of their own.
 
-use crate::key_frames::check_key;
-use crate::{KeyFrame, KeyFrameError, KeySource, lock};
+use crate::key_frames::{check_key, read_key};
+use crate::{KeyFrame, KeyFrameError, KeySource, lock, parallelism};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Key frames that others may take while those to come are read.
@@ -12,8 +11,8 @@ const SPARE: usize = 2;
 
 /// A part of a sequence of key frames, which follows whoever plays it.
 ///
-/// Readers have a pool of their own, half as large as the caller's, for trees are built meanwhile.
-/// One of them never waits for work that waits for a key frame, so none waits for ever.
+/// Readers have a pool of their own, with half as many threads as parallel work has: trees are built meanwhile.
+/// That pool counts as the program's, because readers are its code and may call the library.
 pub(crate) struct KeyWindow {
     /// How many key frames the whole sequence has.
     pub(crate) keys: usize,
@@ -55,7 +54,7 @@ impl KeyWindow {
     ) -> Result<Self, KeyFrameError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("key frames {i}"))
-            .num_threads(rayon::current_num_threads().div_ceil(2))
+            .num_threads(parallelism().div_ceil(2))
             .build()
             .map_err(|e| KeyFrameError(format!("no threads to read key frames: {e}")))?;
         let shared = Shared {
@@ -125,14 +124,7 @@ impl KeyWindow {
         let (vertices, capacity) = (self.first.len(), self.capacity);
         let shared = Arc::clone(&self.shared);
         self.pool.spawn(move || {
-            // What a caller's reader keeps is its own to look after.
-            let read = catch_unwind(AssertUnwindSafe(|| (shared.source)(key)));
-            let panicked = |_| {
-                Err(KeyFrameError(format!(
-                    "key frame {key}: its reader panicked"
-                )))
-            };
-            let read = read.unwrap_or_else(panicked).and_then(|frame| {
+            let read = read_key(&*shared.source, key).and_then(|frame| {
                 check_key(key, frame.len(), vertices)?;
                 Ok(Arc::new(frame.into()))
             });

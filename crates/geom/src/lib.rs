@@ -20,12 +20,17 @@ mod triangle;
 pub use aabb::Aabb;
 pub use animation::Animation;
 pub use camera::Camera;
-pub use key_frames::{KeyFrame, KeyFrameError, KeySource, Moment, PointBuffer, SharedMemory};
+pub use key_frames::{
+    KeyFrame, KeyFrameError, KeySource, Moment, PointBuffer, SharedMemory, read_key,
+};
 pub use pose::Pose;
 pub use range::Range;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
-pub use threads::{copy_in_parallel, lock};
+pub use threads::{
+    copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool, parallelism, run_in,
+    set_each, use_global_pool,
+};
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 
 /// A point or a vector: x, y, z.

@@ -1,6 +1,6 @@
 //! How large a key frame's coordinates are, found fast enough to be done for each frame that arrives.
 
-use crate::{Point, Range};
+use crate::{Point, Range, in_parallel};
 use rayon::prelude::*;
 
 /// Vertices that one task looks at.
@@ -18,8 +18,13 @@ pub(crate) struct Sizes {
 
 impl Sizes {
     pub(crate) fn of(key: &[Point]) -> Self {
-        let runs = key.par_chunks(RUN).map(Extremes::of);
-        let Extremes { largest, least } = runs.reduce(|| Extremes::NONE, Extremes::join);
+        let Extremes { largest, least } = match key.len() <= RUN {
+            true => Extremes::of(key),
+            false => in_parallel(|| {
+                let runs = key.par_chunks(RUN).map(Extremes::of);
+                runs.reduce(|| Extremes::NONE, Extremes::join)
+            }),
+        };
         let samples = key.iter().step_by(Range::sample_step(key.len()));
         // Those that say something.
         let samples = samples.map(|&p| size(p));

@@ -2,7 +2,7 @@
 
 use crate::sizes::Sizes;
 use crate::triangle::corners;
-use crate::{Aabb, Animation, KeyFrameError, Point, Range, is_active, is_degenerate};
+use crate::{Aabb, Animation, KeyFrameError, Point, Range, in_parallel, is_active, is_degenerate};
 use rayon::prelude::*;
 use std::ops;
 
@@ -35,20 +35,23 @@ impl Survey {
         // Triangles that no key frame has had active so far.
         let mut inactive: Vec<u32> = Vec::new();
         if !boxes[0].1 {
-            let all = (0..triangles.len() as u32).into_par_iter();
+            let all = 0..triangles.len() as u32;
             let none = |&t: &u32| !is_active(&corners(first, triangles[t as usize]));
-            inactive = all.filter(none).collect();
+            inactive = in_parallel(|| all.into_par_iter().filter(none).collect());
         }
         let count = animation.key_count();
         for key in 1..count {
             animation.look_ahead((key..count).map(|key| key as f64));
             let frame = &animation.key(key)?[..];
             let is_first_blend = sizes.len() == 1;
-            let pairs = first.par_iter().zip(frame);
-            let each = is_static.par_iter_mut().with_min_len(RUN).zip(pairs);
-            each.for_each(|(is_static, (a, b))| {
+            let check = |(is_static, (a, b)): (&mut bool, (&Point, &Point))| {
                 let stays = !is_first_blend || keeps_its_bits(a);
                 *is_static = *is_static && stays && bits(a) == bits(b);
+            };
+            in_parallel(|| {
+                let pairs = first.par_iter().zip(frame);
+                let each = is_static.par_iter_mut().with_min_len(RUN);
+                each.zip(pairs).for_each(check);
             });
             sizes.push(Sizes::of(frame));
             boxes.push(bounds(frame));
@@ -102,14 +105,14 @@ impl Survey {
 /// The box of a key frame's finite vertices, and whether all are.
 fn bounds(frame: &[Point]) -> (Aabb, bool) {
     let none = || (Aabb::EMPTY, true);
-    let points = frame.par_iter().with_min_len(RUN);
-    let boxes = points.fold(none, |(bounds, all), &p| {
-        match p.iter().all(|x| x.is_finite()) {
-            true => (bounds.with_point(p), all),
-            false => (bounds, false),
-        }
-    });
-    boxes.reduce(none, |a, b| (a.0.union(b.0), a.1 && b.1))
+    let add = |(bounds, all): (Aabb, bool), &p: &Point| match p.iter().all(|x| x.is_finite()) {
+        true => (bounds.with_point(p), all),
+        false => (bounds, false),
+    };
+    in_parallel(|| {
+        let boxes = frame.par_iter().with_min_len(RUN).fold(none, add);
+        boxes.reduce(none, |a, b| (a.0.union(b.0), a.1 && b.1))
+    })
 }
 
 /// Every triangle must name vertices that exist, and there may not be too many.
@@ -123,8 +126,11 @@ pub(crate) fn check_triangles(
         return Err(KeyFrameError(cause));
     }
     let out = |own: &[u32; 3]| own.iter().find(|&&v| v as usize >= vertices).copied();
-    let numbered = triangles.par_iter().enumerate();
-    match numbered.find_map_first(|(triangle, own)| Some((triangle, out(own)?))) {
+    let first = in_parallel(|| {
+        let numbered = triangles.par_iter().enumerate();
+        numbered.find_map_first(|(triangle, own)| Some((triangle, out(own)?)))
+    });
+    match first {
         None => Ok(()),
         Some((triangle, vertex)) => Err(KeyFrameError(format!(
             "triangle {triangle} names vertex {vertex}, but there are {vertices}"
@@ -151,13 +157,14 @@ impl StaticParts {
     /// What follows from static `vertices`, which stand where they do in the `first` key frame.
     pub(crate) fn of(vertices: Vec<bool>, first: &[Point], triangles: &[[u32; 3]]) -> Self {
         let is_static = |t: &[u32; 3]| t.iter().all(|&v| vertices[v as usize]);
-        let triangles_are: Vec<bool> = triangles.par_iter().map(is_static).collect();
+        let triangles_are: Vec<bool> =
+            in_parallel(|| triangles.par_iter().map(is_static).collect());
         let is_flat = |&t: &u32| {
             let corners = corners(first, triangles[t as usize]);
             triangles_are[t as usize] && is_active(&corners) && is_degenerate(&corners)
         };
-        let all = (0..triangles.len() as u32).into_par_iter();
-        let degenerate = all.filter(is_flat).collect();
+        let all = 0..triangles.len() as u32;
+        let degenerate = in_parallel(|| all.into_par_iter().filter(is_flat).collect());
         Self {
             vertices,
             triangles: triangles_are,

@@ -63,6 +63,16 @@ impl<D: GpuDevice> ComputeBackend<D> {
         &mut self.engine.gpu
     }
 
+    /// Forgets submissions whose commands the program dropped, and returns their tickets. The next one has to begin with
+    /// positions.
+    pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
+        let dropped = self.engine.give_up_dropped();
+        if !dropped.is_empty() {
+            self.progress = Progress::default();
+        }
+        dropped
+    }
+
     pub(crate) fn tree(&self) -> &TreeBuffers<D> {
         self.tree.as_ref().expect("a scene was loaded")
     }

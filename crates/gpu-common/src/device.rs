@@ -257,6 +257,11 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
     fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
 
+    /// Forgets a submission if the program dropped the commands that hold it, so that it never runs. Returns whether it did.
+    fn give_up_dropped(&mut self, _slot: &mut Self::Slot, _ticket: Ticket) -> bool {
+        false
+    }
+
     /// Whether positions have arrived. Never waits.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 

@@ -109,6 +109,7 @@ impl<D: GpuDevice> Engine<D> {
     /// Drops what was recorded, waits for what is under way, and lets go of the scene.
     pub fn unload(&mut self) -> Result<()> {
         self.abandon();
+        self.give_up_dropped();
         self.frames.unload(&mut self.gpu)?;
         self.snapshots = Snapshots::default();
         (self.scene, self.position) = (None, 0);
@@ -238,6 +239,17 @@ impl<D: GpuDevice> Engine<D> {
         let (keys, gpu) = (&mut scene.keys, &mut self.gpu);
         keys.submitted(gpu, &scene.animation, ticket)?;
         Ok(ticket)
+    }
+
+    /// Forgets submissions whose commands the program dropped, and returns their tickets. Nothing on the device is up to date
+    /// then, because later submissions build on earlier ones.
+    pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
+        let dropped = self.frames.give_up_dropped(&mut self.gpu);
+        if !dropped.is_empty() {
+            self.abandon();
+            self.snapshots.give_up(&dropped);
+        }
+        dropped
     }
 
     /// Drops what was recorded: it is not going to be submitted, so nothing on the device is up to date.

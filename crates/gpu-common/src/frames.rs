@@ -278,6 +278,19 @@ impl<D: GpuDevice> Frames<D> {
         open.map(|s| s.ticket)
     }
 
+    /// Forgets submissions whose commands the program dropped, and returns their tickets.
+    pub(crate) fn give_up_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
+        let mut dropped = Vec::new();
+        for submission in self.ledger.iter_mut().filter(|s| s.report.is_none()) {
+            let slot = &mut self.slots[(submission.ticket.0 - 1) as usize % SLOTS];
+            if gpu.give_up_dropped(&mut slot.own, submission.ticket) {
+                submission.report = Some(FrameReport::default());
+                dropped.push(submission.ticket);
+            }
+        }
+        dropped
+    }
+
     fn forget_the_old(&mut self) {
         let (traced, kept) = (self.traced, self.kept);
         let old = |s: &Submission<D>| traced - s.traced > kept && s.report.is_some();

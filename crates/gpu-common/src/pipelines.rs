@@ -2,6 +2,8 @@
 
 use crate::GpuDevice;
 use backend::Result;
+use geom::{in_parallel, own_pool, parallelism};
+use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use shaders::{Code, Kernel, Traits};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -65,10 +67,16 @@ impl<D: GpuDevice> Pipelines<D> {
         let kernels = missing.iter().map(|(kernel, _)| *kernel).collect();
         let make = gpu.pipeline_maker();
         let make_all = move || {
-            // Compilers work for seconds: each kernel is made on a thread of rayon's.
-            let each = missing.par_iter();
-            each.map(|&kernel| D::make_pipeline(&make, kernel))
-                .collect()
+            let all = || {
+                missing
+                    .par_iter()
+                    .map(|&kernel| D::make_pipeline(&make, kernel))
+            };
+            // Compilers work for seconds, which other parallel work must not wait for.
+            match own_pool(ThreadPoolBuilder::new().num_threads(parallelism())) {
+                Ok(pool) => pool.install(|| all().collect()),
+                Err(_) => in_parallel(|| all().collect()),
+            }
         };
         // Without a thread to be had, they are made when they are needed.
         if let Ok(thread) = thread::Builder::new().spawn(make_all) {

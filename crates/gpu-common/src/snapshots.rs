@@ -53,6 +53,11 @@ impl<D: GpuDevice> Snapshots<D> {
         self.under_way.extend(under_way);
     }
 
+    /// Drops copies of these submissions, which never run.
+    pub(crate) fn give_up(&mut self, dropped: &[Ticket]) {
+        self.under_way.retain(|(of, ..)| !dropped.contains(of));
+    }
+
     /// The oldest, if it has arrived.
     pub(crate) fn take(
         &mut self,

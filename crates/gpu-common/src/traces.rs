@@ -3,8 +3,7 @@
 use crate::{BufferTable, GpuDevice, LentRays, refuse_above};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
 use bytemuck::Pod;
-use geom::{Hit, Ray, copy_in_parallel};
-use rayon::prelude::*;
+use geom::{Hit, Ray, copy_in_parallel, set_each};
 use shaders::{BufferName, work};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -175,8 +174,7 @@ impl<D: GpuDevice> Trace<D> {
         };
         to.resize(self.count, miss);
         gpu.read(found, self.count, |before, part: &[T]| {
-            let places = to[before..].par_iter_mut().zip(part);
-            places.for_each(|(place, &one)| *place = of(one));
+            set_each(&mut to[before..][..part.len()], |i| of(part[i]));
         })
     }
 }

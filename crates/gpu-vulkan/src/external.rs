@@ -51,7 +51,7 @@ impl ExternalMemory {
     /// Device-local memory, of at least so many bytes.
     ///
     /// # Errors
-    /// [`BackendError::Rejected`] where the device cannot export, with the extension's name; [`BackendError::Limit`] or
+    /// [`BackendError::Unsupported`] where the device cannot export, with the extension's name; [`BackendError::Limit`] or
     /// [`BackendError::OutOfMemory`], with the need.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
         let what = "an external buffer";
@@ -130,7 +130,7 @@ impl Timeline {
     /// One at 0 that can be exported.
     ///
     /// # Errors
-    /// [`BackendError::Rejected`] where the device cannot, with the extension's name; see [`BackendError`].
+    /// [`BackendError::Unsupported`] where the device cannot, with the extension's name; see [`BackendError`].
     pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
         gpu.check_exports("an external semaphore", SEMAPHORE, can_export_timelines)?;
         let export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
@@ -159,8 +159,8 @@ impl Gpu {
         if self.sharing.contains(&name) && is_able(self) {
             return Ok(());
         }
-        let why = format!("the device exports none by {}", name.to_string_lossy());
-        Err(BackendError::rejected(what, why))
+        let what = format!("{what} by {}", name.to_string_lossy());
+        Err(BackendError::unsupported("vulkan", what))
     }
 
     /// The first of the allowed memory types that is device-local, else the first of all.

@@ -78,17 +78,15 @@ impl VulkanDevice {
     /// come. The next submission has them copied first.
     ///
     /// # Errors
-    /// [`backend::BackendError::Rejected`] if it is another device's or they do not lie there.
+    /// [`backend::BackendError::Misuse`] if it is another device's or they do not lie there.
     pub fn bring_points(
         &mut self,
         (run, all): (Range<usize>, usize),
         (from, offset): (&Arc<ExternalMemory>, u64),
     ) -> Result<()> {
         if offset % 4 != 0 {
-            return Err(BackendError::rejected(
-                "an offset of vertices",
-                "it is of no whole floats",
-            ));
+            let why = format!("vertices begin at a multiple of 4 bytes, not at {offset}");
+            return Err(BackendError::Misuse(why));
         }
         let end = (run.len() as u64 * POINT).saturating_add(offset);
         let from = Buffer::lent(&self.gpu, from, end)?;
@@ -186,17 +184,15 @@ impl VulkanDevice {
     /// [`VulkanDevice::signal`] has it reach the second.
     ///
     /// # Errors
-    /// [`backend::BackendError::Rejected`] if the semaphore is another device's, or values do not rise.
+    /// [`backend::BackendError::Misuse`] if the semaphore is another device's, or values do not rise.
     pub fn synchronize(
         &mut self,
         timeline: &Arc<Timeline>,
         [wait, signal]: [u64; 2],
     ) -> Result<()> {
         if !Arc::ptr_eq(&timeline.gpu, &self.gpu) {
-            return Err(BackendError::rejected(
-                "a semaphore",
-                "it is another device's",
-            ));
+            let why = "the semaphore is another device's";
+            return Err(BackendError::Misuse(why.into()));
         }
         let mut open = Vec::new();
         for signal in self.lent.signals.drain(..) {
@@ -209,8 +205,11 @@ impl VulkanDevice {
         let before = self.lent.signals.iter().filter(is_same);
         let before = before.map(|signal| signal.value).max().unwrap_or(0);
         if signal <= wait.max(before) || timeline.has_reached(signal)? {
-            let why = format!("{signal} is not above what it waits for, has or is to reach");
-            return Err(BackendError::rejected("a semaphore's value", why));
+            let why = format!(
+                "the semaphore cannot signal {signal}: that is not above the value waited for, its own and those of \
+                 earlier steps"
+            );
+            return Err(BackendError::Misuse(why));
         }
         self.lent.waits.push(timeline.at(wait));
         self.lent.signals.push(Signal {

@@ -9,13 +9,12 @@ use ash::ext::memory_budget;
 use ash::vk;
 use backend::{BackendError, Result};
 use bytemuck::Pod;
-use geom::lock;
+use geom::{lock, set_each};
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use parking_lot::{FairMutex, FairMutexGuard};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -273,18 +272,21 @@ impl Buffer {
         Ok(made)
     }
 
-    /// External memory of this device, that holds so many bytes at least.
+    /// Returns external memory of this device as a buffer of at least `bytes`.
     ///
     /// # Errors
-    /// [`BackendError::Rejected`].
+    /// [`BackendError::Misuse`] if it is another device's or too small.
     pub fn lent(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
-        let what = "an external buffer";
         if !Arc::ptr_eq(&memory.gpu, gpu) {
-            return Err(BackendError::rejected(what, "it is another device's"));
+            let why = "the external buffer is another device's";
+            return Err(BackendError::Misuse(why.into()));
         }
         if memory.bytes < bytes {
-            let why = format!("it has {} bytes, not {bytes}", memory.bytes);
-            return Err(BackendError::rejected(what, why));
+            let why = format!(
+                "the external buffer has {} bytes, not {bytes}",
+                memory.bytes
+            );
+            return Err(BackendError::Misuse(why));
         }
         Ok(Self {
             vk: memory.vk,
@@ -341,14 +343,13 @@ impl Buffer {
         bytemuck::cast_slice_mut(&mut bytes[..whole])
     }
 
-    /// Sets so many rows from the first on by all threads, for buffers of [`BufferUse::Upload`].
+    /// Sets the first `count` rows in parallel, for buffers of [`BufferUse::Upload`].
     pub(crate) fn set_rows<T: Pod + Send>(
         &mut self,
         count: usize,
         row: impl Fn(usize) -> T + Sync,
     ) {
-        let places = self.view_mut()[..count].par_iter_mut().enumerate();
-        places.for_each(|(i, place)| *place = row(i));
+        set_each(&mut self.view_mut()[..count], row);
     }
 
     /// Writes at a byte offset, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].

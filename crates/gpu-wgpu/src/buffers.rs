@@ -101,24 +101,52 @@ fn copy(
 }
 
 /// A mapping asked for; it arrives while the device is polled.
-pub(crate) struct Mapping(Arc<OnceLock<bool>>);
+pub(crate) struct Mapping(Arc<OnceLock<Outcome>>);
+
+/// What became of a mapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Mapped,
+    Refused,
+    /// The commands that it follows were dropped before they were submitted.
+    Dropped,
+}
+
+/// The part of a mapping that wgpu owns until it calls back.
+struct Callback(Arc<OnceLock<Outcome>>);
+
+impl Drop for Callback {
+    fn drop(&mut self) {
+        // It has no effect once the callback was called.
+        let _ = self.0.set(Outcome::Dropped);
+    }
+}
 
 impl Mapping {
     /// Asks for one as soon as these commands are submitted.
     pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer, mode: MapMode) -> Self {
         let done = Arc::new(OnceLock::new());
-        let heard = Arc::clone(&done);
+        let callback = Callback(Arc::clone(&done));
         encoder.map_buffer_on_submit(buffer, mode, .., move |result| {
-            let _ = heard.set(result.is_ok());
+            let outcome = match result {
+                Ok(()) => Outcome::Mapped,
+                Err(_) => Outcome::Refused,
+            };
+            let _ = callback.0.set(outcome);
         });
         Self(done)
+    }
+
+    /// Whether the commands were dropped before they were submitted.
+    pub(crate) fn is_dropped(&self) -> bool {
+        self.0.get() == Some(&Outcome::Dropped)
     }
 
     /// Whether the host can use it. A mapping that wgpu refused means that the device is gone.
     pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
         match self.0.get() {
-            Some(false) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
-            heard => Ok(heard.is_some()),
+            Some(Outcome::Refused) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
+            outcome => Ok(outcome == Some(&Outcome::Mapped)),
         }
     }
 

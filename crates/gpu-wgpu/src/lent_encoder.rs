@@ -36,19 +36,25 @@ impl LentEncoder {
     pub(crate) fn finished(&mut self, ticket: Ticket) {
         self.under_way.retain(|(of, _)| *of > ticket);
     }
+
+    /// A submission was dropped with its encoder.
+    pub(crate) fn dropped(&mut self, ticket: Ticket) {
+        self.under_way.retain(|(of, _)| *of != ticket);
+    }
 }
 
 impl WgpuDevice {
-    /// Writes a recording into an encoder; gives its report, and the positions that it copies.
+    /// Writes a recording into an encoder; gives its report, and the positions that it copies. The encoder of a program leaves
+    /// the ticket as a stamp in the report.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
-        slot: &mut Slot,
+        (slot, stamp): (&mut Slot, Option<Ticket>),
         positions: Option<(&Buffer, u64)>,
     ) -> Result<(Mapping, Option<HostCopy>)> {
         let gpu = &self.gpu;
         self.scene.points.encode(gpu, encoder)?;
-        slot.encode(encoder)?;
+        slot.encode(encoder, stamp)?;
         let copy = positions.map(|(from, bytes)| {
             let spare = self.scene.spares.pop();
             let spare = spare.and_then(|s| s.unmapped(&gpu.device));

@@ -2,22 +2,25 @@
 //!
 //! Commands are kept as a list until the submission, which knows the encoder that they go into.
 
-use crate::buffers::{Mapping, READBACK, STORAGE, make, unmap, unreadable};
+use crate::buffers::{Mapping, READBACK, STORAGE, make, unmap, unreadable, write};
 use crate::gpu::Gpu;
 use crate::launches::{Launch, Launches};
 use crate::marks::{self, Marks};
 use crate::wgpu_device::WgpuDevice;
-use backend::{BackendError, Result};
+use backend::{BackendError, Result, Ticket};
 use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::Counts;
 use std::sync::Arc;
 use std::time::Duration;
-use wgpu::{Buffer, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassDescriptor, MapMode, SubmissionIndex};
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
 /// Traces of a submission that count apart: wgpu has dispatches wait for each other that write one buffer.
 const PLACES: usize = 16;
+
+/// Where the stamp is in a report.
+const STAMP: u64 = marks::BYTES + COUNTS * PLACES as u64;
 
 /// Used by one submission at a time.
 pub struct Slot {
@@ -26,8 +29,14 @@ pub struct Slot {
     /// Places that this submission has.
     places: usize,
     marks: Option<Marks>,
-    /// Counts and timestamps on their way to the host.
+    /// Timestamps, counts and the stamp on their way to the host.
     back: Buffer,
+    /// Holds the ticket of a submission in a program's encoder, which copies it to the report.
+    stamp: Buffer,
+    /// That ticket, or 0.
+    stamped: u64,
+    /// Whether the program's commands were submitted without having any effect.
+    is_refused: bool,
     launches: Launches,
     commands: Vec<Command>,
     /// What belongs to no stage yet.
@@ -45,12 +54,15 @@ enum Command {
 
 impl Slot {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
-        let report = marks::BYTES + COUNTS * PLACES as u64;
+        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
             places: 1,
             marks: Marks::new(gpu)?,
-            back: make(gpu, "a report", report, READBACK)?,
+            back: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
+            stamp: make(gpu, "a stamp", size_of::<u64>() as u64, usage)?,
+            stamped: 0,
+            is_refused: false,
             launches: Launches::new(gpu),
             commands: Vec::new(),
             waiting: Vec::new(),
@@ -59,8 +71,19 @@ impl Slot {
         })
     }
 
-    /// Writes all that was recorded, and has the report copied.
-    pub(crate) fn encode(&mut self, encoder: &mut CommandEncoder) -> Result<()> {
+    /// Writes all that was recorded, and has the report copied, with the ticket as its stamp if there is one.
+    ///
+    /// wgpu notices only when the program finishes its encoder that this is another device's, or that a pass is open. The report
+    /// is mapped all the same, but then has another stamp.
+    pub(crate) fn encode(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        stamp: Option<Ticket>,
+    ) -> Result<()> {
+        self.stamped = stamp.map_or(0, |ticket| ticket.0);
+        if stamp.is_some() {
+            write(&self.gpu, &self.stamp, 0, &[self.stamped])?;
+        }
         self.gpu.guard("recording", 0, || {
             let others = self.counts[..self.places].iter().skip(1);
             others.for_each(|counts| encoder.clear_buffer(counts, 0, None));
@@ -93,6 +116,9 @@ impl Slot {
             for (counts, at) in self.counts[..self.places].iter().zip(0..) {
                 let at = marks::BYTES + COUNTS * at;
                 encoder.copy_buffer_to_buffer(counts, 0, &self.back, at, COUNTS);
+            }
+            if stamp.is_some() {
+                encoder.copy_buffer_to_buffer(&self.stamp, 0, &self.back, STAMP, Some(8));
             }
             if let Some(marks) = &self.marks {
                 marks.resolve(encoder, &self.back, 0);
@@ -170,13 +196,15 @@ impl Slot {
                 if !mapping.arrives_within(gpu, Duration::from_millis(50))? {
                     self.sent = Some((None, mapping));
                     let why = "the encoder that the step is in was not submitted";
-                    return Err(BackendError::rejected("what a step found", why));
+                    return Err(BackendError::Misuse(why.into()));
                 }
             }
         }
         mapping.expect(gpu)?;
         let view = self.back.get_mapped_range(..).map_err(unreadable)?;
-        let (ticks, counts) = view.split_at(marks::BYTES as usize);
+        let (report, stamp) = view.split_at(STAMP as usize);
+        self.is_refused = self.stamped > 0 && !stamp.starts_with(&self.stamped.to_ne_bytes());
+        let (ticks, counts) = report.split_at(marks::BYTES as usize);
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(ticks);
         let each: Vec<Counts> = bytemuck::pod_collect_to_vec(counts);
         let (mut counts, others) = (each[0], &each[1..self.places]);
@@ -185,12 +213,29 @@ impl Slot {
         if !unmap(&gpu.device, &self.back) {
             return Err(gpu.faults.lose("it took a report with it".into()));
         }
+        if self.is_refused {
+            let why = "wgpu refused the commands that the step is in: the encoder was another device's, had a pass \
+                       open, or had invalid commands of the program's";
+            return Err(BackendError::Misuse(why.into()));
+        }
         let marks = self.marks.as_ref().map(|marks| marks.stages.clone());
         Ok(Finished {
             counts,
             ticks: marks.is_some().then_some(ticks),
             marks: marks.unwrap_or_default(),
         })
+    }
+}
+
+impl Slot {
+    /// Forgets the submission if its commands were dropped or refused. Returns whether they were.
+    pub(crate) fn give_up_dropped(&mut self) -> bool {
+        let sent = self.sent.as_ref();
+        let is_dropped = self.is_refused || sent.is_some_and(|(_, mapping)| mapping.is_dropped());
+        if is_dropped {
+            (self.sent, self.is_refused) = (None, false);
+        }
+        is_dropped
     }
 }
 

@@ -5,6 +5,7 @@ use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write
 use crate::gpu::Gpu;
 use backend::Result;
 use bytemuck::Pod;
+use geom::{in_parallel, set_each};
 use gpu_common::with_slack;
 use rayon::prelude::*;
 use wgpu::{Buffer, MapMode, WriteOnly};
@@ -88,7 +89,8 @@ impl Staging {
     ) -> Result<()> {
         const { assert!(RUN.is_multiple_of(size_of::<T>())) };
         if count * size_of::<T>() <= FEW {
-            let rows: Vec<T> = (0..count).into_par_iter().map(&row).collect();
+            let mut rows = vec![T::zeroed(); count];
+            set_each(&mut rows, row);
             return write(gpu, to, 0, &rows);
         }
         // A lent device may have no room for more than it was asked for.
@@ -117,11 +119,13 @@ fn fill_rows<T: Pod + Send>(
     let (runs, mut rest) = view.slice(..).into_chunks::<RUN>();
     let each = RUN / size_of::<T>();
     let runs: Vec<_> = runs.into_iter().collect();
-    let runs = runs.into_par_iter().enumerate();
-    runs.for_each_init(Vec::new, |rows: &mut Vec<T>, (i, run)| {
-        rows.clear();
-        rows.extend((i * each..(i + 1) * each).map(&row));
-        WriteOnly::<[u8]>::from(run).copy_from_slice(bytemuck::cast_slice(rows));
+    in_parallel(|| {
+        let runs = runs.into_par_iter().enumerate();
+        runs.for_each_init(Vec::new, |rows: &mut Vec<T>, (i, run)| {
+            rows.clear();
+            rows.extend((i * each..(i + 1) * each).map(&row));
+            WriteOnly::<[u8]>::from(run).copy_from_slice(bytemuck::cast_slice(rows));
+        });
     });
     let last: Vec<T> = (count / each * each..count).map(&row).collect();
     rest.copy_from_slice(bytemuck::cast_slice(&last));

@@ -235,14 +235,14 @@ impl GpuDevice for WgpuDevice {
         positions: Option<(&Buffer, u64)>,
     ) -> Result<Option<HostCopy>> {
         let (place, (report, copy)) = if let Some(mut encoder) = self.take_encoder() {
-            let encoded = self.encode(&mut encoder, slot, positions);
+            let encoded = self.encode(&mut encoder, (slot, Some(ticket)), positions);
             self.scene.encoder.encoder = Some(encoder);
             let encoded = encoded?;
             self.scene.encoder.under_way.push_back((ticket, None));
             (None, encoded)
         } else {
             let mut encoder = self.gpu.encoder("a frame")?;
-            let encoded = self.encode(&mut encoder, slot, positions)?;
+            let encoded = self.encode(&mut encoder, (slot, None), positions)?;
             let place = self.gpu.submit([encoder]);
             (Some(place.inspect_err(|_| slot.recall())?), encoded)
         };
@@ -255,6 +255,14 @@ impl GpuDevice for WgpuDevice {
         let finished = slot.finish()?;
         self.scene.encoder.finished(ticket);
         Ok(finished)
+    }
+
+    fn give_up_dropped(&mut self, slot: &mut Slot, ticket: Ticket) -> bool {
+        let is_dropped = slot.give_up_dropped();
+        if is_dropped {
+            self.scene.encoder.dropped(ticket);
+        }
+        is_dropped
     }
 
     fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {

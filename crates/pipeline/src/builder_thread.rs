@@ -5,7 +5,7 @@ use crate::tree_builder::{Built, Forms, TreeBuilder, Vertices};
 use backend::{Snapshot, TreeWriter};
 use bvh_build::{BuildError, Cancel};
 use bvh_layout::Spare;
-use geom::{Point, Pose, lock};
+use geom::{Point, Pose, lock, own_pool, run_in};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -143,17 +143,16 @@ impl BuilderThreads {
     /// # Errors
     /// They cannot be started.
     pub fn new(threads: usize) -> Result<Self, PipelineError> {
-        let pool = rayon::ThreadPoolBuilder::new()
+        let builder = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
-            .thread_name(|i| format!("abvh-build-{i}"))
-            .build()
-            .map_err(|e| PipelineError::Threads(e.to_string()))?;
+            .thread_name(|i| format!("abvh-build-{i}"));
+        let pool = own_pool(builder).map_err(|e| PipelineError::Threads(e.to_string()))?;
         Ok(Self(Arc::new(pool)))
     }
 
-    /// Does other work in them, while the caller waits.
+    /// Runs other work in them. The calling thread sleeps meanwhile, unless it is one of them.
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        self.0.install(work)
+        run_in(&self.0, work)
     }
 }
 

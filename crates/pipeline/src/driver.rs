@@ -184,6 +184,15 @@ impl Driver {
         self.knows_key_frames = false;
     }
 
+    /// Forgets frames of these tickets, which were given up before they ran. Positions come anew with the next frame, also
+    /// those that a build waits for.
+    pub fn give_up(&mut self, dropped: &[Ticket]) {
+        self.pending
+            .retain(|frame| !dropped.contains(&frame.ticket));
+        self.pose = None;
+        self.build.take_if(|build| build.arrived.is_none());
+    }
+
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend

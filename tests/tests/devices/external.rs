@@ -182,7 +182,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
     ] {
         let source = Source::External { buffer, offset };
         let said = own.tracer.step(0.0).vertices(mesh, source);
-        assert!(matches!(said, Err(Error::Device(_))), "{offset} {said:?}");
+        assert!(matches!(said, Err(Error::Misuse(_))), "{offset} {said:?}");
     }
     for (rays, count, answers) in [
         (foreign, 2, None),
@@ -198,7 +198,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
             answers,
         };
         let said = own.tracer.step(0.0).trace_external(asked, Query::Closest);
-        assert!(matches!(said, Err(Error::Device(_))), "{count} {said:?}");
+        assert!(matches!(said, Err(Error::Misuse(_))), "{count} {said:?}");
     }
     for bytes in [1 << 60, u64::MAX] {
         let said = own.tracer.external_buffer(bytes);

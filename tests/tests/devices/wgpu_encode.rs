@@ -2,10 +2,14 @@
 
 use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
-use crate::wgpu_lent::{bytes_of, device_with, lent};
+use crate::wgpu_lent::{bytes_of, device_with, lent, own_device};
 use crate::wgpu_points::Own;
-use abvh::own_device::{RayBuffers, required_features, useful_features};
-use abvh::{Device, Error, Intersector, Query, QueryId, Ray, Source, StepId, Tracer, Update};
+use abvh::own_device::{
+    OwnDevice, RayBuffers, required_features, required_limits, useful_features,
+};
+use abvh::{
+    Device, Error, Intersector, Mesh, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
+};
 use backend::{Backend, Generation, Rays};
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
@@ -121,19 +125,136 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     let steps = [0.25, 0.5].map(|height| own.encode([height, 1.0]));
     for step in &steps {
         let said = own.own.tracer.hits(step.id, step.queries[0]).err();
-        assert!(matches!(said, Some(Error::Device(_))), "{said:?}");
+        assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     }
     // Nor can more begin: a third has no room.
     let mut commands = own.commands();
     let mut step = own.own.tracer.step(0.0);
     step.trace(&camera(), Query::Closest).unwrap();
     let said = step.encode(&mut commands);
-    assert!(matches!(said, Err(Error::Device(_))), "{said:?}");
+    assert!(matches!(said, Err(Error::Misuse(_))), "{said:?}");
     let mut expected = OnHost::open(Update::Async);
     for (step, height) in zip(steps, [0.25, 0.5]) {
         own.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);
         own.check((step.id, step.queries, &step.copied), &expected);
+    }
+}
+
+/// How commands with a step come to nothing.
+const VAIN: [fn(&Encoded, CommandEncoder); 2] = [
+    |_, commands| drop(commands),
+    |_, commands| drop(commands.finish()),
+];
+
+/// Checks that a step is as on the host, which a mesh's vertices reach from either memory.
+fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
+    let step = own.encode([on_device, on_host]);
+    own.submit(step.commands);
+    let moved = [Some((on_device, false)), Some((on_host, false))];
+    let expected = OnHost::open(Update::Async).see(moved);
+    own.check((step.id, step.queries, &step.copied), &expected);
+}
+
+/// Steps before it are as they were, and steps after it as if it had never been.
+pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
+    for update in [Update::Async, Update::Refit, Update::DeviceRebuild] {
+        for drop_commands in VAIN {
+            let mut own = Encoded::new(update);
+            check_next(&mut own, [0.5, 1.0]);
+            let before = own.encode([0.75, 1.25]);
+            let dropped = own.encode([0.25, 1.5]);
+            own.submit(before.commands);
+            drop_commands(&own, dropped.commands);
+            let expected = OnHost::open(Update::Async);
+            let expected = { expected }.see([Some((0.75, false)), Some((1.25, false))]);
+            let found = (before.id, before.queries, &before.copied);
+            own.check(found, &expected);
+            let said = own.own.tracer.hits(dropped.id, dropped.queries[0]).err();
+            assert_eq!(said, Some(Error::NoResult));
+            // The commands were to copy vertices that no host sees.
+            let lost = Err(Error::VerticesLost(own.own.sheets[0]));
+            assert_eq!(own.own.tracer.step(0.0).trace(&[], Query::Any), lost);
+            for height in [0.5, 0.25, 1.0] {
+                check_next(&mut own, [height, 1.75]);
+            }
+        }
+    }
+}
+
+/// Of many steps, without vertices that only the device has, and whatever comes next.
+pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
+    let vertices = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+    let mesh = || Mesh::streamed(&vertices, &[[0, 1, 2]]).unwrap();
+    let mut scene = Scene::new();
+    let id = scene.add(mesh());
+    let own = own_device(required_limits(&scene, 1).unwrap());
+    let builder = || Tracer::builder().device(own.clone().into()).threads(2);
+    let mut tracer = builder().build(scene.clone()).unwrap();
+    tracer.warm_up(0.0).unwrap();
+    let vain = |tracer: &mut Tracer, steps: usize| {
+        for i in 0..steps {
+            let mut commands = own.device.create_command_encoder(&Default::default());
+            let mut step = tracer.step(0.0);
+            let moved = vertices.map(|p| [p[0], i as f32, p[2]]);
+            step.vertices(id, Source::Host(&moved)).unwrap();
+            step.encode(&mut commands).unwrap();
+        }
+    };
+    let see = |tracer: &mut Tracer, height: f32| {
+        let mut step = tracer.step(0.0);
+        let moved = vertices.map(|p| [p[0], height, p[2]]);
+        step.vertices(id, Source::Host(&moved)).unwrap();
+        let ray = Ray::new([0.0, 9.0, 0.0], [0.0, -1.0, 0.0]);
+        let query = step.trace(&[ray], Query::Closest).unwrap();
+        let done = step.submit().unwrap();
+        let hit = tracer.hits(done, query).unwrap().closest(0).unwrap();
+        assert_eq!(hit.t, 9.0 - height);
+    };
+    for steps in [1, 2, 9] {
+        vain(&mut tracer, steps);
+        see(&mut tracer, 2.0);
+        // At the same place, of which the device is to know again.
+        vain(&mut tracer, steps);
+        see(&mut tracer, 2.0);
+    }
+    vain(&mut tracer, 2);
+    let replacement = tracer.replace(id, mesh()).unwrap();
+    vain(&mut tracer, 1);
+    tracer.commit(replacement).unwrap();
+    see(&mut tracer, 3.0);
+    vain(&mut tracer, 2);
+    let mut tracer = builder().build_in_place_of(tracer, scene).unwrap();
+    tracer.warm_up(0.0).unwrap();
+    assert!(tracer.statistics().is_none());
+}
+
+/// wgpu refuses them only once they are finished: what the step found before is no result.
+pub(crate) fn commands_that_wgpu_refuses_have_no_results() {
+    let mut own = Encoded::new(Update::Async);
+    let other = own_device(own.own.device.device.limits());
+    let refused = |device: &OwnDevice, commands: CommandEncoder| {
+        let scope = (device.device).push_error_scope(wgpu::ErrorFilter::Validation);
+        device.queue.submit([commands.finish()]);
+        assert!(pollster::block_on(scope.pop()).is_some());
+    };
+    for is_foreign in [true, false, true] {
+        let device = if is_foreign { &other } else { &own.own.device };
+        let mut commands = (device.device).create_command_encoder(&Default::default());
+        let desc = wgpu::ComputePassDescriptor::default();
+        let pass = (!is_foreign).then(|| commands.begin_compute_pass(&desc).forget_lifetime());
+        let mut step = own.own.tracer.step(0.0);
+        let vertices = sheet(4.0);
+        (step.vertices(own.own.sheets[1], Source::Host(&vertices))).unwrap();
+        let query = step.trace(&camera(), Query::Closest).unwrap();
+        let id = step.encode(&mut commands).unwrap();
+        drop(pass);
+        refused(device, commands);
+        let said = own.own.tracer.hits(id, query).err();
+        assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
+        let said = own.own.tracer.hits(id, query).err();
+        assert_eq!(said, Some(Error::NoResult));
+        check_next(&mut own, [0.5, 1.0]);
     }
 }
 
@@ -161,21 +282,21 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     let device = |own: &Encoded| Device::from(own.own.device.clone());
     let on = |device| Tracer::builder().device(device).threads(2);
     let build = |builder: abvh::Builder| builder.build(two_sheets().0).unwrap();
-    let is_device = |said| matches!(said, Some(Error::Device(_)));
+    let is_unsupported = |said| matches!(said, Some(Error::Unsupported(_)));
     // No tree is there.
     let mut first = build(on(device(&own)));
-    assert!(is_device(refused(&mut first, &own, 1)));
+    let said = refused(&mut first, &own, 1);
+    assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     let mut rebuilt = build(on(device(&own)).update(Update::Rebuild));
     rebuilt.warm_up(0.0).unwrap();
-    assert!(is_device(refused(&mut rebuilt, &own, 1)));
+    assert!(is_unsupported(refused(&mut rebuilt, &own, 1)));
     let mut exact = build(on(device(&own)).intersector(Intersector::Exact));
     exact.warm_up(0.0).unwrap();
-    assert!(is_device(refused(&mut exact, &own, 2)));
+    assert!(is_unsupported(refused(&mut exact, &own, 2)));
     assert_eq!(refused(&mut exact, &own, 1), None);
     let mut host = build(on(Device::Cpu));
     host.warm_up(0.0).unwrap();
-    let said = refused(&mut host, &own, 1);
-    assert!(matches!(said, Some(Error::Unsupported(_))));
+    assert!(is_unsupported(refused(&mut host, &own, 1)));
     // Rays of the host's memory are traced at once.
     let mut commands = own.commands();
     let mut step = own.own.tracer.step(0.0);

@@ -167,7 +167,7 @@ pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
         if warm {
             tracer.warm_up(0.0).unwrap();
         }
-        matches!(tracer.scene_buffers(), Err(Error::Device(_)))
+        matches!(tracer.scene_buffers(), Err(Error::Misuse(_)))
     };
     assert!(refused(Tracer::builder(), false));
     assert!(!refused(Tracer::builder(), true));

@@ -136,6 +136,7 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
         count,
         answers: None,
     };
+    let is_misuse = |said: Option<Error>| assert!(matches!(said, Some(Error::Misuse(_))));
     let is_device = |said: Option<Error>| assert!(matches!(said, Some(Error::Device(_))));
     let is_unsupported = |said| assert!(matches!(said, Some(Error::Unsupported(_))));
     for (rays, count, answers) in [
@@ -152,7 +153,7 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
             answers,
         };
         let mut step = own.tracer.step(0.0);
-        is_device(step.trace_buffers(asked, Query::Closest).err());
+        is_misuse(step.trace_buffers(asked, Query::Closest).err());
     }
     // Nothing but `trace_buffers` tells where rays lie.
     let nowhere = abvh::Rays::OnDevice(3);

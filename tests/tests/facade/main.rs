@@ -3,10 +3,13 @@
 //! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
 
 mod frames;
+#[cfg(target_os = "linux")]
+mod memory;
 mod oracle;
 mod pictures;
 mod pool;
 mod replace;
+mod runtimes;
 
 use abvh::{
     Camera, Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays, Replacement, Scene,
@@ -21,7 +24,7 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 19] = [
+const LAWS: [(&str, Law); 28] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
@@ -40,13 +43,27 @@ const LAWS: [(&str, Law); 19] = [
     ("a_replaced_mesh_may_move_in_another_way", replace::motions),
     ("results_outlive_a_step_and_a_commit", replace::results),
     ("replacements_given_up_change_nothing", replace::given_up),
+    (
+        "two_meshes_may_be_replaced_at_a_time",
+        replace::two_at_a_time,
+    ),
     ("replacements_that_do_not_fit_are_errors", replace::misuse),
+    ("a_world_for_each_rayon_task", runtimes::rayon_worlds),
+    ("rayon_tasks_share_a_tracer", runtimes::rayon_turns),
+    ("a_tracer_for_each_rayon_thread", runtimes::rayon_threads),
+    ("tokio_tasks_trace", runtimes::tokio),
+    ("no_other_task_runs_within_a_call", runtimes::no_other_task),
+    ("the_global_pool_may_be_busy", runtimes::no_global_pool),
+    ("readers_of_key_frames_may_trace", runtimes::readers_trace),
+    ("readers_of_key_frames_may_panic", runtimes::readers_panic),
 ];
 
 /// Likewise, of a backend or a wgpu device that the program opened.
-const OWN: [(&str, (&str, Law)); 2] = [
+const OWN: &[(&str, (&str, Law))] = &[
     ("cpu", ("a_programs_backend_traces", frames::on_backend)),
     ("wgpu", ("a_programs_device_replaces", replace::own)),
+    #[cfg(target_os = "linux")]
+    ("cpu", ("a_scene_beyond_memory_is_refused", memory::refused)),
 ];
 
 /// Whatever a program holds may go to another thread.
@@ -56,6 +73,8 @@ const _: () = {
 };
 
 fn main() {
+    #[cfg(target_os = "linux")]
+    memory::child();
     let devices = [
         ("cpu", Device::Cpu),
         ("vulkan", Device::Vulkan(None)),
@@ -296,6 +315,11 @@ fn misuse(device: &Device) {
     let few = step.vertices(cloth, Source::Host(&points[1..]));
     assert_eq!(few, Err(count(cloth, "vertices", 3, 2)));
     assert_eq!(step.poses(robot, &[]), Err(count(robot, "matrices", 4, 0)));
+    // Links without geometry have matrices, too.
+    step.poses(robot, &[[[0.0; 4]; 3]; 6]).unwrap();
+    // A query that fails has not begun to trace.
+    assert!(step.trace(Rays::OnDevice(1), Query::Any).is_err());
+    assert_eq!(step.vertices(cloth, host), Ok(()));
     let query = step.trace(&[], Query::Any).unwrap();
     assert_eq!(step.vertices(cloth, host), Err(Error::TooLate));
     let done = step.submit().unwrap();
@@ -317,7 +341,7 @@ fn misuse(device: &Device) {
     let vast = traced.and_then(|_| step.submit());
     assert!(matches!(
         vast,
-        Err(Error::Unsupported(_) | Error::Device(_))
+        Err(Error::Unsupported(_) | Error::OutOfMemory(_))
     ));
     let on_device = tracer.step(0.0).trace(Rays::OnDevice(1), Query::Any);
     assert!(on_device.is_err() || *device != Device::Cpu);

@@ -1,10 +1,11 @@
 //! New topology for a mesh while the scene is traced.
 
 use crate::pool::{self, tracer};
-use crate::{Demo, Found, bits, demo, scene_of, still};
+use crate::{Demo, Found, bits, demo, scene_of, seen, still};
 use abvh::own_device::{OwnDevice, required_features, required_limits, wgpu};
 use abvh::{
-    Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, StepId, Tracer, Update,
+    Device, Error, Mesh, MeshId, Point, Query, QueryId, Ray, Scene, Source, Step, StepId, Tracer,
+    Update,
 };
 
 /// The meshes that stay, and those that come and go.
@@ -323,6 +324,32 @@ pub(crate) fn given_up(device: &Device) {
     assert_eq!(orphan.unwrap().mesh(), ids.target);
 }
 
+/// Two meshes are replaced at a time, in either order, while a third one moves.
+pub(crate) fn two_at_a_time(device: &Device) {
+    let [low, other] = ["demo:twist:1000", "demo:twist:300"].map(demo);
+    let at = |of: &Demo, by: f32| raised(&of.keys[0], by);
+    let fixed = |of: &Demo, by: f32| Mesh::fixed(&at(of, by), &of.triangles).unwrap();
+    let cloth = || Mesh::streamed(&at(&low, 0.8), &low.triangles).unwrap();
+    for first in [0, 1] {
+        let (scene, ids) = scene_of([fixed(&low, 0.0), fixed(&low, -0.5), cloth()]);
+        let mut live = tracer(scene, device);
+        let with = [fixed(&other, 0.1), fixed(&other, -0.4)];
+        let replace = |i: usize| live.replace(ids[i], with[i].clone()).unwrap();
+        let [one, two] = [first, 1 - first].map(replace);
+        live.commit(one).unwrap();
+        let moved = at(&low, 0.3);
+        let moves = |step: &mut Step<'_>, cloth| step.vertices(cloth, Source::Host(&moved));
+        seen(&mut live, 0.0, &low.rays, |step| moves(step, ids[2]));
+        live.commit(two).unwrap();
+        let found = still(&mut live, 0.0, &low.rays);
+        let [a, b] = with;
+        let (scene, [.., cloth]) = scene_of([a, b, cloth()]);
+        let mut anew = tracer(scene, device);
+        let expected = seen(&mut anew, 0.0, &low.rays, |step| moves(step, cloth));
+        assert!(found == expected, "mesh {first} first");
+    }
+}
+
 pub(crate) fn misuse(device: &Device) {
     let (points, triangles) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let mesh = || Mesh::fixed(&points, &triangles).unwrap();
@@ -334,9 +361,9 @@ pub(crate) fn misuse(device: &Device) {
     assert_eq!(refused, Some(Error::ForeignMesh(foreign)));
     let lent = other.replace(one, mesh()).unwrap();
     assert_eq!(live.commit(lent), Err(Error::ForeignReplacement(one)));
-    let [first, second] = [one, two].map(|id| live.replace(id, mesh()).unwrap());
+    let [first, second] = [one, one].map(|id| live.replace(id, mesh()).unwrap());
     live.commit(first).unwrap();
-    assert_eq!(live.commit(second), Err(Error::Conflict(two)));
+    assert_eq!(live.commit(second), Err(Error::Conflict(one)));
     // Without a triangle, and where no vertex is a number.
     let nowhere = Mesh::streamed(&[[f32::NAN; 3]; 3], &triangles).unwrap();
     for mesh in [Mesh::fixed(&[], &[]).unwrap(), nowhere] {

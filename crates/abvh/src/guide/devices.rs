@@ -58,6 +58,10 @@
 //! builds. A [`Tracer`](crate::Tracer) may be sent to another thread, and several may exist side by side. Each has its own
 //! device and its own trees.
 //!
+//! Tracers may be used from tasks of rayon, tokio and other runtimes. A call blocks its thread, which runs no other task
+//! meanwhile. Parallel work runs in pools of the library, never in rayon's global pool. A rayon worker starts a short-lived
+//! thread for each parallel part of a call, which takes some tens of microseconds.
+//!
 //! # First run
 //!
 //! Compiled shaders are kept in the folder `abvh` of the user's cache, so a second run starts faster.

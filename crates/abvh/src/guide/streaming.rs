@@ -53,7 +53,8 @@
 //! and all keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until they are dropped,
 //! both scenes take memory.
 //!
-//! Replacements are prepared for the scene as it is: of several at a time only the first can be committed.
+//! Replacements of several meshes may be prepared at a time. They are prepared for the scene as it is, so all but the first
+//! to be committed are prepared once more by `commit`, which waits for that.
 //!
 //! # Trees ahead of the motion
 //!

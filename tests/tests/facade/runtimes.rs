@@ -1,0 +1,309 @@
+//! The library inside the program's own threads: rayon, tokio, and readers of key frames.
+
+use crate::{demo, scene_of, still};
+use abvh::{Camera, Device, Mesh, Point, Query, Ray, Source, Tracer};
+use integration::is_full;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+use std::cell::RefCell;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Barrier, Mutex};
+use std::thread;
+use std::time::Duration;
+use tokio::runtime::Runtime;
+
+const SAIL: [Point; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+
+/// Rays down on the sail, alternately through it and past it.
+fn down(count: usize) -> Vec<Ray> {
+    let ray = |i: usize| Ray::new([9.0 * (i % 2) as f32, 9.0, 0.0], [0.0, -1.0, 0.0]);
+    (0..count).map(ray).collect()
+}
+
+fn world(device: &Device) -> Tracer {
+    let (scene, _) = scene_of([Mesh::streamed(&SAIL, &[[0, 1, 2]]).unwrap()]);
+    let builder = Tracer::builder().device(device.clone()).threads(1);
+    builder.build(scene).unwrap()
+}
+
+/// Traces a step of one ray, which hits.
+fn step(tracer: &mut Tracer) -> usize {
+    let mut step = tracer.step(0.0);
+    let query = step.trace(&down(1), Query::Any).unwrap();
+    let done = step.submit().unwrap();
+    usize::from(tracer.hits(done, query).unwrap().is_hit(0))
+}
+
+/// How many worlds or steps suit a device: opening a GPU's takes long.
+fn many(device: &Device, most: usize) -> usize {
+    match (device, is_full()) {
+        (Device::Cpu, true) => most,
+        (Device::Cpu, false) => most / 5,
+        (_, true) => most / 40,
+        (_, false) => most / 250,
+    }
+}
+
+fn workers(threads: usize) -> ThreadPool {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder.build().unwrap()
+}
+
+/// Runs `work`, and panics if it does not end.
+fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    let (done, result) = channel();
+    let thread = thread::spawn(move || done.send(work()));
+    match result.recv_timeout(Duration::from_secs(240)) {
+        Ok(result) => result,
+        Err(RecvTimeoutError::Timeout) => panic!("the work hangs"),
+        Err(RecvTimeoutError::Disconnected) => match thread.join() {
+            Ok(_) => unreachable!("it sends its result"),
+            Err(panic) => resume_unwind(panic),
+        },
+    }
+}
+
+/// Worlds that tasks of rayon's build, use and drop.
+pub(crate) fn rayon_worlds(device: &Device) {
+    let (device, count) = (device.clone(), many(device, 2000));
+    let hits = within(move || {
+        let each = (0..count).into_par_iter().with_max_len(1);
+        workers(2).install(|| each.map(|_| step(&mut world(&device))).sum::<usize>())
+    });
+    assert_eq!(hits, count);
+}
+
+/// One tracer that tasks of rayon's take turns with.
+pub(crate) fn rayon_turns(device: &Device) {
+    let (tracer, count) = (Mutex::new(world(device)), many(device, 5000));
+    let hits = within(move || {
+        let turn = |_| step(&mut tracer.lock().unwrap());
+        let each = (0..count).into_par_iter().with_max_len(1);
+        workers(3).install(|| each.map(turn).sum::<usize>())
+    });
+    assert_eq!(hits, count);
+}
+
+/// A tracer for each thread.
+pub(crate) fn rayon_threads(device: &Device) {
+    thread_local! {
+        static OWN: RefCell<Option<Tracer>> = const { RefCell::new(None) };
+    }
+    let (device, count) = (device.clone(), many(device, 5000));
+    let hits = within(move || {
+        let turn = |_| OWN.with(|own| step(own.borrow_mut().get_or_insert_with(|| world(&device))));
+        let pool = workers(2);
+        let each = (0..count).into_par_iter().with_max_len(1);
+        let hits = pool.install(|| each.map(turn).sum::<usize>());
+        // Drivers do not like a thread to end with a device.
+        pool.broadcast(|_| OWN.with(RefCell::take));
+        hits
+    });
+    assert_eq!(hits, count);
+}
+
+/// Worlds in tasks of tokio's, blocking and not, and one tracer that such tasks share.
+pub(crate) fn tokio(device: &Device) {
+    let (device, count) = (device.clone(), many(device, 2000));
+    let hits = within(move || {
+        let mut builder = tokio::runtime::Builder::new_multi_thread();
+        let runtime = builder.worker_threads(2).max_blocking_threads(4).build();
+        let runtime = runtime.unwrap();
+        let shared = Arc::new(Mutex::new(world(&device)));
+        let hits = worlds(&runtime, &device, count) + turns(&runtime, &shared, count);
+        drop(shared);
+        hits
+    });
+    assert_eq!(hits, 2 * count);
+}
+
+fn worlds(runtime: &Runtime, device: &Device, count: usize) -> usize {
+    let task = |i| {
+        let device = device.clone();
+        let own = move || step(&mut world(&device));
+        match i % 3 {
+            0 => runtime.spawn_blocking(own),
+            1 => runtime.spawn(async move { tokio::task::block_in_place(own) }),
+            _ => runtime.spawn(async move { own() }),
+        }
+    };
+    let tasks: Vec<_> = (0..count).map(task).collect();
+    let hits = tasks
+        .into_iter()
+        .map(|task| runtime.block_on(task).unwrap());
+    hits.sum()
+}
+
+fn turns(runtime: &Runtime, tracer: &Arc<Mutex<Tracer>>, count: usize) -> usize {
+    let task = |i| {
+        let tracer = Arc::clone(tracer);
+        let turn = move || step(&mut tracer.lock().unwrap());
+        match i % 2 {
+            0 => runtime.spawn_blocking(turn),
+            _ => runtime.spawn(async move { turn() }),
+        }
+    };
+    let tasks: Vec<_> = (0..count).map(task).collect();
+    let hits = tasks
+        .into_iter()
+        .map(|task| runtime.block_on(task).unwrap());
+    hits.sum()
+}
+
+/// All that a program does with a tracer, on meshes that the host prepares in parallel. `between` runs before each call.
+fn tour(device: &Device, between: &dyn Fn()) {
+    let wide: Vec<Point> = (0..70_000).map(|i| SAIL[i % 3]).collect();
+    let wide = |by: f32| wide.iter().map(|p| [p[0], p[1] + by, p[2]]).collect();
+    let (low, high): (Vec<Point>, Vec<Point>) = (wide(0.0), wide(1.0));
+    let triangles: Vec<[u32; 3]> = (0..200).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let parts = vec![0; low.len()];
+    let (read, keys) = ([low.clone(), high.clone()], vec![low.clone(), high.clone()]);
+    let read = move |key: usize| Ok::<_, String>(read[key].clone());
+    between();
+    let sequence = Mesh::sequence(2, 4, read, &triangles).unwrap();
+    between();
+    let opened = Mesh::open("demo:twist:300").unwrap();
+    between();
+    let meshes = [
+        sequence,
+        opened,
+        Mesh::streamed(&low, &triangles).unwrap(),
+        Mesh::rigid(&low, &triangles, &parts).unwrap(),
+        Mesh::keyframes(keys, &triangles).unwrap(),
+    ];
+    let (scene, [_, _, cloth, robot, keyed]) = scene_of(meshes);
+    between();
+    let builder = Tracer::builder().device(device.clone()).threads(1);
+    let mut tracer = builder.clone().build(scene.clone()).unwrap();
+    between();
+    tracer.warm_up(0.0).unwrap();
+    between();
+    let other = Mesh::fixed(&high, &triangles).unwrap();
+    let replacement = tracer.replace(keyed, other).unwrap();
+    let (eye, up) = ([0.0, 9.0, 0.1], [0.0, 0.0, 1.0]);
+    let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [40, 30]).unwrap();
+    for time in [0.25, 0.5] {
+        let mut step = tracer.step(time);
+        between();
+        step.vertices(cloth, Source::Host(&high)).unwrap();
+        between();
+        step.poses(robot, &[[[1.0, 0.0, 0.0, 0.0]; 3]]).unwrap();
+        between();
+        let query = step.trace(&down(20_000), Query::Closest).unwrap();
+        between();
+        let picture = step.render(&camera, [1.0, 9.0, 1.0]).unwrap();
+        between();
+        let done = step.submit().unwrap();
+        between();
+        assert!(tracer.hits(done, query).unwrap().is_hit(0));
+        between();
+        tracer.pixels(done, picture, &mut Vec::new()).unwrap();
+        between();
+    }
+    tracer.commit(replacement).unwrap();
+    between();
+    step(&mut tracer);
+    between();
+    let mut tracer = builder.build_in_place_of(tracer, scene).unwrap();
+    between();
+    step(&mut tracer);
+    between();
+    drop(tracer);
+    between();
+}
+
+/// A pool's only worker calls the library while other tasks of the program wait for it.
+pub(crate) fn no_other_task(device: &Device) {
+    let device = device.clone();
+    within(move || {
+        let is_inside = Arc::new(AtomicBool::new(true));
+        let has_run = Arc::<AtomicBool>::default();
+        let between = || {
+            let (is_inside, has_run) = (Arc::clone(&is_inside), Arc::clone(&has_run));
+            rayon::spawn(move || {
+                let ran = is_inside.load(Ordering::Relaxed);
+                has_run.fetch_or(ran, Ordering::Relaxed);
+            });
+        };
+        workers(1).install(|| {
+            tour(&device, &between);
+            is_inside.store(false, Ordering::Relaxed);
+        });
+        assert!(!has_run.load(Ordering::Relaxed), "another task has run");
+    });
+}
+
+/// Blocks all workers of the global pool until what it returns is dropped.
+fn occupy_the_global_pool() -> Receiver<()> {
+    let threads = rayon::current_num_threads();
+    let (begun, (hold, held)) = (Arc::new(Barrier::new(threads + 1)), channel::<()>());
+    let entered = Arc::clone(&begun);
+    rayon::spawn_broadcast(move |_| {
+        entered.wait();
+        while hold.send(()).is_ok() {
+            thread::sleep(Duration::from_millis(1));
+        }
+    });
+    begun.wait();
+    held
+}
+
+/// Tasks of the global pool may wait for a tracer whose owner is in a call.
+pub(crate) fn no_global_pool(device: &Device) {
+    let device = device.clone();
+    let held = occupy_the_global_pool();
+    within(move || tour(&device, &|| ()));
+    drop(held);
+}
+
+/// Readers of key frames are the program's code: they may trace, also with a tracer that they share.
+pub(crate) fn readers_trace(device: &Device) {
+    let demo = Arc::new(demo("demo:collide:300"));
+    let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(world(device))));
+    let other = Mutex::new(world(&Device::Cpu));
+    let read = move |key: usize| {
+        let hits = step(&mut shared.lock().unwrap()) + step(&mut other.lock().unwrap());
+        match hits {
+            2 => Ok(keys.keys[key].clone()),
+            _ => Err("the reader's ray misses"),
+        }
+    };
+    let device = device.clone();
+    within(move || {
+        let mesh = Mesh::sequence(demo.keys.len(), 4, read, &demo.triangles).unwrap();
+        let held = Mesh::keyframes(demo.keys.clone(), &demo.triangles).unwrap();
+        let build = |mesh| {
+            let builder = Tracer::builder().device(device.clone()).threads(1);
+            builder.build(scene_of([mesh]).0).unwrap()
+        };
+        let (mut read, mut held) = (build(mesh), build(held));
+        for key in (0..demo.keys.len()).step_by(3) {
+            let time = key as f64 + 0.5;
+            let [found, expected] = [&mut read, &mut held].map(|t| still(t, time, &demo.rays));
+            assert!(found == expected, "at {time}");
+        }
+    });
+}
+
+/// A reader that panics is one that fails, whichever key frame it reads.
+pub(crate) fn readers_panic(_: &Device) {
+    for bad in [0, 1] {
+        let read = move |key: usize| match key == bad {
+            true => panic!("planted"),
+            false => Ok::<_, String>(SAIL.to_vec()),
+        };
+        let made = Mesh::sequence(2, 4, read, &[[0, 1, 2]]);
+        let said = made.and_then(|mesh| {
+            let (mut scene, _) = scene_of([mesh]);
+            scene.add(Mesh::fixed(&SAIL, &[[0, 1, 2]])?);
+            Tracer::builder().device(Device::Cpu).build(scene)
+        });
+        let said = said.map(drop).unwrap_err();
+        assert_eq!(
+            said,
+            abvh::Error::KeyFrame(format!("key frame {bad}: its reader panicked"))
+        );
+    }
+}
