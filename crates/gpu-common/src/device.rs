@@ -257,6 +257,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
     fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
 
+    /// Returns whether a submission is done, so that [`GpuDevice::finish`] would not wait. Never waits.
+    fn is_done(&self, slot: &Self::Slot, ticket: Ticket) -> Result<bool>;
+
     /// Whether positions have arrived. Never waits.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 

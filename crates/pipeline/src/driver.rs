@@ -92,6 +92,8 @@ pub struct Driver {
     /// Of the frame at hand.
     record: FrameRecord,
     pending: VecDeque<Pending>,
+    /// Whether positions and boxes are recorded of a frame whose queries the backend refused.
+    has_refused: bool,
     frames: u64,
 }
 
@@ -146,6 +148,7 @@ impl Driver {
             light: None,
             record: FrameRecord::begin(Frame::default(), Instant::now()),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            has_refused: false,
             frames: 0,
         })
     }
@@ -216,6 +219,7 @@ impl Driver {
         queries: &[Query<'_>],
     ) -> Result<Ticket, PipelineError> {
         let begun = Instant::now();
+        self.submit_refused()?;
         self.record = FrameRecord::begin(frame, begun);
         let pose = self.animation.pose(frame.time);
         self.light = queries[0].kind.light();
@@ -228,7 +232,20 @@ impl Driver {
             self.bring_tree(pose)?;
             self.record_geometry(pose)?
         };
-        self.record_stages(stale, queries)?;
+        if stale {
+            self.backend.preprocess()?;
+            self.backend.refit()?;
+        }
+        let recorded = self.record_traces(queries);
+        // Where a key frame cannot be read, nothing of the frame is recorded.
+        if let Err(PipelineError::Backend(e)) = &recorded
+            && !matches!(e, BackendError::KeyFrame(_))
+        {
+            self.has_refused = true;
+            // Positions that it requested come with its submission.
+            self.frames += 1;
+        }
+        recorded?;
         self.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         self.poll_builder()?;
@@ -245,12 +262,18 @@ impl Driver {
         Ok(ticket)
     }
 
-    /// Records what follows positions and a tree.
-    fn record_stages(&mut self, stale: bool, queries: &[Query<'_>]) -> Result<(), PipelineError> {
-        if stale {
-            self.backend.preprocess()?;
-            self.backend.refit()?;
+    /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same recording,
+    /// and no tree could be adopted.
+    fn submit_refused(&mut self) -> Result<(), PipelineError> {
+        if std::mem::take(&mut self.has_refused) {
+            let ticket = self.backend.submit()?;
+            self.backend.release(ticket);
         }
+        Ok(())
+    }
+
+    /// Records the traces of a frame, after its positions and boxes.
+    fn record_traces(&mut self, queries: &[Query<'_>]) -> Result<(), PipelineError> {
         let &[query] = queries else {
             return Ok(self.backend.trace_together(queries)?);
         };
