@@ -3,6 +3,7 @@
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
+use crate::tracer::State;
 use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
 use geom::Camera;
 use shading::Shot;
@@ -36,7 +37,7 @@ impl Step<'_> {
     /// As for [`Step::trace`].
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let (id, shot) = (self.next_id(), (camera, light));
-        let Tracer { current, last, .. } = &mut *self.tracer;
+        let State { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
         current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
         let answer = current.results.back();
@@ -60,10 +61,16 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::NoResult`] if the query is of another step, was dropped or is no picture; [`Error::Device`].
-    pub fn pixels(&mut self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
-        let (loaded, at) = find(&mut self.current, &mut self.former, step, picture)?;
+    pub fn pixels(&self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
+        let State {
+            current,
+            former,
+            last,
+            ..
+        } = &mut *self.shared_state();
+        let (loaded, at) = find(current, former, step, picture)?;
         let ticket = loaded.results[at].ticket;
-        loaded.wait(ticket, &mut self.last)?;
+        loaded.wait(ticket, last)?;
         if let Some(shaded) = &loaded.results[at].pixels {
             rgba.clone_from(shaded);
             return Ok(());

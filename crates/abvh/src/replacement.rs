@@ -1,7 +1,7 @@
 //! Other triangles in a mesh's place, prepared while the scene is traced.
 
 use crate::loaded::Loaded;
-use crate::tracer::name;
+use crate::tracer::{State, name};
 use crate::{Error, Mesh, MeshId, Result, Tracer};
 use geom::lock;
 use pipeline::{Pace, Update};
@@ -96,7 +96,8 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`]; [`Error::Device`] if no thread can be had.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let prepare = self.preparation(mesh.within(&self.current.joined.meshes)?, with)?;
+        let state = self.shared_state();
+        let prepare = state.preparation(mesh.within(&state.current.joined.meshes)?, with)?;
         let is_given_up = Arc::<AtomicBool>::default();
         let heard = Arc::clone(&is_given_up);
         let thread = thread::Builder::new().name("abvh-replace".into());
@@ -104,8 +105,8 @@ impl Tracer {
         let begun = begun.map_err(|e| Error::Device(format!("no thread to prepare it: {e}")))?;
         Ok(Replacement {
             mesh,
-            commits: self.commits,
-            disposal: Arc::clone(&self.disposal),
+            commits: state.commits,
+            disposal: Arc::clone(&state.disposal),
             is_given_up,
             preparation: Some(begun),
         })
@@ -119,21 +120,23 @@ impl Tracer {
     /// [`Error::Conflict`] if another was committed since it was begun, [`Error::ForeignReplacement`],
     /// those of [`Builder::build`](crate::Builder::build). The old mesh then stays.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
-        let mesh = replacement.mesh;
-        if !Arc::ptr_eq(&self.disposal, &replacement.disposal) {
+        let (mesh, state) = (replacement.mesh, self.state());
+        if !Arc::ptr_eq(&state.disposal, &replacement.disposal) {
             return Err(Error::ForeignReplacement(mesh));
         }
-        if self.commits != replacement.commits {
+        if state.commits != replacement.commits {
             return Err(Error::Conflict(mesh));
         }
         let mut next = replacement.wait()?;
-        next.follow(&mut self.current, mesh.index())?;
-        let before = std::mem::replace(&mut self.current, next);
-        self.former.push(before);
-        self.commits += 1;
+        next.follow(&mut state.current, mesh.index())?;
+        let before = std::mem::replace(&mut state.current, next);
+        state.former.push(before);
+        state.commits += 1;
         Ok(())
     }
+}
 
+impl State {
     /// What loads the scene with another mesh and builds its first tree. It takes threads that build trees anyway: steps need
     /// the others.
     fn preparation(
@@ -142,7 +145,7 @@ impl Tracer {
         with: Mesh,
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
         let current = &self.current;
-        let (builder, expected) = (self.builder.clone(), self.device().to_owned());
+        let (builder, expected) = (self.builder.clone(), self.device.clone());
         // Where there is none, the device is opened once more.
         let another = current.driver.another_backend();
         let parts = current.joined.parts();

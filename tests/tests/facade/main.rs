@@ -7,6 +7,7 @@ mod oracle;
 mod pictures;
 mod pool;
 mod replace;
+mod results;
 
 use abvh::{
     Camera, Device, Error, Hit, Hits, Mesh, MeshId, Point, Query, Ray, Rays, Replacement, Scene,
@@ -21,7 +22,7 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 19] = [
+const LAWS: [(&str, Law); 23] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
@@ -41,6 +42,10 @@ const LAWS: [(&str, Law); 19] = [
     ("results_outlive_a_step_and_a_commit", replace::results),
     ("replacements_given_up_change_nothing", replace::given_up),
     ("replacements_that_do_not_fit_are_errors", replace::misuse),
+    ("results_are_held_while_steps_are_prepared", results::held),
+    ("dropped_steps_do_not_count", results::dropped),
+    ("refused_queries_change_nothing", results::refused),
+    ("results_can_be_polled", results::polled),
 ];
 
 /// Likewise, of a backend or a wgpu device that the program opened.
@@ -53,6 +58,8 @@ const OWN: [(&str, (&str, Law)); 2] = [
 const _: () = {
     const fn is_send<T: Send>() {}
     is_send::<(Tracer, Replacement, Scene, Mesh, Device, Error)>();
+    const fn is_shared<T: Sync>() {}
+    is_shared::<(Tracer, Hits)>();
 };
 
 fn main() {
@@ -106,7 +113,7 @@ fn demo(name: &str) -> Demo {
 /// All that a query found: meshes, triangles, and bits of numbers.
 type Found = Vec<[u32; 5]>;
 
-fn bits(hits: Hits<'_>) -> Found {
+fn bits(hits: Hits) -> Found {
     let hit = |hit: Hit| {
         let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
         [hit.mesh.index() as u32, hit.triangle, t, u, v]

@@ -133,7 +133,7 @@ impl Stage {
 fn first_wrong(
     oracle: &Oracle,
     rays: &[Ray],
-    (closest, any): (&[Option<u32>], Hits<'_>),
+    (closest, any): (&[Option<u32>], Hits),
 ) -> Option<String> {
     (0..rays.len()).into_par_iter().find_map_first(|i| {
         let (ray, found, any) = (&rays[i], closest[i], any.is_hit(i));
