@@ -6,6 +6,7 @@
 use abvh::{Camera, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
 use integration::{is_full, is_required};
 use libtest_mimic::{Arguments, Trial};
+use std::io::Write;
 
 /// Bytes by which the process may grow: allocators and drivers keep some memory for later.
 const SLACK: usize = 12 << 20;
@@ -112,7 +113,11 @@ fn stays_flat(device: &Device, ends: &[End]) -> Result<(), libtest_mimic::Failed
         live.step(i, ends[i % ends.len()])?;
     }
     let (before, after) = before.zip(resident()).unwrap_or_default();
-    println!("{device:?}, {ends:?}: {before} bytes, {after} after {steps} steps");
+    let mut out = std::io::stdout();
+    writeln!(
+        out,
+        "{device:?}, {ends:?}: {before} bytes, {after} after {steps} steps"
+    )?;
     match after > before + SLACK {
         true => Err(format!("{before} bytes became {after} in {steps} steps").into()),
         false => Ok(()),
