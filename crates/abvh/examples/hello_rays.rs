@@ -16,8 +16,8 @@ fn main() -> Result<(), Error> {
         step.vertices(cloth, Source::Host(&sheet(time as f32)))?;
         let depth = step.trace(&rays, Query::Closest)?;
         let done = step.submit()?;
-        let distances = tracer.hits(done, depth)?.distances();
-        println!("{:?}", distances.collect::<Vec<_>>());
+        let hits = tracer.hits(done, depth)?;
+        println!("{:?}", hits.distances().collect::<Vec<_>>());
     }
     Ok(())
 }

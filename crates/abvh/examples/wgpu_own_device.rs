@@ -120,11 +120,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         let done = step.encode(&mut encoder)?;
         let (hits, near) = (tracer.hits_buffer(done, query)?, buffer(&own, &[0.0]));
         let groups = (SIZE[0] * SIZE[1]).div_ceil(64);
-        run(&mut encoder, &own.device, "count", (&[hits, &near], groups));
+        run(
+            &mut encoder,
+            &own.device,
+            "count",
+            (&[&hits, &near], groups),
+        );
         own.queue.submit([encoder.finish()]);
         let near = read(&own, &near)?;
-        let distances = tracer.hits(done, query)?.distances();
-        assert_eq!(near as usize, distances.filter(|&t| t < 4.0).count());
+        let hits = tracer.hits(done, query)?;
+        let nearer = hits.distances().filter(|&t| t < 4.0);
+        assert_eq!(near as usize, nearer.count());
         println!("{height}: {near} rays meet it nearer than 4");
     }
     Ok(())

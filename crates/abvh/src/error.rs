@@ -47,7 +47,8 @@ pub enum Error {
     /// The replacement of this mesh was begun before another replacement of the same mesh was committed.
     #[error("the replacement of mesh {} was begun before another of the same mesh was committed", .0.index())]
     Conflict(MeshId),
-    /// A result is of another step, was given already, or was dropped: results stay until the second step after theirs.
+    /// The query is of another step or tracer, or its result was dropped. A result can be read any number of times until the
+    /// second step after its own is submitted. Steps that are dropped have no results and do not count.
     #[error("there is no result of this query any more, or it is of another step")]
     NoResult,
     /// A key frame cannot be read, or a file that is to have some.

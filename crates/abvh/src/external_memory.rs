@@ -124,9 +124,9 @@ pub struct ExternalRays<'a> {
     pub rays: &'a ExternalBuffer,
     /// How many of them there are, from the first on.
     pub count: usize,
-    /// Another buffer. Of [`Query::Closest`] it gets 16 bytes a ray: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the
-    /// triangle's number among those of all meshes or 4294967295 for a miss; of [`Query::Any`] a word a ray that is not 0 if
-    /// it met anything. Without it the library has a buffer.
+    /// Another buffer. [`Query::Closest`] writes 16 bytes a ray: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the
+    /// triangle's number among those of all meshes ([`Tracer::first_triangle`]) or 4294967295 for a miss. [`Query::Any`]
+    /// writes a word a ray that is not 0 if the ray met anything. Without this buffer the library uses its own.
     pub answers: Option<&'a ExternalBuffer>,
 }
 
@@ -207,7 +207,7 @@ impl Tracer {
     /// [`Error::Unsupported`] on another device than Vulkan's, where the driver does not export, with the extension's name, and
     /// beyond its limits; [`Error::OutOfMemory`].
     pub fn external_buffer(&mut self, bytes: u64) -> Result<ExternalBuffer> {
-        let gpu = &self.current.exporter()?.gpu;
+        let gpu = &self.state().current.exporter()?.gpu;
         let made = ExternalMemory::new(gpu, bytes).map_err(Error::of_backend)?;
         Ok(ExternalBuffer(Arc::new(made)))
     }
@@ -217,7 +217,7 @@ impl Tracer {
     /// # Errors
     /// As for [`Tracer::external_buffer`].
     pub fn external_semaphore(&mut self) -> Result<ExternalSemaphore> {
-        let gpu = &self.current.exporter()?.gpu;
+        let gpu = &self.state().current.exporter()?.gpu;
         let made = Timeline::exportable(gpu).map_err(Error::of_backend)?;
         Ok(ExternalSemaphore(Arc::new(made)))
     }

@@ -20,7 +20,7 @@
 //! ```
 
 use crate::loaded::Loaded;
-use crate::tracer::moment;
+use crate::tracer::{State, moment};
 use crate::{Error, Point, Result, Tracer};
 use geom::Camera;
 use pipeline::LOOK_AHEAD;
@@ -33,7 +33,7 @@ impl Tracer {
     /// # Errors
     /// [`Error::Device`].
     pub fn prepare_frames(&mut self, shot: (&Camera, Point), wanted: Wanted) -> Result<bool> {
-        let loaded = &mut self.current;
+        let loaded = &mut self.state().current;
         let shades = wanted.pixels && loaded.host_colours()?.is_none();
         loaded.driver.prepare(shading::query(shot));
         Ok(shades)
@@ -55,9 +55,10 @@ impl Tracer {
         wanted: Wanted,
         mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.current.finish_all(&mut self.last)?;
-        self.keep_from(u64::MAX);
-        let Self { current, last, .. } = self;
+        let state = self.state();
+        state.current.finish_all(&mut state.last)?;
+        state.keep_from(u64::MAX);
+        let State { current, last, .. } = state;
         let colours = match wanted.pixels {
             true => current.host_colours()?,
             false => None,

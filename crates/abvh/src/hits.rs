@@ -1,7 +1,11 @@
-//! What rays met.
+//! Results of queries.
 
-use crate::motion::Joined;
+use crate::vertices::copy;
 use crate::{MeshId, SceneHit};
+use backend::HitsPool;
+use geom::lock;
+use std::fmt;
+use std::sync::{Arc, Mutex};
 
 /// Where a ray met a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,33 +22,73 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// What one query found, in the order of its rays, where it lies.
-#[derive(Clone, Copy)]
-pub struct Hits<'a> {
-    pub(crate) found: &'a backend::Hits,
-    pub(crate) joined: &'a Joined,
+/// The results of one query, in the order of its rays. A handle: clones share the same results, and it may be held as long as
+/// it is of use, while later steps are prepared, on any thread, and after the tracer is dropped. Its memory is used again for
+/// a later query once the last clone is dropped.
+#[derive(Clone)]
+pub struct Hits(Arc<Found>);
+
+struct Found {
+    hits: backend::Hits,
+    numbering: Arc<Numbering>,
+    spares: Spares,
 }
 
-impl<'a> Hits<'a> {
-    /// How many rays there were.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.found.closest.len().max(self.found.blocked.len())
+/// Memory of hits that were dropped.
+pub(crate) type Spares = Arc<Mutex<HitsPool>>;
+
+/// How triangles are numbered through all meshes of a scene.
+pub(crate) struct Numbering {
+    /// The first triangle of each mesh, and the number of all triangles.
+    pub(crate) starts: Vec<usize>,
+    /// The id of each mesh.
+    pub(crate) ids: Vec<MeshId>,
+}
+
+impl Numbering {
+    fn mesh_of(&self, triangle: u32) -> (MeshId, u32) {
+        let triangle = triangle as usize;
+        let mesh = self.starts.partition_point(|&first| first <= triangle) - 1;
+        (self.ids[mesh], (triangle - self.starts[mesh]) as u32)
+    }
+}
+
+impl Drop for Found {
+    fn drop(&mut self) {
+        lock(&self.spares).put(std::mem::take(&mut self.hits));
+    }
+}
+
+impl Hits {
+    pub(crate) fn new(hits: backend::Hits, numbering: &Arc<Numbering>, spares: &Spares) -> Self {
+        Self(Arc::new(Found {
+            hits,
+            numbering: Arc::clone(numbering),
+            spares: Arc::clone(spares),
+        }))
     }
 
-    /// Whether there were none.
+    /// Returns the number of rays.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        let hits = &self.0.hits;
+        hits.closest.len().max(hits.blocked.len())
+    }
+
+    /// Returns whether the query had no rays.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The closest hit of a ray. `None` if it met nothing, there is no such ray, or closest hits were not asked for.
+    /// Returns the closest hit of a ray, or `None` for a miss, for a number that no ray has, and for a query without closest
+    /// hits.
     #[must_use]
     pub fn closest(&self, ray: usize) -> Option<Hit> {
-        let hit = self.found.closest.get(ray).filter(|hit| hit.is_hit())?;
-        let (mesh, triangle) = self.joined.mesh_of(hit.triangle);
+        let hit = self.in_scene().get(ray).filter(|hit| hit.is_hit())?;
+        let (mesh, triangle) = self.0.numbering.mesh_of(hit.triangle);
         Some(Hit {
-            mesh: MeshId::of(&self.joined.meshes, mesh),
+            mesh,
             triangle,
             t: hit.t,
             u: hit.u,
@@ -52,28 +96,43 @@ impl<'a> Hits<'a> {
         })
     }
 
-    /// Whether a ray met anything.
+    /// Returns whether a ray met anything.
     #[must_use]
     pub fn is_hit(&self, ray: usize) -> bool {
-        let closest = self.found.closest.get(ray).is_some_and(|hit| hit.is_hit());
-        closest || self.found.blocked.get(ray).is_some_and(|&met| met != 0)
+        let closest = self.in_scene().get(ray).is_some_and(|hit| hit.is_hit());
+        closest || self.any().get(ray).is_some_and(|&met| met != 0)
     }
 
-    /// Closest hits as they lie, one a ray, to be read at once: triangles are numbered through all meshes of the scene, in the
-    /// order in which these were added. Empty if closest hits were not asked for.
+    /// Returns the closest hits of all rays, without a copy. Triangles are numbered through all meshes of the scene, in the
+    /// order in which these were added: [`Tracer::first_triangle`](crate::Tracer::first_triangle). Empty for a query without
+    /// closest hits.
     #[must_use]
-    pub fn in_scene(&self) -> &'a [SceneHit] {
-        &self.found.closest
+    pub fn in_scene(&self) -> &[SceneHit] {
+        &self.0.hits.closest
     }
 
-    /// 1 for each ray that met anything, else 0. Empty if closest hits were asked for.
+    /// Copies closest hits as [`Hits::in_scene`] has them, several threads at a time where there are many. Returns how many
+    /// were copied: one a ray, or as many as `to` has room for.
+    pub fn copy_to(&self, to: &mut [SceneHit]) -> usize {
+        let count = to.len().min(self.in_scene().len());
+        copy(&mut to[..count], &self.in_scene()[..count]);
+        count
+    }
+
+    /// Returns 1 for each ray that met anything, else 0. Empty for a query of closest hits.
     #[must_use]
-    pub fn any(&self) -> &'a [u8] {
-        &self.found.blocked
+    pub fn any(&self) -> &[u8] {
+        &self.0.hits.blocked
     }
 
-    /// `t` of closest hits, one a ray: infinite for a miss. Empty if closest hits were not asked for.
-    pub fn distances(&self) -> impl ExactSizeIterator<Item = f32> + 'a {
-        self.found.closest.iter().map(|hit| hit.t)
+    /// Returns `t` of the closest hits, one a ray: infinite for a miss. Empty for a query without closest hits.
+    pub fn distances(&self) -> impl ExactSizeIterator<Item = f32> {
+        self.in_scene().iter().map(|hit| hit.t)
+    }
+}
+
+impl fmt::Debug for Hits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Hits of {} rays", self.len())
     }
 }

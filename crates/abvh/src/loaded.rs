@@ -1,10 +1,11 @@
 //! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
 
+use crate::hits::Spares;
 use crate::mesh::Colour;
 use crate::motion::Joined;
-use crate::{Error, Mesh, Point, QueryId, Ray, Result, Statistics, StepId};
+use crate::{Error, Hits, Mesh, Point, QueryId, Ray, Result, Statistics, StepId};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
-use geom::{Camera, KeyFrame};
+use geom::{Camera, KeyFrame, lock};
 use pipeline::{
     Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update, Wanted,
 };
@@ -26,18 +27,24 @@ pub(crate) struct Loaded {
     trees_before: u64,
     /// Submissions that were not seen to be done, the oldest first.
     pub(crate) under_way: VecDeque<Ticket>,
-    /// That may be asked for, from the oldest to the newest.
+    /// Results that are available, from the oldest to the newest.
     pub(crate) results: VecDeque<Answer>,
+    /// Memory of hits that nobody holds any more.
+    spares: Spares,
     /// Since the first picture: colours of all triangles where the host shades; the device has its own.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
-/// Where what a query found is kept.
+/// Where the result of a query is kept.
 pub(crate) struct Answer {
     pub(crate) query: QueryId,
     pub(crate) ticket: Ticket,
     /// Among the queries of its submission.
     pub(crate) place: usize,
+    rays: usize,
+    kind: QueryKind,
+    /// Taken from the backend when they are first read.
+    hits: Option<Hits>,
     /// Of a picture that the host shaded.
     pub(crate) pixels: Option<Vec<u8>>,
 }
@@ -69,6 +76,7 @@ impl Loaded {
             trees_before: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
+            spares: Spares::default(),
             host_colours: None,
         })
     }
@@ -129,11 +137,19 @@ impl Loaded {
         while self.under_way.len() >= self.driver.most_under_way(queries) {
             self.finish(last)?;
         }
-        let ticket = self.start(time, queries)?;
-        let answers = ids.iter().enumerate().map(|(place, &query)| Answer {
-            query,
+        let started = self.start(time, queries).inspect_err(|_| {
+            // Backends forget reports of dropped steps soon, counted in submissions. One that was refused is one, too.
+            let _ = self.finish_all(last);
+        });
+        let ticket = started?;
+        let each = ids.iter().zip(queries).enumerate();
+        let answers = each.map(|(place, (&id, query))| Answer {
+            query: id,
             ticket,
             place,
+            rays: query.rays.count(),
+            kind: query.kind,
+            hits: None,
             pixels: None,
         });
         self.results.extend(answers);
@@ -156,10 +172,8 @@ impl Loaded {
             self.joined.on_device.check(&self.joined.meshes)?;
             self.release_points();
         }
+        self.keep_results();
         let backend = self.driver.backend();
-        let submissions = self.results.iter().filter(|answer| answer.place == 0);
-        // This one comes after all of them.
-        backend.keep(submissions.count() + 1);
         let time = self.joined.tell(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
@@ -258,10 +272,77 @@ impl Loaded {
         }
     }
 
-    /// Drops results of steps before one; says whether any are left.
+    /// Has the backend keep all results that are available beside those of one more submission.
+    fn keep_results(&mut self) {
+        let submissions = self.results.iter().filter(|answer| answer.place == 0);
+        let traces = submissions.count() + 1;
+        self.driver.backend().keep(traces);
+    }
+
+    /// Waits for a result and returns a handle to its hits.
+    pub(crate) fn hits(&mut self, at: usize, last: &mut Option<Statistics>) -> Result<Hits> {
+        let &Answer {
+            ticket,
+            place,
+            rays,
+            kind,
+            ref hits,
+            ..
+        } = &self.results[at];
+        if let Some(hits) = hits {
+            return Ok(hits.clone());
+        }
+        self.wait(ticket, last)?;
+        let mut found = lock(&self.spares).take(rays, kind);
+        let taken = (self.driver.backend()).take_hits(ticket, place, &mut found);
+        taken.map_err(Error::of_backend)?;
+        let hits = Hits::new(found, &self.joined.numbering, &self.spares);
+        Ok(self.results[at].hits.insert(hits).clone())
+    }
+
+    /// Returns whether a result is there, so that reading it would not wait.
+    pub(crate) fn is_done(&mut self, at: usize) -> Result<bool> {
+        let answer = &self.results[at];
+        match (&answer.hits, answer.ticket) {
+            (Some(_), _) => Ok(true),
+            (None, ticket) => {
+                let is_done = self.driver.backend().is_done(ticket);
+                is_done.map_err(Error::of_backend)
+            }
+        }
+    }
+
+    /// Drops results of steps before one. Returns whether any are left.
     pub(crate) fn keep_from(&mut self, step: u64) -> bool {
-        self.results.retain(|answer| answer.query.step.0 >= step);
+        self.retain(|of| of >= step);
         !self.results.is_empty()
+    }
+
+    /// Drops results of one step, and frees memory that only they needed.
+    pub(crate) fn drop_step(&mut self, step: StepId) {
+        let before = self.results.len();
+        self.retain(|of| of != step.0);
+        if self.results.len() < before {
+            self.keep_results();
+            lock(&self.spares).keep(self.results.len());
+        }
+    }
+
+    fn retain(&mut self, is_kept: impl Fn(u64) -> bool) {
+        // As many queries are likely to come again.
+        lock(&self.spares).keep(self.results.len());
+        let mut released = Vec::new();
+        self.results.retain(|answer| {
+            let is_kept = is_kept(answer.query.step.0);
+            if !is_kept && answer.place == 0 {
+                released.push(answer.ticket);
+            }
+            is_kept
+        });
+        let backend = self.driver.backend();
+        released
+            .into_iter()
+            .for_each(|ticket| backend.release(ticket));
     }
 }
 
@@ -284,7 +365,7 @@ fn is_failure<T>(begun: &Result<T>) -> bool {
     )
 }
 
-/// The scene that a step's query was traced in, current or former, and the place of its answer among the results.
+/// Returns the scene, current or former, in which a query was traced, and the index of its result there.
 pub(crate) fn find<'t>(
     current: &'t mut Loaded,
     former: &'t mut [Loaded],
@@ -315,6 +396,6 @@ mod tests {
             step.render(&camera, [i as f32, 1.0, 0.0]).unwrap();
             step.submit().unwrap();
         }
-        assert_eq!(tracer.current.asked.len(), 1);
+        assert_eq!(tracer.state().current.asked.len(), 1);
     }
 }

@@ -2,9 +2,10 @@
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 use crate::device_vertices::DeviceVertices;
+use crate::hits::Numbering;
 use crate::mesh::Colour;
 use crate::vertices::{copy, set};
-use crate::{Error, Mesh, Point, Result};
+use crate::{Error, Mesh, MeshId, Point, Result};
 use backend::Backend;
 use geom::{Animation, KeyFrame, PointBuffer, Pose};
 use std::ops::Range;
@@ -76,8 +77,7 @@ pub(crate) struct Joined {
     pub(crate) meshes: Vec<Mesh>,
     /// The first vertex of each mesh; one more entry ends them.
     vertices: Vec<usize>,
-    /// Likewise of triangles.
-    triangles: Vec<usize>,
+    pub(crate) numbering: Arc<Numbering>,
     /// Where all vertices are going to be, if anything arrives while the scene is traced; else empty.
     next: PointBuffer,
     /// Meshes whose vertices in there are the newest.
@@ -103,7 +103,11 @@ impl Joined {
             std::iter::once(0).chain(ends).collect::<Vec<_>>()
         };
         let vertices = starts(Mesh::vertex_count);
-        let triangles = starts(Mesh::triangle_count);
+        let ids = 0..meshes.len();
+        let numbering = Numbering {
+            starts: starts(Mesh::triangle_count),
+            ids: ids.map(|mesh| MeshId::of(&meshes, mesh)).collect(),
+        };
         if let Some(&all) = vertices.last().filter(|&&all| u32::try_from(all).is_err()) {
             let why = format!("all meshes have {all} vertices, more than can be numbered");
             return Err(Error::Mesh(why));
@@ -128,7 +132,7 @@ impl Joined {
         Ok(Self {
             animation,
             vertices,
-            triangles,
+            numbering: Arc::new(numbering),
             next: PointBuffer::default(),
             is_fresh: vec![true; meshes.len()],
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
@@ -167,12 +171,13 @@ impl Joined {
 
     /// Takes the scene apart into the meshes that it was made of, once that is called for.
     pub(crate) fn parts(&self) -> impl FnOnce() -> Vec<Mesh> + use<> {
-        let [vertices, triangles] = [&self.vertices, &self.triangles].map(Vec::clone);
+        let (vertices, numbering) = (self.vertices.clone(), Arc::clone(&self.numbering));
         let (mut meshes, animation) = (self.meshes.clone(), Arc::clone(&self.animation));
         move || {
             for (i, mesh) in meshes.iter_mut().enumerate() {
                 if mesh.animation().is_none() {
-                    let own = &animation.triangles()[triangles[i]..triangles[i + 1]];
+                    let starts = &numbering.starts;
+                    let own = &animation.triangles()[starts[i]..starts[i + 1]];
                     let first = vertices[i] as u32;
                     mesh.triangles = own.iter().map(|t| t.map(|v| v - first)).collect();
                 }
@@ -183,8 +188,9 @@ impl Joined {
 
     /// One colour a triangle.
     pub(crate) fn triangle_colours(&self) -> Arc<[Colour]> {
-        let counts = self.triangles.windows(2).map(|ends| ends[1] - ends[0]);
-        if let ([only], Some(&count)) = (&*self.meshes, self.triangles.last())
+        let starts = &self.numbering.starts;
+        let counts = starts.windows(2).map(|ends| ends[1] - ends[0]);
+        if let ([only], Some(&count)) = (&*self.meshes, starts.last())
             && only.colours.len() == count
         {
             return Arc::clone(&only.colours);
@@ -195,18 +201,6 @@ impl Joined {
             ref all => all.to_vec(),
         };
         each.flat_map(of_mesh).collect()
-    }
-
-    /// The mesh of a triangle, and its number there.
-    pub(crate) fn mesh_of(&self, triangle: u32) -> (usize, u32) {
-        let triangle = triangle as usize;
-        let mesh = self.triangles.partition_point(|&first| first <= triangle) - 1;
-        (mesh, (triangle - self.triangles[mesh]) as u32)
-    }
-
-    #[cfg(feature = "wgpu")]
-    pub(crate) fn first_triangle(&self, mesh: usize) -> u32 {
-        self.triangles[mesh] as u32
     }
 
     /// Where a mesh's vertices lie among all.

@@ -12,6 +12,7 @@
 use crate::loaded::{Answer, Loaded, find};
 use crate::motion::Joined;
 use crate::step::{Deferred, apart, check};
+use crate::tracer::State;
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
 use backend::Backend;
 use geom::Point;
@@ -276,21 +277,14 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Unsupported`] on another
     /// device.
-    pub fn hits_buffer(&mut self, step: StepId, query: QueryId) -> Result<&wgpu::Buffer> {
-        let (loaded, at) = find(&mut self.current, &mut self.former, step, query)?;
+    pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
+        let State {
+            current, former, ..
+        } = &mut *self.shared_state();
+        let (loaded, at) = find(current, former, step, query)?;
         let Answer { ticket, place, .. } = loaded.results[at];
         let backend = loaded.wgpu().ok_or_else(no_wgpu)?;
         let found = backend.hits_buffer(ticket, place);
-        found.ok_or(Error::NoResult)
-    }
-
-    /// The number of a mesh's first triangle among those of all meshes, which changes when one is
-    /// [replaced](Tracer::commit): hits of steps before that count as before.
-    ///
-    /// # Errors
-    /// [`Error::ForeignMesh`].
-    pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
-        let joined = &self.current.joined;
-        Ok(joined.first_triangle(mesh.within(&joined.meshes)?))
+        found.cloned().ok_or(Error::NoResult)
     }
 }

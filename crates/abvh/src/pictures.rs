@@ -3,6 +3,7 @@
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
+use crate::tracer::State;
 use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
 use geom::{Camera, in_parallel};
 use shading::Shot;
@@ -41,7 +42,7 @@ impl Step<'_> {
     }
 
     fn render_as(&mut self, id: QueryId, shot: (&Camera, Point)) -> Result<()> {
-        let Tracer { current, last, .. } = &mut *self.tracer;
+        let State { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
         current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
         let answer = current.results.back();
@@ -65,10 +66,16 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::NoResult`] if the query is of another step, was dropped or is no picture; [`Error::Device`].
-    pub fn pixels(&mut self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
-        let (loaded, at) = find(&mut self.current, &mut self.former, step, picture)?;
+    pub fn pixels(&self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
+        let State {
+            current,
+            former,
+            last,
+            ..
+        } = &mut *self.shared_state();
+        let (loaded, at) = find(current, former, step, picture)?;
         let ticket = loaded.results[at].ticket;
-        loaded.wait(ticket, &mut self.last)?;
+        loaded.wait(ticket, last)?;
         if let Some(shaded) = &loaded.results[at].pixels {
             rgba.clone_from(shaded);
             return Ok(());

@@ -1,7 +1,7 @@
 //! Other triangles in a mesh's place, prepared while the scene is traced.
 
 use crate::loaded::Loaded;
-use crate::tracer::name;
+use crate::tracer::{State, name};
 use crate::{Error, Mesh, MeshId, Result, Tracer};
 use geom::lock;
 use pipeline::{Pace, Update};
@@ -98,8 +98,9 @@ impl Tracer {
     /// # Errors
     /// [`Error::ForeignMesh`]; [`Error::Unsupported`] if the system starts no thread.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
-        let index = mesh.within(&self.current.joined.meshes)?;
-        let prepare = self.preparation(index, with.clone())?;
+        let state = self.shared_state();
+        let index = mesh.within(&state.current.joined.meshes)?;
+        let prepare = state.preparation(index, with.clone())?;
         let is_given_up = Arc::<AtomicBool>::default();
         let heard = Arc::clone(&is_given_up);
         let thread = thread::Builder::new().name("abvh-replace".into());
@@ -109,8 +110,8 @@ impl Tracer {
         Ok(Replacement {
             mesh,
             with,
-            commits: self.commits,
-            disposal: Arc::clone(&self.disposal),
+            commits: state.commits,
+            disposal: Arc::clone(&state.disposal),
             is_given_up,
             preparation: Some(begun),
         })
@@ -126,28 +127,30 @@ impl Tracer {
     /// [`Error::Conflict`] if the same mesh was replaced since it was begun, [`Error::ForeignReplacement`],
     /// those of [`Builder::build`](crate::Builder::build). The old mesh then stays.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
-        let mesh = replacement.mesh;
-        if !Arc::ptr_eq(&self.disposal, &replacement.disposal) {
+        let (mesh, state) = (replacement.mesh, self.state());
+        if !Arc::ptr_eq(&state.disposal, &replacement.disposal) {
             return Err(Error::ForeignReplacement(mesh));
         }
-        let newest = self.replaced.get(&mesh.index());
+        let newest = state.replaced.get(&mesh.index());
         if newest.is_some_and(|&commit| commit > replacement.commits) {
             return Err(Error::Conflict(mesh));
         }
-        let mut next = if self.commits == replacement.commits {
+        let mut next = if state.commits == replacement.commits {
             replacement.wait()?
         } else {
-            let prepare = self.preparation(mesh.index(), replacement.with.clone())?;
+            let prepare = state.preparation(mesh.index(), replacement.with.clone())?;
             prepare(&replacement.is_given_up)?
         };
-        next.follow(&mut self.current, mesh.index())?;
-        let before = std::mem::replace(&mut self.current, next);
-        self.former.push(before);
-        self.commits += 1;
-        self.replaced.insert(mesh.index(), self.commits);
+        next.follow(&mut state.current, mesh.index())?;
+        let before = std::mem::replace(&mut state.current, next);
+        state.former.push(before);
+        state.commits += 1;
+        state.replaced.insert(mesh.index(), state.commits);
         Ok(())
     }
+}
 
+impl State {
     /// What loads the scene with another mesh and builds its first tree. It takes threads that build trees anyway: steps need
     /// the others.
     fn preparation(
@@ -156,7 +159,7 @@ impl Tracer {
         with: Mesh,
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
         let current = &self.current;
-        let (builder, expected) = (self.builder.clone(), self.device().to_owned());
+        let (builder, expected) = (self.builder.clone(), self.device.clone());
         // Where there is none, the device is opened once more.
         let another = current.driver.another_backend();
         let parts = current.joined.parts();

@@ -50,7 +50,7 @@ impl Tracer {
     /// [`Error::Unsupported`] on another device; [`Error::Misuse`] before there was such a step, or by another intersector or
     /// layout.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
-        let backend = self.current.wgpu().ok_or_else(no_wgpu)?;
+        let backend = self.state().current.wgpu().ok_or_else(no_wgpu)?;
         let found = traced_scene(backend).map_err(Error::of_backend)?;
         let why = "shaders trace by `watertight` and layout `fast`, after a step with a query or one that was encoded";
         let found = found.ok_or_else(|| Error::Misuse(why.into()));

@@ -1,8 +1,9 @@
 //! One moment of a scene: where meshes are, and what is asked of it.
 
 use crate::motion::{Motion, moved};
+use crate::tracer::State;
 use crate::vertices::{copy, set};
-use crate::{Error, Matrix, MeshId, Point, Result, Tracer};
+use crate::{Error, Matrix, MeshId, Point, Result};
 use backend::{QueryKind, Rays};
 use geom::Camera;
 use std::sync::Arc;
@@ -71,10 +72,10 @@ pub struct QueryId {
 }
 
 /// A moment in the making. What is not said of a mesh stays as it was in the step before. One that is dropped instead of
-/// [submitted](Step::submit) has moved meshes all the same, and its queries have no results.
+/// [submitted](Step::submit) has moved meshes all the same, but its queries have no results, and it does not count as a step.
 #[derive(Debug)]
 pub struct Step<'t> {
-    pub(crate) tracer: &'t mut Tracer,
+    pub(crate) tracer: &'t mut State,
     pub(crate) id: StepId,
     /// Of key frames.
     pub(crate) time: f64,
@@ -82,6 +83,15 @@ pub struct Step<'t> {
     pub(crate) queries: u32,
     /// Those of them that are traced when the step ends, all together.
     pub(crate) deferred: Vec<(QueryId, Deferred, Query)>,
+    pub(crate) is_submitted: bool,
+}
+
+impl Drop for Step<'_> {
+    fn drop(&mut self) {
+        if !self.is_submitted {
+            self.tracer.current.drop_step(self.id);
+        }
+    }
 }
 
 /// Rays that need not be read at once.
@@ -226,7 +236,7 @@ impl Step<'_> {
         }
     }
 
-    /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`] waits for them.
+    /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`](crate::Tracer::hits) waits for them.
     ///
     /// # Errors
     /// As for [`Step::trace`].
@@ -237,9 +247,10 @@ impl Step<'_> {
         Ok(self.end())
     }
 
-    /// Drops results of all steps but this one and the one before.
-    pub(crate) fn end(self) -> StepId {
-        self.tracer.keep_from(self.id.0 - 1);
+    /// Drops results of all steps but this one and the one submitted before.
+    pub(crate) fn end(mut self) -> StepId {
+        self.is_submitted = true;
+        self.tracer.submitted(self.id);
         self.id
     }
 

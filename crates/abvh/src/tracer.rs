@@ -1,14 +1,17 @@
 //! A scene on a device, with the trees that follow its motion.
 
-use crate::loaded::{Answer, Loaded, find};
+use crate::loaded::{Loaded, find};
 use crate::replacement::Disposal;
-use crate::{Device, Error, Hits, Intersector, Layout, Mesh, QueryId, Result, Scene, Step, StepId};
+use crate::{
+    Device, Error, Hits, Intersector, Layout, Mesh, MeshId, QueryId, Result, Scene, Step, StepId,
+};
 use backend::{Backend, DeviceKind, Method, Query};
+use geom::lock;
 use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 /// How trees follow the motion. None of them changes a hit, only how fast it is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,6 +120,8 @@ impl Builder {
     /// # Errors
     /// [`Error::Unsupported`], [`Error::Device`].
     pub fn build_in_place_of(self, former: Tracer, scene: Scene) -> Result<Tracer> {
+        let former = former.state.into_inner();
+        let former = former.unwrap_or_else(PoisonError::into_inner);
         self.build_on(former.current.driver.into_backend(), scene)
     }
 
@@ -129,17 +134,23 @@ impl Builder {
         let update = self.policy(&scene.meshes);
         let (device, kind) = (name(backend.as_ref()), backend.device().kind);
         let builders = self.builders(kind, update)?;
-        Ok(Tracer {
+        let steps = TRACERS.fetch_add(1, Ordering::Relaxed) << 40;
+        let state = State {
             current: Loaded::new(scene.meshes, backend, self.options(update), builders)?,
             former: Vec::new(),
             builder: self,
             commits: 0,
             replaced: BTreeMap::new(),
-            device,
+            device: device.clone(),
             kind,
-            steps: TRACERS.fetch_add(1, Ordering::Relaxed) << 40,
+            steps,
+            submitted: steps,
             last: None,
             disposal: Arc::default(),
+        };
+        Ok(Tracer {
+            device,
+            state: Mutex::new(state),
         })
     }
 
@@ -234,8 +245,16 @@ const MOST_THREADS: usize = 4096;
 /// Tracers so far.
 static TRACERS: AtomicU64 = AtomicU64::new(0);
 
-/// A scene that rays are traced through.
+/// A scene that rays are traced through. Steps need it alone; results are read through a shared reference, by several threads
+/// one after another.
 pub struct Tracer {
+    device: String,
+    /// Steps have it without a lock.
+    state: Mutex<State>,
+}
+
+/// Everything that steps change, and that reading results changes.
+pub(crate) struct State {
     pub(crate) current: Loaded,
     /// Before meshes were replaced, as long as there are results.
     pub(crate) former: Vec<Loaded>,
@@ -244,10 +263,12 @@ pub struct Tracer {
     pub(crate) commits: u64,
     /// The newest of them for each mesh, counted from 1.
     pub(crate) replaced: BTreeMap<usize, u64>,
-    device: String,
+    pub(crate) device: String,
     pub(crate) kind: DeviceKind,
-    /// Begun so far, counted from where no other tracer does.
+    /// The step begun last. Steps are counted from a number that is the tracer's own.
     steps: u64,
+    /// The step submitted last.
+    submitted: u64,
     pub(crate) last: Option<Statistics>,
     /// Of this tracer and its replacements.
     pub(crate) disposal: Arc<Disposal>,
@@ -277,53 +298,126 @@ impl Tracer {
         &self.device
     }
 
+    pub(crate) fn state(&mut self) -> &mut State {
+        self.state.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Locks what steps change: for readers of results.
+    pub(crate) fn shared_state(&self) -> MutexGuard<'_, State> {
+        lock(&self.state)
+    }
+
     /// Builds the first tree, for `time`, and makes kernels ready: then the first step waits for neither. Later it does nothing.
     ///
     /// # Errors
     /// [`Error::KeyFrame`] where one is read; [`Error::Device`].
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
-        match self.current.has_tree() {
+        let current = &mut self.state().current;
+        match current.has_tree() {
             true => Ok(()),
-            false => self.current.warm_up(moment(time), &[]),
+            false => current.warm_up(moment(time), &[]),
         }
     }
 
     /// Begins a step, in which meshes with key frames stand at `time`: see [`Mesh::keyframes`](crate::Mesh::keyframes). A
     /// time that is no number counts as 0.
     pub fn step(&mut self, time: f64) -> Step<'_> {
-        self.steps += 1;
+        let state = self.state();
+        state.steps += 1;
         Step {
-            id: StepId(self.steps),
-            tracer: self,
+            id: StepId(state.steps),
+            tracer: state,
             time: moment(time),
             queries: 0,
             deferred: Vec::new(),
+            is_submitted: false,
         }
     }
 
-    /// Waits for a query and shows what it found.
+    /// Waits for a query and returns its results, which may be held while further steps are prepared. They are not copied.
+    /// A result can be read any number of times until the second step after its own is submitted.
+    ///
+    /// ```
+    /// # use abvh::{Device, Mesh, Query, Ray, Scene, SceneHit, Tracer};
+    /// let mut scene = Scene::new();
+    /// let mesh = scene.add(Mesh::fixed(&[[0., 0., 0.], [2., 0., 0.], [0., 2., 0.]], &[[0, 1, 2]])?);
+    /// let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
+    /// let rays = [Ray::new([0.5, 0.5, 3.0], [0.0, 0.0, -1.0])];
+    /// let mut step = tracer.step(0.0);
+    /// let (closest, any) = (step.trace(&rays, Query::Closest)?, step.trace(&rays, Query::Any)?);
+    /// let done = step.submit()?;
+    /// while !tracer.is_done(done, any)? {
+    ///     // Other work.
+    /// }
+    /// let (closest, any) = (tracer.hits(done, closest)?, tracer.hits(done, any)?);
+    /// let step = tracer.step(0.0);
+    /// assert_eq!((closest.closest(0).unwrap().mesh, any.any()), (mesh, &[1][..]));
+    /// step.submit()?;
+    /// // In memory of the program's own.
+    /// let mut hits = [SceneHit::MISS; 1];
+    /// assert_eq!((closest.copy_to(&mut hits), hits[0].t), (1, 3.0));
+    /// # Ok::<_, abvh::Error>(())
+    /// ```
     ///
     /// # Errors
-    /// [`Error::NoResult`] if it is of another step or was dropped, [`Error::Device`].
-    pub fn hits(&mut self, step: StepId, query: QueryId) -> Result<Hits<'_>> {
-        let (loaded, at) = find(&mut self.current, &mut self.former, step, query)?;
-        let Answer { ticket, place, .. } = loaded.results[at];
-        loaded.wait(ticket, &mut self.last)?;
-        let found = loaded.driver.backend().hits_of(ticket, place);
-        Ok(Hits {
-            found: found.map_err(Error::of_backend)?,
-            joined: &loaded.joined,
-        })
+    /// [`Error::NoResult`] if the query is of another step or tracer, or its result was dropped; [`Error::Device`].
+    pub fn hits(&self, step: StepId, query: QueryId) -> Result<Hits> {
+        let State {
+            current,
+            former,
+            last,
+            ..
+        } = &mut *self.shared_state();
+        let (loaded, at) = find(current, former, step, query)?;
+        loaded.hits(at, last)
+    }
+
+    /// Returns whether a query is done, so that [`Tracer::hits`] would not wait. Never waits: `false` also while another
+    /// thread reads a result of this tracer.
+    ///
+    /// # Errors
+    /// As for [`Tracer::hits`].
+    pub fn is_done(&self, step: StepId, query: QueryId) -> Result<bool> {
+        let mut state = match self.state.try_lock() {
+            Ok(state) => state,
+            Err(TryLockError::Poisoned(e)) => e.into_inner(),
+            Err(TryLockError::WouldBlock) => return Ok(false),
+        };
+        let State {
+            current, former, ..
+        } = &mut *state;
+        let (loaded, at) = find(current, former, step, query)?;
+        loaded.is_done(at)
+    }
+
+    /// Returns the number of a mesh's first triangle among those of all meshes, by which [`Hits::in_scene`] and answers in a
+    /// device's memory count. It may change when a mesh is [replaced](Tracer::commit). Hits of earlier steps keep the former
+    /// numbers.
+    ///
+    /// # Errors
+    /// [`Error::ForeignMesh`].
+    pub fn first_triangle(&self, mesh: MeshId) -> Result<u32> {
+        let joined = &self.shared_state().current.joined;
+        let index = mesh.within(&joined.meshes)?;
+        Ok(joined.numbering.starts[index] as u32)
     }
 
     /// The tree in use, as of the last query that is done; `None` before the first.
     #[must_use]
     pub fn statistics(&self) -> Option<Statistics> {
-        self.last
+        self.shared_state().last
     }
+}
 
+impl State {
     pub(crate) fn begin(&mut self, time: f64, asked: (&[QueryId], &[Query<'_>])) -> Result<()> {
         self.current.begin(time, asked, &mut self.last)
+    }
+
+    /// Drops results of all steps but a step that is submitted now and the one submitted before.
+    pub(crate) fn submitted(&mut self, step: StepId) {
+        let before = std::mem::replace(&mut self.submitted, step.0);
+        self.keep_from(before);
     }
 
     /// Drops results of steps before one, and scenes that have no others.
@@ -333,6 +427,12 @@ impl Tracer {
         for done in self.former.extract_if(.., is_done) {
             self.disposal.begin(move || drop(done));
         }
+    }
+}
+
+impl fmt::Debug for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "State of a tracer on {}", self.device)
     }
 }
 

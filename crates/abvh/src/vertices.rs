@@ -25,8 +25,8 @@ const HELPERS: usize = 3;
 /// Vertices that are copied at a time.
 const RUN: usize = 1 << 13;
 
-/// Copies as many vertices, with others' help where there are many.
-pub(crate) fn copy(to: &mut [Point], from: &[Point]) {
+/// Copies as many vertices or hits, with others' help where there are many.
+pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
     if to.len() <= FEW {
         return to.copy_from_slice(from);
     }

@@ -12,7 +12,8 @@
 //! order. Only [`Backend::wait`] and what gives results block. Up to [`FRAMES_IN_FLIGHT`] submissions may be unfinished;
 //! one more `submit` waits for the oldest. What a submission reported and found is kept until `FRAMES_IN_FLIGHT`
 //! further submissions with a trace were made, or as many as [`Backend::keep`] says, and may be asked for any number of
-//! times until then.
+//! times until then. [`Backend::release`] ends this time earlier for the traces of one submission, which then no longer
+//! counts as one with a trace. Its report is kept for `FRAMES_IN_FLIGHT` further submissions of any kind.
 //!
 //! **Order within a frame.** `interpolate` writes positions. `preprocess` writes one record and one box a leaf, of the
 //! positions interpolated last (these alone would not do: leaves stand in the tree's order, so it needs a tree); it may
@@ -96,7 +97,7 @@ mod query;
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
-pub use query::{Hits, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
+pub use query::{Hits, HitsPool, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
@@ -266,14 +267,30 @@ pub trait Backend: Send + Any {
     /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
 
-    /// Likewise, of one of the queries that were traced together, by its place among them.
+    /// Returns the hits of query `place` among those that were traced together. Blocks until `ticket` is done.
     fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         assert!(place == 0, "there was one query");
         self.hits(ticket)
     }
 
-    /// Keeps what submissions found until so many further ones with a trace were made, at least [`FRAMES_IN_FLIGHT`];
-    /// so long as the scene is loaded.
+    /// Moves the hits of a query into `into`, without a copy on the host. Later traces may use the memory that was there.
+    /// Blocks until `ticket` is done. A query's hits can be taken once.
+    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+        std::mem::swap(self.hits_of(ticket, place)?, into);
+        Ok(())
+    }
+
+    /// Returns whether `ticket` is done, so that neither its report nor its hits have to be waited for. Never blocks.
+    fn is_done(&mut self, _ticket: Ticket) -> Result<bool> {
+        Ok(true)
+    }
+
+    /// Frees the traces of a submission before they are old enough, or keeps their memory for later traces. It keeps the
+    /// memory of at most as many traces as [`Backend::keep`] allows.
+    fn release(&mut self, _ticket: Ticket) {}
+
+    /// Keeps the traces of submissions until `traces` further ones with a trace were made, at least [`FRAMES_IN_FLIGHT`].
+    /// Released traces beyond that number are freed at once. Holds until another scene is loaded.
     fn keep(&mut self, traces: usize);
 
     /// The oldest positions requested and not taken yet, with the ticket of

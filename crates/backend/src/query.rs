@@ -103,6 +103,50 @@ pub struct Hits {
     pub blocked: Vec<u8>,
 }
 
+/// Memory of earlier hits for later ones, so that the operating system need not hand out and clear pages for each query.
+#[derive(Debug, Default)]
+pub struct HitsPool {
+    spares: Vec<Hits>,
+    most: usize,
+}
+
+impl HitsPool {
+    /// Sets the number of spares that are kept. Frees those beyond it.
+    pub fn keep(&mut self, most: usize) {
+        self.most = most;
+        self.spares.truncate(most);
+    }
+
+    /// Frees all spares.
+    pub fn clear(&mut self) {
+        self.spares.clear();
+    }
+
+    /// Puts memory in, or frees it if enough spares are there.
+    pub fn put(&mut self, hits: Hits) {
+        let has_memory = hits.closest.capacity() + hits.blocked.capacity() > 0;
+        if has_memory && self.spares.len() < self.most {
+            self.spares.push(hits);
+        }
+    }
+
+    /// Takes the memory that fits `rays` results of a query best. It is empty, or holds older hits.
+    #[must_use]
+    pub fn take(&mut self, rays: usize, kind: QueryKind) -> Hits {
+        let misfit = |hits: &Hits| {
+            let room = match kind {
+                QueryKind::Any => hits.blocked.capacity(),
+                QueryKind::Closest | QueryKind::ClosestAndShadow { .. } => hits.closest.capacity(),
+            };
+            (room < rays, room.abs_diff(rays))
+        };
+        let spares = self.spares.iter().enumerate();
+        let best = spares.min_by_key(|(_, hits)| misfit(hits));
+        best.map(|(i, _)| i)
+            .map_or_else(Hits::default, |i| self.spares.swap_remove(i))
+    }
+}
+
 crate::named! {
     /// How a ray is tested against a triangle. In the order of the manual.
     pub enum Intersector {
@@ -164,5 +208,29 @@ impl FromStr for Intersector {
                 Self::ALL.map(Self::name).join(", ")
             )
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pool_gives_the_memory_that_fits_best_and_keeps_no_more_than_it_may() {
+        let hits = |room: usize| Hits {
+            closest: Vec::with_capacity(room),
+            blocked: Vec::new(),
+        };
+        let mut pool = HitsPool::default();
+        pool.keep(3);
+        for room in [50, 0, 10, 100, 70] {
+            pool.put(hits(room));
+        }
+        let mut take = |rays| pool.take(rays, QueryKind::Closest).closest.capacity();
+        assert_eq!([20, 60, 60, 60].map(&mut take), [50, 100, 10, 0]);
+        [1, 2, 3].into_iter().for_each(|room| pool.put(hits(room)));
+        pool.keep(1);
+        let left = [(); 2].map(|()| pool.take(1, QueryKind::Closest).closest.capacity());
+        assert_eq!(left, [1, 0]);
     }
 }

@@ -8,7 +8,8 @@ use crate::scene::SceneState;
 use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
     Arithmetic, Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport,
-    Generation, Hits, Inspect, Layout, Method, Query, QueryKind, Rays, Result, Snapshot, Ticket,
+    Generation, Hits, HitsPool, Inspect, Layout, Method, Query, QueryKind, Rays, Result, Snapshot,
+    Ticket,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, Ray, own_pool, run_in};
@@ -40,13 +41,13 @@ pub struct CpuBackend {
     has_trace: bool,
     /// From the oldest that is kept to the newest.
     submissions: VecDeque<Submission>,
-    /// The one being recorded; its memory was an older one's.
+    /// The one being recorded.
     next: Submission,
+    /// Memory of earlier traces, for later ones.
+    spares: HitsPool,
     submitted: u64,
-    /// Submissions with a trace so far.
-    traces: u64,
     /// See [`Backend::keep`].
-    kept: u64,
+    kept: usize,
     copies: Copies,
     /// Where the device's clock begins.
     epoch: Instant,
@@ -106,9 +107,9 @@ impl CpuBackend {
             has_trace: false,
             submissions: VecDeque::new(),
             next: Submission::default(),
+            spares: HitsPool::default(),
             submitted: 0,
-            traces: 0,
-            kept: FRAMES_IN_FLIGHT as u64,
+            kept: FRAMES_IN_FLIGHT,
             copies: Copies::default(),
             epoch: Instant::now(),
         })
@@ -146,19 +147,25 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Keeps what was submitted until enough with a trace came after it.
-    fn keep_submitted(&mut self) {
-        let mut done = std::mem::take(&mut self.next);
-        done.traces = self.traces;
-        self.submissions.push_back(done);
-        let old = |s: &Submission| self.traces - s.traces >= self.kept;
-        while self.submissions.front().is_some_and(old) {
-            let forgotten = self.submissions.pop_front().unwrap_or_default();
-            if forgotten.hits.closest.capacity() >= self.next.hits.closest.capacity() {
-                self.next = forgotten;
+    /// Forgets submissions after which enough others came.
+    fn forget_the_old(&mut self) {
+        let mut further = self.submissions.len();
+        let mut traced = self.submissions.iter().filter(|s| s.is_traced).count();
+        let mut spares = Vec::new();
+        self.submissions.retain_mut(|submission| {
+            further -= 1;
+            traced -= usize::from(submission.is_traced);
+            let is_kept = if submission.is_released {
+                further <= FRAMES_IN_FLIGHT
+            } else {
+                traced < self.kept
+            };
+            if !is_kept {
+                spares.push(std::mem::take(&mut submission.hits));
             }
-        }
-        self.next.ticket = None;
+            is_kept
+        });
+        spares.into_iter().for_each(|hits| self.spares.put(hits));
     }
 
     fn finished(&mut self, ticket: Ticket) -> &mut Submission {
@@ -191,6 +198,8 @@ impl Backend for CpuBackend {
         (self.state, self.has_trace) = (State::Nothing, false);
         self.commands.clear();
         self.submissions.clear();
+        self.spares.clear();
+        self.keep(FRAMES_IN_FLIGHT);
         self.next = Submission::default();
         self.copies = Copies::default();
         self.layout = method.layout;
@@ -267,7 +276,11 @@ impl Backend for CpuBackend {
                 return Err(BackendError::no_rays_on_device(self.device.backend));
             }
         };
-        let (count, hits) = (query.rays.count(), &mut self.next.hits);
+        assert!(!self.has_trace, "one submission holds at most one trace");
+        let count = query.rays.count();
+        self.spares.put(std::mem::take(&mut self.next.hits));
+        self.next.hits = self.spares.take(count, query.kind);
+        let hits = &mut self.next.hits;
         if query.kind != QueryKind::Any {
             reserve(&mut hits.closest, count, "hits")?;
         }
@@ -278,7 +291,6 @@ impl Backend for CpuBackend {
             self.state == State::Boxes,
             "the tree is stale: preprocess and refit come after adopt and interpolate, and before trace"
         );
-        assert!(!self.has_trace, "one submission holds at most one trace");
         self.has_trace = true;
         self.commands.push(Command::Trace(camera, query.kind));
         if let Some(rays) = rays {
@@ -301,14 +313,15 @@ impl Backend for CpuBackend {
             self.carry_out(&[])?;
         }
         let ticket = Ticket(self.submitted);
-        if !self.has_trace {
-            // They are an older trace's.
-            self.next.hits.closest.clear();
-            self.next.hits.blocked.clear();
+        let mut done = std::mem::take(&mut self.next);
+        done.is_traced = std::mem::take(&mut self.has_trace);
+        if !done.is_traced {
+            // A trace that was refused left its memory.
+            self.spares.put(std::mem::take(&mut done.hits));
         }
-        self.traces += u64::from(std::mem::take(&mut self.has_trace));
+        self.submissions.push_back(done);
         self.submitted += 1;
-        self.keep_submitted();
+        self.forget_the_old();
         Ok(ticket)
     }
 
@@ -320,8 +333,26 @@ impl Backend for CpuBackend {
         Ok(&mut self.finished(ticket).hits)
     }
 
+    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+        std::mem::swap(self.hits_of(ticket, place)?, into);
+        let former = std::mem::take(self.hits(ticket)?);
+        self.spares.put(former);
+        Ok(())
+    }
+
+    fn release(&mut self, ticket: Ticket) {
+        let mut all = self.submissions.iter_mut();
+        if let Some(submission) = all.find(|s| s.ticket == Some(ticket)) {
+            (submission.is_traced, submission.is_released) = (false, true);
+            let hits = std::mem::take(&mut submission.hits);
+            self.spares.put(hits);
+            self.forget_the_old();
+        }
+    }
+
     fn keep(&mut self, traces: usize) {
-        self.kept = traces.max(FRAMES_IN_FLIGHT) as u64;
+        self.kept = traces.max(FRAMES_IN_FLIGHT);
+        self.spares.keep(self.kept);
     }
 
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {

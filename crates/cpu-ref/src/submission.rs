@@ -34,8 +34,10 @@ pub(crate) struct Copies {
 pub(crate) struct Submission {
     /// `None` until some of it was carried out.
     pub(crate) ticket: Option<Ticket>,
-    /// Submissions with a trace, up to and including this one.
-    pub(crate) traces: u64,
+    /// Whether it has a trace that was not released.
+    pub(crate) is_traced: bool,
+    /// See [`backend::Backend::release`].
+    pub(crate) is_released: bool,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,
 }

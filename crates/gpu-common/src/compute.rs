@@ -67,8 +67,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// positions.
     pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.give_up_dropped();
-        if !dropped.is_empty() {
-            self.progress = Progress::default();
+        if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {
+            tree.submitted(false);
         }
         dropped
     }
@@ -389,6 +389,18 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
 
     fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         self.engine.hits(ticket, place)
+    }
+
+    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+        self.engine.take_hits(ticket, place, into)
+    }
+
+    fn is_done(&mut self, ticket: Ticket) -> Result<bool> {
+        self.engine.is_done(ticket)
+    }
+
+    fn release(&mut self, ticket: Ticket) {
+        self.engine.release(ticket);
     }
 
     fn keep(&mut self, traces: usize) {

@@ -262,6 +262,9 @@ pub trait GpuDevice: Send + Sized + 'static {
         false
     }
 
+    /// Returns whether a submission is done, so that [`GpuDevice::finish`] would not wait. Never waits.
+    fn is_done(&self, slot: &Self::Slot, ticket: Ticket) -> Result<bool>;
+
     /// Whether positions have arrived. Never waits.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 

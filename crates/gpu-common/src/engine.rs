@@ -3,8 +3,8 @@
 use crate::snapshots::Snapshots;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
 use backend::{
-    Arithmetic, BackendError, Device, DeviceBytes, FRAMES_IN_FLIGHT, FrameReport, Hits, Palette,
-    Query, Rays, Result, Snapshot, Ticket,
+    Arithmetic, BackendError, Device, DeviceBytes, FrameReport, Hits, Palette, Query, Rays, Result,
+    Snapshot, Ticket,
 };
 use geom::{Animation, Point, Pose};
 use shaders::arithmetic;
@@ -270,9 +270,26 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.trace(ticket, place).fetch(&mut self.gpu)
     }
 
-    /// Keeps what submissions found until so many further ones with a trace were made: see [`backend::Backend::keep`].
+    /// See [`backend::Backend::take_hits`].
+    pub fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+        self.wait(ticket)?;
+        let trace = self.frames.trace(ticket, place);
+        trace.take(&mut self.gpu, into)
+    }
+
+    /// See [`backend::Backend::is_done`].
+    pub fn is_done(&self, ticket: Ticket) -> Result<bool> {
+        self.frames.is_done(&self.gpu, ticket)
+    }
+
+    /// See [`backend::Backend::release`].
+    pub fn release(&mut self, ticket: Ticket) {
+        self.frames.release(ticket);
+    }
+
+    /// See [`backend::Backend::keep`].
     pub fn keep(&mut self, traces: usize) {
-        self.frames.kept = traces.max(FRAMES_IN_FLIGHT) as u64;
+        self.frames.keep(traces);
     }
 
     /// The oldest positions requested, if they have arrived.

@@ -22,12 +22,10 @@ pub struct Frames<D: GpuDevice> {
     pub(crate) submitted: Ticket,
     /// Traces that are recorded but not submitted yet, in order.
     pub pending: Vec<Trace<D>>,
-    /// Likewise, so that their buffers stay, but nobody's.
+    /// Traces whose submission failed in part. Recorded commands use their buffers.
     refused: Vec<Trace<D>>,
-    /// Submissions with a trace so far.
-    traced: u64,
-    /// Further ones until a submission is forgotten.
-    pub(crate) kept: u64,
+    /// Further submissions with a trace until a submission is forgotten.
+    kept: usize,
     /// From the oldest that is remembered to the newest.
     ledger: VecDeque<Submission<D>>,
     /// What preprocess and refit said last.
@@ -40,8 +38,10 @@ pub struct Frames<D: GpuDevice> {
 struct Submission<D: GpuDevice> {
     ticket: Ticket,
     traces: Vec<Trace<D>>,
-    /// Submissions with a trace, up to and including this one.
-    traced: u64,
+    /// Whether it has traces that were not released.
+    is_traced: bool,
+    /// See [`backend::Backend::release`]. Its traces only lend their buffers to later ones.
+    is_released: bool,
     never_active: u64,
     at: Instant,
     /// `None` while it is under way.
@@ -174,8 +174,7 @@ impl<D: GpuDevice> Frames<D> {
             submitted: Ticket(0),
             pending: Vec::new(),
             refused: Vec::new(),
-            traced: 0,
-            kept: FRAMES_IN_FLIGHT as u64,
+            kept: FRAMES_IN_FLIGHT,
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
@@ -219,12 +218,31 @@ impl<D: GpuDevice> Frames<D> {
         self.refused.clear();
     }
 
-    /// A trace that nobody may ask for any more, once the recording is submitted with one. It is older than the submissions
-    /// that may be under way, so nothing uses it.
+    /// Returns a trace whose results are no longer available and that the device is done with: a released one, or one that
+    /// expires with the next submission.
     pub fn expired(&mut self) -> Option<Trace<D>> {
-        let oldest = self.ledger.iter_mut().find(|s| !s.traces.is_empty())?;
-        let is_old = self.traced - oldest.traced >= self.kept;
-        is_old.then(|| oldest.traces.remove(0))
+        let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
+        let kept = self.kept;
+        let found = self.ledger.iter_mut().find(|submission| {
+            traced -= usize::from(submission.is_traced);
+            let is_old = submission.is_released || traced >= kept;
+            is_old && submission.report.is_some() && !submission.traces.is_empty()
+        });
+        found.map(|submission| submission.traces.remove(0))
+    }
+
+    /// See [`backend::Backend::keep`].
+    pub(crate) fn keep(&mut self, traces: usize) {
+        self.kept = traces.max(FRAMES_IN_FLIGHT);
+        self.forget_the_old();
+    }
+
+    /// See [`backend::Backend::release`].
+    pub(crate) fn release(&mut self, ticket: Ticket) {
+        if let Some(submission) = self.ledger.iter_mut().find(|s| s.ticket == ticket) {
+            (submission.is_traced, submission.is_released) = (false, true);
+            self.forget_the_old();
+        }
     }
 
     /// What a submission's trace of that place found.
@@ -259,11 +277,11 @@ impl<D: GpuDevice> Frames<D> {
         self.submitted = ticket;
         let mut traces = std::mem::take(&mut self.pending);
         traces.append(&mut self.refused);
-        self.traced += u64::from(!traces.is_empty());
         self.ledger.push_back(Submission {
             ticket,
+            is_traced: !traces.is_empty(),
+            is_released: false,
             traces,
-            traced: self.traced,
             never_active,
             at,
             report: None,
@@ -291,12 +309,27 @@ impl<D: GpuDevice> Frames<D> {
         dropped
     }
 
+    /// Forgets finished submissions after which enough others came, and released traces beyond the number that is kept.
     fn forget_the_old(&mut self) {
-        let (traced, kept) = (self.traced, self.kept);
-        let old = |s: &Submission<D>| traced - s.traced > kept && s.report.is_some();
-        while self.ledger.front().is_some_and(old) {
-            self.ledger.pop_front();
+        let mut further = self.ledger.len();
+        let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
+        let mut spares = 0;
+        for submission in self.ledger.iter_mut().rev() {
+            if submission.is_released && submission.report.is_some() {
+                submission.traces.truncate(self.kept - spares);
+                spares += submission.traces.len();
+            }
         }
+        self.ledger.retain(|submission| {
+            further -= 1;
+            traced -= usize::from(submission.is_traced);
+            let is_kept = if submission.is_released {
+                further <= FRAMES_IN_FLIGHT || !submission.traces.is_empty()
+            } else {
+                traced <= self.kept
+            };
+            is_kept || submission.report.is_none()
+        });
     }
 
     /// Waits for a submission, and so for all before it.
@@ -331,6 +364,20 @@ impl<D: GpuDevice> Frames<D> {
         Ok(())
     }
 
+    /// Returns whether a submission is done. Never waits.
+    ///
+    /// # Panics
+    /// If the ticket was never given, or too long ago.
+    pub(crate) fn is_done(&self, gpu: &D, ticket: Ticket) -> Result<bool> {
+        let found = self.ledger.iter().find(|s| s.ticket == ticket);
+        let submission = found.expect("this ticket was never given, or was given too long ago");
+        let slot = &self.slots[(ticket.0 - 1) as usize % SLOTS];
+        match submission.report {
+            Some(_) => Ok(true),
+            None => gpu.is_done(&slot.own, ticket),
+        }
+    }
+
     /// Waits for a submission, and so for all before it, and says what it did.
     ///
     /// # Panics
@@ -348,7 +395,7 @@ impl<D: GpuDevice> Frames<D> {
             self.finish(gpu, last)?;
         }
         self.ledger.clear();
-        self.kept = FRAMES_IN_FLIGHT as u64;
+        self.kept = FRAMES_IN_FLIGHT;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
         gpu.unload()?;

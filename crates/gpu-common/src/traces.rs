@@ -159,6 +159,16 @@ impl<D: GpuDevice> Trace<D> {
         Ok(&mut self.found)
     }
 
+    /// Moves what was found to `into`, copied from the device straight into the memory there unless it was fetched before.
+    /// The submission must be finished.
+    pub(crate) fn take(&mut self, gpu: &mut D, into: &mut Hits) -> Result<()> {
+        if !self.fetched {
+            std::mem::swap(&mut self.found, into);
+        }
+        std::mem::swap(self.fetch(gpu)?, into);
+        Ok(())
+    }
+
     /// Copies an element a ray by all threads, for one alone takes as long as a trace. Without a tree every ray misses.
     fn fetch_each<T: Pod + Sync, U: Copy + Send>(
         &self,

@@ -143,6 +143,18 @@ impl Backend for DriverTreeBackend {
         self.engine.hits(ticket, 0)
     }
 
+    fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
+        self.engine.take_hits(ticket, place, into)
+    }
+
+    fn is_done(&mut self, ticket: Ticket) -> Result<bool> {
+        self.engine.is_done(ticket)
+    }
+
+    fn release(&mut self, ticket: Ticket) {
+        self.engine.release(ticket);
+    }
+
     fn keep(&mut self, traces: usize) {
         self.engine.keep(traces);
     }

@@ -338,6 +338,10 @@ impl GpuDevice for VulkanDevice {
         slot.finished()
     }
 
+    fn is_done(&self, _: &Slot, ticket: Ticket) -> Result<bool> {
+        self.done.has_reached(ticket.0)
+    }
+
     fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
         self.readback.done.has_reached(copy.done_at)
     }

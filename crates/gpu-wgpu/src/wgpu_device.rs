@@ -265,6 +265,13 @@ impl GpuDevice for WgpuDevice {
         is_dropped
     }
 
+    fn is_done(&self, slot: &Slot, _: Ticket) -> Result<bool> {
+        self.gpu.poll()?;
+        // After a wait that failed there is no report, and another wait fails at once.
+        let report = slot.sent.as_ref();
+        report.map_or(Ok(true), |(_, mapping)| mapping.poll(&self.gpu))
+    }
+
     fn has_arrived(&self, copy: &HostCopy) -> Result<bool> {
         self.gpu.poll()?;
         copy.mapping.poll(&self.gpu)

@@ -96,6 +96,8 @@ pub struct Driver {
     /// Of the frame at hand.
     record: FrameRecord,
     pending: VecDeque<Pending>,
+    /// Whether positions and boxes are recorded of a frame whose queries the backend refused.
+    has_refused: bool,
     frames: u64,
 }
 
@@ -150,6 +152,7 @@ impl Driver {
             light: None,
             record: FrameRecord::begin(Frame::default(), Instant::now()),
             pending: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            has_refused: false,
             frames: 0,
         })
     }
@@ -184,13 +187,20 @@ impl Driver {
         self.knows_key_frames = false;
     }
 
-    /// Forgets frames of these tickets, which were given up before they ran. Positions come anew with the next frame, also
-    /// those that a build waits for.
+    /// Forgets frames of these tickets, which were given up before they ran.
+    ///
+    /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is evaluated
+    /// again, because the device dropped its boxes.
     pub fn give_up(&mut self, dropped: &[Ticket]) {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));
         self.pose = None;
-        self.build.take_if(|build| build.arrived.is_none());
+        self.candidate.take_if(|candidate| {
+            candidate.is_building() && candidate.request.vertices_arrived.is_none()
+        });
+        if let Some(candidate) = &mut self.candidate {
+            candidate.advance(candidate::State::Arrived);
+        }
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
@@ -232,6 +242,7 @@ impl Driver {
         queries: &[Query<'_>],
     ) -> Result<Ticket, PipelineError> {
         let begun = Instant::now();
+        self.submit_refused()?;
         self.record = FrameRecord::begin(frame, begun);
         let pose = self.animation.pose(frame.time);
         self.light = queries[0].kind.light();
@@ -246,7 +257,20 @@ impl Driver {
             self.record_evaluation()?;
             is_stale
         };
-        self.record_stages(stale, queries)?;
+        if stale {
+            self.backend.preprocess()?;
+            self.backend.refit()?;
+        }
+        let recorded = self.record_traces(queries);
+        // Where a key frame cannot be read, nothing of the frame is recorded.
+        if let Err(PipelineError::Backend(e)) = &recorded
+            && !matches!(e, BackendError::KeyFrame(_))
+        {
+            self.has_refused = true;
+            // Positions that it requested come with its submission.
+            self.frames += 1;
+        }
+        recorded?;
         self.record.traced.handed_in = Instant::now();
         let ticket = self.backend.submit()?;
         if let Some(candidate) = &mut self.candidate {
@@ -266,12 +290,18 @@ impl Driver {
         Ok(ticket)
     }
 
-    /// Records what follows positions and a tree.
-    fn record_stages(&mut self, stale: bool, queries: &[Query<'_>]) -> Result<(), PipelineError> {
-        if stale {
-            self.backend.preprocess()?;
-            self.backend.refit()?;
+    /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same recording,
+    /// and no tree could be adopted.
+    fn submit_refused(&mut self) -> Result<(), PipelineError> {
+        if std::mem::take(&mut self.has_refused) {
+            let ticket = self.backend.submit()?;
+            self.backend.release(ticket);
         }
+        Ok(())
+    }
+
+    /// Records the traces of a frame, after its positions and boxes.
+    fn record_traces(&mut self, queries: &[Query<'_>]) -> Result<(), PipelineError> {
         let &[query] = queries else {
             return Ok(self.backend.trace_together(queries)?);
         };

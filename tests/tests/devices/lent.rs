@@ -36,7 +36,7 @@ pub(crate) fn two_sheets() -> (Scene, [MeshId; 2]) {
     (scene, sheets)
 }
 
-pub(crate) fn bits(hits: Hits<'_>) -> Vec<Met> {
+pub(crate) fn bits(hits: Hits) -> Vec<Met> {
     let hit = |ray| {
         let hit = hits.closest(ray)?;
         let numbers = [hit.t, hit.u, hit.v].map(f32::to_bits);

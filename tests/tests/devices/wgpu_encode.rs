@@ -124,6 +124,8 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     let mut own = Encoded::new(Update::Async);
     let steps = [0.25, 0.5].map(|height| own.encode([height, 1.0]));
     for step in &steps {
+        let is_done = own.own.tracer.is_done(step.id, step.queries[0]);
+        assert_eq!(is_done, Ok(false));
         let said = own.own.tracer.hits(step.id, step.queries[0]).err();
         assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     }
@@ -138,6 +140,8 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
         own.submit(step.commands);
         let expected = expected.see([Some((height, false)), Some((1.0, false))]);
         own.check((step.id, step.queries, &step.copied), &expected);
+        let is_done = own.own.tracer.is_done(step.id, step.queries[0]);
+        assert_eq!(is_done, Ok(true));
     }
 }
 

@@ -77,7 +77,7 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
         let done = step.submit().unwrap();
-        let hits = own.tracer.hits_buffer(done, asked).unwrap().clone();
+        let hits = own.tracer.hits_buffer(done, asked).unwrap();
         let hits = bytes_of(&own.device, &hits);
         assert!(hits[..16 * list.len()] == bytes_of(&own.device, &own.room));
         // What is given by the host next does not go there.

@@ -9,6 +9,7 @@ mod oracle;
 mod pictures;
 mod pool;
 mod replace;
+mod results;
 mod runtimes;
 
 use abvh::{
@@ -24,7 +25,7 @@ use std::sync::Arc;
 
 type Law = fn(&Device);
 
-const LAWS: [(&str, Law); 28] = [
+const LAWS: [(&str, Law); 32] = [
     ("streamed_steps_find_what_key_frames_do", streamed),
     ("meshes_stay_where_they_were_put", stay),
     ("rays_far_down_a_list_find_what_they_do_alone", long_list),
@@ -56,6 +57,10 @@ const LAWS: [(&str, Law); 28] = [
     ("the_global_pool_may_be_busy", runtimes::no_global_pool),
     ("readers_of_key_frames_may_trace", runtimes::readers_trace),
     ("readers_of_key_frames_may_panic", runtimes::readers_panic),
+    ("results_are_held_while_steps_are_prepared", results::held),
+    ("dropped_steps_do_not_count", results::dropped),
+    ("refused_queries_change_nothing", results::refused),
+    ("results_can_be_polled", results::polled),
 ];
 
 /// Likewise, of a backend or a wgpu device that the program opened.
@@ -70,6 +75,8 @@ const OWN: &[(&str, (&str, Law))] = &[
 const _: () = {
     const fn is_send<T: Send>() {}
     is_send::<(Tracer, Replacement, Scene, Mesh, Device, Error)>();
+    const fn is_shared<T: Sync>() {}
+    is_shared::<(Tracer, Hits)>();
 };
 
 fn main() {
@@ -125,7 +132,7 @@ fn demo(name: &str) -> Demo {
 /// All that a query found: meshes, triangles, and bits of numbers.
 type Found = Vec<[u32; 5]>;
 
-fn bits(hits: Hits<'_>) -> Found {
+fn bits(hits: Hits) -> Found {
     let hit = |hit: Hit| {
         let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
         [hit.mesh.index() as u32, hit.triangle, t, u, v]

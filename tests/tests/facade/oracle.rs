@@ -143,7 +143,7 @@ struct Answer {
 fn first_wrong(
     oracle: &Oracle,
     rays: &[Ray],
-    (closest, any): (&[Option<Answer>], Hits<'_>),
+    (closest, any): (&[Option<Answer>], Hits),
 ) -> Option<String> {
     (0..rays.len()).into_par_iter().find_map_first(|i| {
         let (ray, found, any) = (&rays[i], closest[i], any.is_hit(i));

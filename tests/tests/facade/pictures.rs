@@ -168,7 +168,7 @@ pub(crate) fn shown(
 }
 
 /// All that is told of a query's hits.
-fn told(hits: Hits<'_>) -> (Vec<bool>, Found) {
+fn told(hits: Hits) -> (Vec<bool>, Found) {
     let met = (0..hits.len()).map(|ray| hits.is_hit(ray));
     (met.collect(), bits(hits))
 }

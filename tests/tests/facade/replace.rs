@@ -106,6 +106,7 @@ impl Stage {
             Kind::Rigid => step.poses(ids.target, &[lift(i)]).unwrap(),
             Kind::Fixed | Kind::Keys => {}
         }
+        drop(step);
         let asked = self.advance(tracer, ids, i);
         found(tracer, asked)
     }
@@ -164,6 +165,7 @@ pub(crate) fn anew(device: &Device) {
         let cloth = stage.cloth(i + 1);
         let mut step = live.step(time(i));
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
+        drop(step);
         let trees = live.statistics().unwrap().generation;
         live.commit(replacement).unwrap();
 
@@ -172,6 +174,7 @@ pub(crate) fn anew(device: &Device) {
         let mut step = fresh.step(time(i));
         step.vertices(new.cloth, Source::Host(&cloth)).unwrap();
         step.poses(new.robot, &[lift(i - 1)]).unwrap();
+        drop(step);
         let expected = still(&mut fresh, time(i), &stage.staying.rays);
         let all = still(&mut live, time(i), &stage.staying.rays);
         assert!(all == expected, "{after:?} at once");
@@ -289,7 +292,7 @@ pub(crate) fn own(_: &Device) {
     let grown = mesh.triangle_count() as u32;
     exchange(&mut live, ids.target, mesh);
     let after = stage.advance(&mut live, ids, 1);
-    let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query).cloned());
+    let buffers = [before, after].map(|(step, query)| live.hits_buffer(step, query));
     let [old, new] = buffers.map(Result::unwrap);
     assert!(old != new);
     let mesh = stage.staying.triangles.len() as u32;

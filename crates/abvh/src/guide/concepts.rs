@@ -15,8 +15,10 @@
 //! With the feature `files`, `Mesh::open` makes a mesh of files: OBJ, PLY and glTF, with their motion and colours.
 //!
 //! A [`Step`](crate::Step) is one moment: first meshes are moved, then any number of queries is traced, then it is
-//! submitted. [`Tracer::hits`](crate::Tracer::hits) waits for a query and borrows its result.
-//! A result lasts until the second step after its own is submitted.
+//! submitted. [`Tracer::hits`](crate::Tracer::hits) waits for a query and returns a handle to its results, which keeps them
+//! without a copy. [`Tracer::is_done`](crate::Tracer::is_done) polls.
+//! A result can be read until the second step after its own is submitted, [`Hits`](crate::Hits) that were read for longer.
+//! A step that is dropped instead of submitted frees its results at once and does not count.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};

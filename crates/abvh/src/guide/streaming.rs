@@ -15,7 +15,8 @@
 //! # Overlap
 //!
 //! On a GPU, [`Step::submit`](crate::Step::submit) returns while its queries run; [`Tracer::hits`](crate::Tracer::hits)
-//! waits. Simulate and submit the next step before you read the hits of the last one, and the GPU works meanwhile.
+//! waits, and [`Tracer::is_done`](crate::Tracer::is_done) polls. Simulate and submit the next step before you read the hits
+//! of the last one, and the GPU works meanwhile. [`Hits`](crate::Hits) may be held while further steps are prepared.
 //! Two queries may be under way: [`Step::trace`](crate::Step::trace) waits for the first before it begins a third. On the
 //! host it does the work itself.
 //!

@@ -312,6 +312,14 @@ impl Backend for Faulty {
         Ok(report)
     }
 
+    fn is_done(&mut self, ticket: Ticket) -> Result<bool> {
+        self.inner.is_done(ticket)
+    }
+
+    fn release(&mut self, ticket: Ticket) {
+        self.inner.release(ticket);
+    }
+
     fn keep(&mut self, traces: usize) {
         self.inner.keep(traces);
     }

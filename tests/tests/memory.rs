@@ -1,0 +1,156 @@
+//! Memory of a process that traces step after step: neither steps that are submitted nor those that are dropped or refused
+//! may add to it.
+//!
+//! One test at a time, for all share the process. `ABVH_FULL=1` takes 20,000 steps of all kinds.
+
+use abvh::{Camera, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
+use integration::{is_full, is_required};
+use libtest_mimic::{Arguments, Trial};
+use std::io::Write;
+
+/// Bytes by which the process may grow: allocators and drivers keep some memory for later.
+const SLACK: usize = 12 << 20;
+/// Rays of a query. Results that stay would take 16 bytes each.
+const RAYS: usize = 4_000;
+const SHEET: [[f32; 3]; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+
+/// What a step comes to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum End {
+    Read,
+    Unread,
+    Dropped,
+    Begun,
+    Refused,
+}
+
+const ALL: [End; 6] = [
+    End::Read,
+    End::Dropped,
+    End::Refused,
+    End::Begun,
+    End::Unread,
+    End::Dropped,
+];
+
+const ENDS: [(&str, &[End]); 5] = [
+    ("submitted_steps", &[End::Read, End::Unread]),
+    ("steps_dropped_after_queries", &[End::Dropped]),
+    ("steps_begun_and_dropped", &[End::Begun]),
+    ("steps_with_refused_queries", &[End::Refused]),
+    ("steps_of_all_kinds", &ALL),
+];
+
+struct Moving {
+    tracer: Tracer,
+    mesh: MeshId,
+    rays: Vec<Ray>,
+}
+
+impl Moving {
+    fn new(device: &Device) -> abvh::Result<Self> {
+        let mut scene = Scene::new();
+        let mesh = scene.add(Mesh::streamed(&SHEET, &[[0, 1, 2]])?);
+        let ray = |i: usize| Ray::new([i as f32 / RAYS as f32 - 0.5, 9.0, 0.0], [0.0, -1.0, 0.0]);
+        Ok(Self {
+            tracer: Tracer::builder()
+                .device(device.clone())
+                .threads(2)
+                .build(scene)?,
+            mesh,
+            rays: (0..RAYS).map(ray).collect(),
+        })
+    }
+
+    fn step(&mut self, i: usize, end: End) -> abvh::Result<()> {
+        let mut step = self.tracer.step(0.0);
+        let sheet = SHEET.map(|[x, _, z]| [x, (i % 8) as f32 / 8.0, z]);
+        step.vertices(self.mesh, Source::Host(&sheet))?;
+        if end == End::Begun {
+            return Ok(());
+        }
+        if end == End::Refused {
+            let vast = Camera {
+                width: u32::MAX,
+                height: u32::MAX,
+                ..Camera::look_at([0.0, 5.0, 0.1], [0.0; 3], [0.0, 0.0, 1.0], 60.0, [1, 1]).unwrap()
+            };
+            step.trace(&vast, Query::Closest)?;
+            assert!(step.submit().is_err());
+            return Ok(());
+        }
+        let closest = step.trace(&self.rays, Query::Closest)?;
+        step.trace(&self.rays, Query::Any)?;
+        if end != End::Dropped {
+            let done = step.submit()?;
+            if end == End::Read {
+                assert!(self.tracer.hits(done, closest)?.is_hit(RAYS / 2));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bytes of the process that are in memory; `None` where the operating system does not say.
+fn resident() -> Option<usize> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kilobytes: usize = line.trim().strip_suffix(" kB")?.parse().ok()?;
+    Some(kilobytes << 10)
+}
+
+fn stays_flat(device: &Device, ends: &[End]) -> Result<(), libtest_mimic::Failed> {
+    let mut live = Moving::new(device)?;
+    let is_long = is_full() && ends.len() == ALL.len();
+    let steps = if is_long { 20_000 } else { 600 };
+    let mut before = None;
+    for i in 0..steps + 200 {
+        if i == 200 {
+            before = resident();
+        }
+        live.step(i, ends[i % ends.len()])?;
+    }
+    let (before, after) = before.zip(resident()).unwrap_or_default();
+    let mut out = std::io::stdout();
+    writeln!(
+        out,
+        "{device:?}, {ends:?}: {before} bytes, {after} after {steps} steps"
+    )?;
+    match after > before + SLACK {
+        true => Err(format!("{before} bytes became {after} in {steps} steps").into()),
+        false => Ok(()),
+    }
+}
+
+fn main() {
+    let devices = [
+        ("cpu", Device::Cpu),
+        ("vulkan", Device::Vulkan(None)),
+        ("wgpu", Device::Wgpu(None)),
+    ];
+    let mut trials = Vec::new();
+    for (name, device) in devices {
+        let absent = Tracer::builder().device(device.clone()).build(Scene::new());
+        let absent = absent.err().map(|e| e.to_string());
+        let unknown = resident().is_none();
+        for (kind, ends) in ENDS {
+            let (device, why) = (device.clone(), absent.clone());
+            let trial = Trial::test(
+                format!("{name}::{kind}_stay_flat_in_memory"),
+                move || match why {
+                    Some(why) => Err(why.into()),
+                    None => stays_flat(&device, ends),
+                },
+            );
+            let is_ignored = unknown || (absent.is_some() && !is_required(name));
+            trials.push(trial.with_ignored_flag(is_ignored));
+        }
+    }
+    let arguments = Arguments {
+        test_threads: Some(1),
+        ..integration::arguments()
+    };
+    libtest_mimic::run(&arguments, trials).exit();
+}
