@@ -77,11 +77,13 @@ impl<D: GpuDevice> ComputeBackend<D> {
 
     fn params_at(&self, pose: Pose) -> Params {
         let scene = self.engine.scene();
-        let params = Params::of(scene.scale_exponent, &self.tree().shape);
-        Params {
+        let params = Params {
             alpha: pose.alpha,
-            ..params.at_range(self.range)
-        }
+            // A hint, for moments that the host did not measure: it changes no hit.
+            spread: self.engine.frames.spread.into(),
+            ..Params::of(scene.scale_exponent, &self.tree().shape)
+        };
+        params.at_range(self.range)
     }
 
     /// Records a stage over the tree in use.

@@ -34,6 +34,8 @@ pub struct Frames<D: GpuDevice> {
     tree_stats: TreeStats,
     /// What traces by rasterization said last.
     pub(crate) raster_backoff: RasterBackoff,
+    /// Whether the last submission found coordinates of very different sizes.
+    pub(crate) spread: bool,
     clock: Clock,
 }
 
@@ -179,6 +181,7 @@ impl<D: GpuDevice> Frames<D> {
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
+            spread: false,
             clock: gpu.clock(),
         })
     }
@@ -313,6 +316,7 @@ impl<D: GpuDevice> Frames<D> {
             self.tree_stats
                 .complete(&mut report, counted, submission.never_active);
             self.raster_backoff.note(&counts);
+            self.spread = counts.spread != 0;
             submission.report = Some(report);
         }
         Ok(())
@@ -338,6 +342,7 @@ impl<D: GpuDevice> Frames<D> {
         self.kept = FRAMES_IN_FLIGHT as u64;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
+        self.spread = false;
         gpu.unload()?;
         self.slots.iter_mut().for_each(|slot| slot.own.forget());
         Ok(())

@@ -75,7 +75,7 @@ impl<R: Lanes> Work for Meet<'_, R> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
-        let node_ray = NodeRay::<I::Eight>::new(self.ray);
+        let node_ray = NodeRay::<I::Eight>::new(self.ray, self.spread);
         let (lanes, entries) = node_ray.meet(&self.planes, f32::INFINITY);
         (lanes, entries.store())
     }
