@@ -34,7 +34,7 @@ pub struct Frames<D: GpuDevice> {
     tree_stats: TreeStats,
     /// What traces by rasterization said last.
     pub(crate) raster_backoff: RasterBackoff,
-    /// Whether the last submission found coordinates of very different sizes.
+    /// Whether the last submission that measured coordinates found very different sizes.
     pub(crate) spread: bool,
     clock: Clock,
 }
@@ -316,7 +316,7 @@ impl<D: GpuDevice> Frames<D> {
             self.tree_stats
                 .complete(&mut report, counted, submission.never_active);
             self.raster_backoff.note(&counts);
-            self.spread = counts.spread != 0;
+            self.spread = counts.is_spread().unwrap_or(self.spread);
             submission.report = Some(report);
         }
         Ok(())

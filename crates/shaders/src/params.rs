@@ -176,7 +176,7 @@ pub struct Counts {
     pub untold: u32,
     /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
     pub left: u32,
-    /// 1 if `measure_range` found coordinates of very different sizes.
+    /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
     pub spread: u32,
 }
 
@@ -186,6 +186,11 @@ impl Counts {
         self.hits += other.hits;
         self.blocked += other.blocked;
         self.open += other.open;
+    }
+
+    /// Whether coordinates have very different sizes, where `measure_range` ran.
+    pub fn is_spread(&self) -> Option<bool> {
+        (self.spread > 0).then_some(self.spread == 2)
     }
 
     /// Rays, shadows included, that whole numbers settled.

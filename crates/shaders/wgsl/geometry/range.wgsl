@@ -29,7 +29,7 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
 @if(extreme_rays)
 fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
-// Where `counts` has whether sizes differ so much that boxes are padded by their own distance: a hint for later submissions.
+// Where `counts` has 2 if sizes differ so much that boxes are padded by their own distance, else 1: a hint for later submissions.
 const SPREAD_AT: u32 = 17u;
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
@@ -88,7 +88,7 @@ fn judge(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
     let spread = is_spread(local, largest);
     if local != 0u { return; }
-    atomicStore(&counts[SPREAD_AT], u32(spread));
+    atomicStore(&counts[SPREAD_AT], select(1u, 2u, spread));
     atomicStore(&range[EXTREME], u32(largest > in_scene(ONE, 40)));
     atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 2u));
     atomicStore(&range[LARGEST], 0u);
