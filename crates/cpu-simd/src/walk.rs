@@ -124,13 +124,14 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
             [L::load(&sides[near % 2]), L::load(&sides[(near + 1) % 2])]
         });
         let [n, f] = [0, 1];
-        let t = match self.spread {
-            true => self.spans_apart(at),
-            false => each!(axis => {
+        let t = if self.spread {
+            self.spans_apart(at)
+        } else {
+            each!(axis => {
                 let ([near, far], r) = (at[axis], self.inverse[axis]);
                 let starts = self.starts[axis];
                 [near.about(r, starts[n]), far.about(r, starts[f])]
-            }),
+            })
         };
         let entry = self.t_min.maxi(t[0][n]).maxi(t[1][n].maxi(t[2][n]));
         let exit = L::splat(best).mini(t[0][f]).mini(t[1][f].mini(t[2][f]));

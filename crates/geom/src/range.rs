@@ -72,9 +72,10 @@ impl Range {
     pub(crate) fn of_keys(sizes: &[Sizes]) -> (i32, Vec<Self>) {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
         // A few far vertices do not scale the others.
-        let scale_exponent = match sizes.iter().any(is_outlying) {
-            true => 0,
-            false => exponent_for(largest),
+        let scale_exponent = if sizes.iter().any(is_outlying) {
+            0
+        } else {
+            exponent_for(largest)
         };
         let ranges = sizes.iter().map(|sizes| Self::of(sizes, scale_exponent));
         (scale_exponent, ranges.collect())

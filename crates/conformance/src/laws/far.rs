@@ -1,10 +1,10 @@
 //! Far geometry: a hit depends on the ray, the triangle and the intersector alone, not on the rest of the scene.
 
 use super::Check;
-use crate::compare::{named_ray, same_hit};
+use crate::compare::answers;
 use crate::stage::{ask, open, stand, vertices};
-use anyhow::{Result, ensure};
-use backend::{QueryKind, Rays};
+use anyhow::{Context, Result, ensure};
+use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use std::sync::Arc;
 
@@ -27,41 +27,39 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     }
     let mut rays = case.rays.clone();
     rays.extend(stray.rays());
-    let (light, camera) = (case.light, Rays::Camera(&case.camera));
+    let light = case.light;
+    let list = |kind| Query {
+        rays: Rays::List(&rays),
+        kind,
+    };
     let queries = [
-        (Rays::List(&rays), QueryKind::Closest),
-        (Rays::List(&rays), QueryKind::Any),
-        (camera, QueryKind::ClosestAndShadow { light }),
+        list(QueryKind::Closest),
+        list(QueryKind::Any),
+        Query {
+            rays: Rays::Camera(&case.camera),
+            kind: QueryKind::ClosestAndShadow { light },
+        },
     ];
     let [near_found, far_found, found] = [&near, &far, &both].map(|s| s.ask(c, &queries));
     let (near_found, far_found, found) = (near_found?, far_found?, found?);
-    let aimed = &far_found[0].closest[case.rays.len()..];
-    ensure!(
-        aimed.iter().all(Hit::is_hit),
-        "a ray aimed at {stray:?} misses it"
-    );
+    let mut aimed = far_found[0].closest[case.rays.len()..].iter();
+    let hits_all = aimed.all(Hit::is_hit);
+    ensure!(hits_all, "a ray aimed at {stray:?} misses it");
     let count = near.0.triangle_count() as u32;
-    for (query, (asked, _)) in queries.iter().enumerate() {
-        let parts = near_found[query]
-            .closest
-            .iter()
-            .zip(&far_found[query].closest);
-        for (i, (parts, hit)) in parts.zip(&found[query].closest).enumerate() {
-            let expected = closer(parts.0, parts.1, count);
-            let ray = named_ray(*asked, i);
-            let same = same_hit(hit, &expected);
-            ensure!(
-                same,
-                "with {stray:?} it is {hit:?}, expected {expected:?}: {ray}"
-            );
-        }
+    for (i, query) in queries.iter().enumerate() {
+        let alone = near_found[i].closest.iter().zip(&far_found[i].closest);
+        let expected: Vec<Hit> = alone.map(|(a, b)| closer(a, b, count)).collect();
+        let expected = Hits {
+            closest: expected,
+            ..found[i].clone()
+        };
+        let same = answers(case, case.times[1], query.rays, &found[i], &expected);
+        same.with_context(|| format!("with {stray:?}"))?;
     }
     let met = near_found[1].blocked.iter().zip(&far_found[1].blocked);
     let met: Vec<u8> = met.map(|(a, b)| a | b).collect();
-    ensure!(
-        found[1].blocked == met,
-        "whether rays hit differs with {stray:?}"
-    );
+    let same = found[1].blocked == met;
+    ensure!(same, "whether rays hit differs with {stray:?}");
     Ok(())
 }
 
@@ -90,14 +88,10 @@ impl Scene {
         Self::new(points, triangles)
     }
 
-    fn ask(
-        &self,
-        c: &mut Check<'_>,
-        queries: &[(Rays<'_>, QueryKind)],
-    ) -> Result<Vec<backend::Hits>> {
+    fn ask(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
         open(c.subject, &self.0, 0.0, c.method)?;
         stand(c.subject, &self.0, 0.0)?;
-        let answer = |&(rays, kind)| Ok(ask(c.subject, rays, kind)?.0);
+        let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.0);
         queries.iter().map(answer).collect()
     }
 }
