@@ -2,14 +2,13 @@
 
 use crate::bvh2::Pair;
 use crate::scale::PreparedRay;
-use geom::Aabb;
-use glam::{Vec3A, Vec4};
+use glam::{Vec3A, Vec4, Vec4Swizzles};
 
 /// Components of the direction are pushed away from zero to this, `2^-60`.
 pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
 /// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
-/// Bounds `D`, the largest distance on one axis from the ray's start to a corner of the root box, so that no product is
+/// Bounds `D`, the largest distance on one axis from the ray's start to a corner of the box, so that no product is
 /// infinite: `2^80`.
 pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
@@ -26,7 +25,8 @@ pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 pub(crate) struct Slab {
     origin: [Vec4; 3],
     inverse: [Vec4; 3],
-    pad: [Vec4; 3],
+    /// `|r|` in all lanes.
+    magnitude: [Vec4; 3],
     turned: [bool; 3],
     /// `t_min` for the entries, no bound for the exits.
     floor: Vec4,
@@ -58,19 +58,16 @@ impl Met {
 }
 
 impl Slab {
-    /// Prepares a ray for the tree whose whole box is `root`.
+    /// Prepares a ray.
     #[inline]
-    pub(crate) fn new(ray: &PreparedRay, root: &Aabb) -> Self {
+    pub(crate) fn new(ray: &PreparedRay) -> Self {
         let halves = |x: f32| Vec4::new(x, x, -x, -x);
-        let [origin, direction] = [ray.origin, ray.direction].map(Vec3A::from_array);
-        let ends = [root.min, root.max].map(|p| (Vec3A::from_array(p) - origin).abs());
-        let farthest = ends[0].max(ends[1]).max_element().min(FARTHEST);
+        let direction = Vec3A::from_array(ray.direction);
         let inverse = Vec3A::ONE / direction.abs().max(Vec3A::splat(SMALLEST));
-        let pad = inverse * (PAD * farthest);
         Self {
             origin: ray.origin.map(Vec4::splat),
             inverse: inverse.to_array().map(halves),
-            pad: pad.to_array().map(Vec4::splat),
+            magnitude: inverse.to_array().map(Vec4::splat),
             turned: ray.direction.map(f32::is_sign_negative),
             floor: Vec4::new(ray.t_min, ray.t_min, f32::NEG_INFINITY, f32::NEG_INFINITY),
         }
@@ -79,9 +76,14 @@ impl Slab {
     /// Tests both boxes of a pair against what is left of the ray before `best`.
     #[inline(always)]
     pub(crate) fn meet(&self, pair: &Pair, best: f32) -> Met {
+        let from = [0, 1, 2].map(|axis| Vec4::from_array(pair.planes[axis]) - self.origin[axis]);
+        let [x, y, z] = from.map(Vec4::abs);
+        let reach = x.max(y).max(z);
+        // Both planes of a box have its own `D`.
+        let reach = reach.max(reach.zwxy()).min(Vec4::splat(FARTHEST));
+        let slack = reach * PAD;
         let side = |axis: usize| {
-            let planes = Vec4::from_array(pair.planes[axis]);
-            let t = (planes - self.origin[axis]) * self.inverse[axis] - self.pad[axis];
+            let t = from[axis] * self.inverse[axis] - slack * self.magnitude[axis];
             if self.turned[axis] {
                 Vec4::new(t.z, t.w, t.x, t.y)
             } else {

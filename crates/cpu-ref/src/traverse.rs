@@ -212,7 +212,7 @@ impl Tree for &Bvh2 {
         stack: &mut Waiting,
         mut see: impl FnMut(&Leaf, f32) -> Option<f32>,
     ) -> bool {
-        let slab = Slab::new(ray, &self.root());
+        let slab = Slab::new(ray);
         let mut bound = ray.t_max;
         stack.len = 0;
         let mut next = self.descend(&slab, Link::ROOT, bound, stack);

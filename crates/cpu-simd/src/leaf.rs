@@ -5,6 +5,7 @@ use crate::simd::{Lanes, each};
 use crate::tree::{Block, LANES};
 use cpu_ref::intersect::has_equal_signs;
 use cpu_ref::scale::{LEAST, Scale};
+use cpu_ref::slab::{FARTHEST, PAD};
 use glam::Vec4;
 
 /// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
@@ -14,11 +15,19 @@ pub(crate) struct TriangleRay<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 3],
-    /// `r` and `q`, for the triangles' own boxes.
+    /// `r`, for the triangles' own boxes.
     inverse: [L; 3],
-    pad: [L; 3],
     t_min: L,
     t_max: L,
+}
+
+/// What boxes are padded by, in units of `|r|`: their planes are given from the ray's start, axis by axis.
+#[inline(always)]
+pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
+    let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
+    let above = x[1].abs().max(y[1].abs()).max(z[1].abs());
+    let reach = below.max(above);
+    L::splat(PAD).mul(reach.min(L::splat(FARTHEST)))
 }
 
 /// `kx, ky, kz` by `kz`.
@@ -55,7 +64,6 @@ impl<L: Lanes> TriangleRay<L> {
             origin: each!(i => L::load(&group.origin[axes[i]])),
             shear: each!(i => L::load(&group.shear[i])),
             inverse: each!(i => L::load(&group.inverse[axes[i]])),
-            pad: each!(i => L::load(&group.pad[axes[i]])),
             t_min: L::load(&group.limits[0]),
             t_max: L::load(&group.limits[1]),
         }
@@ -65,12 +73,17 @@ impl<L: Lanes> TriangleRay<L> {
     #[inline(always)]
     fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
-        for (i, &[a, b, c]) in corners.iter().enumerate() {
+        let planes = each!(i => {
+            let [a, b, c] = corners[i];
+            [a.min(b).min(c), a.max(b).max(c)]
+        });
+        let slack = slack(&planes);
+        for (i, [low, high]) in planes.into_iter().enumerate() {
             // With the ray's sign in r, the nearer plane is the one with the lesser product: rounding is monotone.
             let r = self.inverse[i];
-            let (p, q) = (a.min(b).min(c).mul(r), a.max(b).max(c).mul(r));
-            entry = entry.max(p.min(q).sub(self.pad[i]));
-            exit = exit.min(p.max(q).add(self.pad[i]));
+            let (p, q, pad) = (low.mul(r), high.mul(r), slack.mul(r.abs()));
+            entry = entry.max(p.min(q).sub(pad));
+            exit = exit.min(p.max(q).add(pad));
         }
         let lanes = L::bits(entry.at_most(exit.min(best)));
         Spans { lanes, entry, exit }
@@ -84,6 +97,9 @@ impl<L: Lanes> TriangleRay<L> {
         let [x, y, along] = shear(corners, &self.shear);
         let edges = edges(&x, &y);
         let open = L::bits(without_conflict(&edges));
+        if open == 0 {
+            return None;
+        }
         let spans = self.spans_of(corners, best);
         let mut lanes = open & spans.lanes;
         if lanes == 0 {
@@ -122,7 +138,6 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
             origin: each!(i => L::splat(ray.at(&group.origin[axes[i]]))),
             shear: each!(i => L::splat(ray.at(&group.shear[i]))),
             inverse: each!(i => L::splat(ray.at(&group.inverse[axes[i]]))),
-            pad: each!(i => L::splat(ray.at(&group.pad[axes[i]]))),
             t_min: L::splat(ray.at(&group.limits[0])),
             t_max: L::splat(ray.t_max()),
         }

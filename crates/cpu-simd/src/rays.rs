@@ -26,7 +26,7 @@ pub(crate) struct Group<L: Lanes> {
     pub(crate) origin: [L::Array; 3],
     /// `r`, with the direction's sign.
     pub(crate) inverse: [L::Array; 3],
-    /// `q`.
+    /// At least `q` of any box: that of the whole tree's.
     pub(crate) pad: [L::Array; 3],
     /// What is added to the products of `r` with a box's near and far plane of an inner node.
     pub(crate) starts: [[L::Array; 2]; 3],

@@ -58,7 +58,7 @@ impl<'a> WideTracer<'a> {
     ) -> Found {
         let (scale, tree) = (self.0.task.geometry.scale, self.0.tree);
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
-        let packet = closest.packet::<I>(&group);
+        let packet = closest.packet::<I>(&group, tree);
         if let Some(packet) = packet {
             let found = packet::closest::<I>(tree, &packet, &mut stack.waiting);
             closest.saw(found.is_some());
@@ -95,7 +95,11 @@ impl<'a> WideTracer<'a> {
         let tree = self.0.tree;
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
         let all = asked == I::Packet::ALL;
-        let packet = if all { any.packet::<I>(&group) } else { None };
+        let packet = if all {
+            any.packet::<I>(&group, tree)
+        } else {
+            None
+        };
         if let Some(packet) = packet {
             let found = packet::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
             any.saw(found.is_some());
@@ -295,10 +299,11 @@ struct Trust {
 const PAUSE: u32 = 7;
 
 impl Trust {
-    /// The rays of a group as a packet, if that is worth a try.
+    /// The rays of a group as a packet through `tree`, if that is worth a try. A packet pads boxes by the size of the whole
+    /// tree.
     #[inline(always)]
-    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>) -> Option<PacketOf<I>> {
-        let tries = self.pause == 0;
+    fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Wide) -> Option<PacketOf<I>> {
+        let tries = self.pause == 0 && !tree.spread;
         self.pause = self.pause.saturating_sub(1);
         if tries { Packet::of(group) } else { None }
     }

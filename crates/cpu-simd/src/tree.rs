@@ -99,6 +99,8 @@ pub(crate) struct Wide {
     pub(crate) records: Vec<Record>,
     /// The box of the whole tree, in scaled units.
     pub(crate) root: Aabb,
+    /// Whether coordinates differ much in size, as of the last preprocess: [`geom::Range::spread`].
+    pub(crate) spread: bool,
     /// Half areas of all boxes of the binary tree but those that the root node stands for, as of the last preprocess.
     pub(crate) areas: f64,
     /// The instructions to trace with.
@@ -119,6 +121,7 @@ impl Wide {
             stale: true,
             records: Vec::new(),
             root: Aabb::EMPTY,
+            spread: false,
             areas: 0.0,
             level,
             binary: Topology::default(),
@@ -195,6 +198,7 @@ impl Accelerator for Wide {
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
         let fitted = self.fit_moving(geometry);
+        self.spread = geometry.range.spread;
         self.areas = fitted.areas;
         match intersector {
             Intersector::Woop => self.make_records::<Woop>(),

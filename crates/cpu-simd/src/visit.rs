@@ -85,7 +85,7 @@ impl Work for Visit<'_> {
             ray: TriangleRay::<I::Eight>::single(&ray),
             see: self.see,
         };
-        let ray = NodeRay::<I::Eight>::new(&ray);
+        let ray = NodeRay::<I::Eight>::new(&ray, self.tree.spread);
         let rays = (&ray, self.ray.t_max);
         walk::<I>(self.tree, rays, self.stack, &mut each)
     }

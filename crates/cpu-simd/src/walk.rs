@@ -1,6 +1,6 @@
 //! One ray through the nodes, nearest child first, eight boxes at a time; and the watertight test by it.
 
-use crate::leaf::{Meetings, TriangleRay};
+use crate::leaf::{Meetings, TriangleRay, slack};
 use crate::rays::OneRay;
 use crate::simd::{Eight, Isa, Lanes, each, prefetch};
 use crate::tree::{Block, LANES, Link, NOWHERE, Node, Planes, Wide, place};
@@ -73,13 +73,19 @@ pub(crate) struct NodeRay<L> {
     /// Which planes are nearer: 0 for the lower ones.
     near: [usize; 3],
     t_min: L,
+    /// Where the ray starts.
+    origin: [L; 3],
+    /// Whether each box is padded by its own distance rather than by the whole tree's.
+    spread: bool,
 }
 
 impl<L: Lanes> NodeRay<L> {
     #[inline(always)]
-    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>) -> Self {
+    pub(crate) fn new(ray: &OneRay<'_, impl Lanes>, spread: bool) -> Self {
         let group = ray.group;
         Self {
+            origin: each!(i => L::splat(ray.at(&group.origin[i]))),
+            spread,
             inverse: each!(i => L::splat(ray.at(&group.inverse[i]))),
             starts: each!(i => {
                 let [near, far] = &group.starts[i];
@@ -88,6 +94,24 @@ impl<L: Lanes> NodeRay<L> {
             near: each!(i => usize::from(ray.at(&group.inverse[i]).is_sign_negative())),
             t_min: L::splat(ray.at(&group.limits[0])),
         }
+    }
+}
+
+impl<L: Lanes> NodeRay<L> {
+    /// Where the ray meets near and far planes of boxes, as the reference's box test has it. `D` of a box is at least that
+    /// of any box within, and every operation is monotone.
+    #[inline(always)]
+    fn spans_apart(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
+        let from = each!(axis => {
+            let ([near, far], origin) = (at[axis], self.origin[axis]);
+            [near.sub(origin), far.sub(origin)]
+        });
+        let slack = slack(&from);
+        each!(axis => {
+            let ([near, far], r) = (from[axis], self.inverse[axis]);
+            let pad = slack.mul(r.abs());
+            [near.mul(r).sub(pad), far.mul(r).add(pad)]
+        })
     }
 }
 
@@ -100,11 +124,15 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
             [L::load(&sides[near % 2]), L::load(&sides[(near + 1) % 2])]
         });
         let [n, f] = [0, 1];
-        let t = each!(axis => {
-            let ([near, far], r) = (at[axis], self.inverse[axis]);
-            let starts = self.starts[axis];
-            [near.about(r, starts[n]), far.about(r, starts[f])]
-        });
+        let t = if self.spread {
+            self.spans_apart(at)
+        } else {
+            each!(axis => {
+                let ([near, far], r) = (at[axis], self.inverse[axis]);
+                let starts = self.starts[axis];
+                [near.about(r, starts[n]), far.about(r, starts[f])]
+            })
+        };
         let entry = self.t_min.maxi(t[0][n]).maxi(t[1][n].maxi(t[2][n]));
         let exit = L::splat(best).mini(t[0][f]).mini(t[1][f].mini(t[2][f]));
         (L::bits(entry.at_most(exit)), entry)
@@ -251,7 +279,7 @@ pub(crate) fn closest<I: Isa>(
             place: NOWHERE,
         },
     };
-    let node_ray = NodeRay::<I::Eight>::new(ray);
+    let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
     walk::<I>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
     closest.best
 }
@@ -264,7 +292,7 @@ pub(crate) fn any<I: Isa>(
     skipped: u32,
     stack: &mut Stack,
 ) -> bool {
-    let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray));
+    let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray, tree.spread));
     let (mut len, mut link, bound) = (0, Link::ROOT, ray.t_max());
     loop {
         if link.is_block() {

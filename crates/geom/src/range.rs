@@ -3,22 +3,27 @@
 use crate::sizes::{Sizes, size};
 use crate::{Point, Pose};
 
-/// A key frame is extreme if its farthest coordinate is so many times its typical size.
+/// A scene keeps its own units if the farthest coordinate of a key frame exceeds this multiple of the typical size.
 const OUTLYING: f32 = 65_536.0;
+/// A key frame is spread if its farthest coordinate exceeds this multiple of its typical size.
+///
+/// Boxes that are padded by the size of the whole scene are then `17 * 2^-14` of the typical size too large.
+const SPREAD: f32 = 1024.0;
 /// Shadow rays are offset by the extent of the scene, but at most by so many times its typical size.
 const CLEARANCE: f32 = 256.0;
-/// Scaled coordinates of a key frame that is not extreme are at most this, `2^31`.
-const MOST: f32 = 2_147_483_648.0;
-/// A triangle is tiny if no scaled coordinate of it reaches this, `2^-32`. So there is none unless three vertices are so near.
+/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`. It then has two such vertices that are not the
+/// origin.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
 /// The coordinates of one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Whether they lie so far apart that `watertight` and `exact` answer every ray in exact arithmetic.
+    /// Whether some lie so far away that `watertight` and `exact` answer every ray in exact arithmetic.
     pub extreme: bool,
-    /// Whether there may be triangles so near the origin that rays from there must be answered so.
+    /// Whether there may be triangles so near the origin that rays from there need exact arithmetic.
     pub tiny: bool,
+    /// Whether sizes differ so much that boxes of inner nodes are padded by their own distance. It changes no hit.
+    pub spread: bool,
     /// The largest extent of the scene that offsets of shadow rays take into account, in the scene's units.
     pub clearance: f32,
 }
@@ -28,10 +33,11 @@ impl Range {
     pub const ORDINARY: Self = Self {
         extreme: false,
         tiny: false,
+        spread: false,
         clearance: f32::INFINITY,
     };
 
-    /// Rays from here on, `2^40` scaled units, are extreme.
+    /// Rays from here on, `2^40` scaled units, are extreme. So are moments with coordinates beyond.
     pub const FAR: f32 = 1_099_511_627_776.0;
     /// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
     pub const NEAR: f32 = 1.0 / 16_777_216.0;
@@ -55,8 +61,9 @@ impl Range {
     /// Of a key frame of these sizes, in a scene of this scale.
     pub(crate) fn of(sizes: &Sizes, scale_exponent: i32) -> Self {
         Self {
-            extreme: is_outlying(sizes) || sizes.largest > scaled(MOST, scale_exponent),
-            tiny: sizes.third < scaled(TINY, scale_exponent),
+            extreme: sizes.largest > scaled(Self::FAR, scale_exponent),
+            tiny: sizes.second < scaled(TINY, scale_exponent),
+            spread: sizes.largest > sizes.typical * SPREAD,
             clearance: sizes.typical * CLEARANCE,
         }
     }
@@ -64,10 +71,11 @@ impl Range {
     /// The scale of a scene (see [`crate::Animation::scale_exponent`]) whose key frames are of these sizes, and their ranges.
     pub(crate) fn of_keys(sizes: &[Sizes]) -> (i32, Vec<Self>) {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
-        // Where some moment is extreme anyway, the others keep the units that they were given in.
-        let scale_exponent = match sizes.iter().any(is_outlying) {
-            true => 0,
-            false => exponent_for(largest),
+        // A few far vertices do not scale the others.
+        let scale_exponent = if sizes.iter().any(is_outlying) {
+            0
+        } else {
+            exponent_for(largest)
         };
         let ranges = sizes.iter().map(|sizes| Self::of(sizes, scale_exponent));
         (scale_exponent, ranges.collect())
@@ -80,6 +88,7 @@ impl Range {
             Some(next) if pose.alpha != 0.0 => Self {
                 extreme: own.extreme || next.extreme,
                 tiny: own.tiny || next.tiny,
+                spread: own.spread || next.spread,
                 clearance: own.clearance.max(next.clearance),
             },
             _ => own,
@@ -125,15 +134,17 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn one_far_vertex_makes_its_moments_extreme_and_no_other() {
-        for far in [1e6, 1e12, 1e19, f32::MAX] {
+    fn one_far_vertex_makes_its_moments_spread_and_extreme_only_beyond_bounds() {
+        for far in [1e6, 1e12, 1.2e12, 1e19, f32::MAX] {
             let keys = [cloud(0.7), cloud(0.7), cloud(far)];
-            for (time, extreme) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
+            for (time, is_near) in [(0.0, false), (1.0, false), (1.25, true), (2.0, true)] {
                 let (k, range) = range(&keys, time);
-                assert_eq!((k, range.extreme), (0, extreme), "{far} at {time}");
+                let extreme = is_near && far > Range::FAR;
+                let found = (k, range.spread, range.extreme);
+                assert_eq!(found, (0, is_near, extreme), "{far} at {time}");
             }
         }
-        assert!(!range(&[cloud(1e4)], 0.0).1.extreme);
+        assert!(!range(&[cloud(500.0)], 0.0).1.spread);
     }
 
     #[test]
@@ -142,7 +153,8 @@ pub(crate) mod tests {
             let by = 2.0_f32.powi(e);
             let key: Vec<Point> = cloud(0.5).iter().map(|p| p.map(|x| x * by)).collect();
             let (_, range) = range(&[key], 0.0);
-            assert_eq!((range.extreme, range.tiny), (false, false), "2^{e}");
+            let found = [range.extreme, range.tiny, range.spread];
+            assert_eq!(found, [false; 3], "2^{e}");
         }
     }
 
@@ -155,6 +167,15 @@ pub(crate) mod tests {
         let (_, range) = range(&[key], 0.0);
         assert!(range.tiny && !range.extreme);
         assert!(range.is_extreme([1e-9, 0.0, 0.0]) && !range.is_extreme([1e-3, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn vertices_at_the_origin_make_no_tiny_triangles() {
+        let mut key = cloud(0.7);
+        key[..3].fill([0.0; 3]);
+        assert!(!range(&[key.clone()], 0.0).1.tiny);
+        key[3] = [1e-12, 0.0, 0.0];
+        assert!(!range(&[key], 0.0).1.tiny);
     }
 
     #[test]

@@ -10,8 +10,9 @@ const RUN: usize = 1 << 15;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sizes {
     pub(crate) largest: f32,
-    /// The third least of the largest coordinates of vertices: no triangle but a flat one lies nearer to the origin.
-    pub(crate) third: f32,
+    /// The second least of the largest coordinates of vertices that are not the origin. Every triangle with an area has a
+    /// coordinate of this size or more.
+    pub(crate) second: f32,
     /// The lower quartile of the largest coordinates of vertices.
     pub(crate) typical: f32,
 }
@@ -36,7 +37,7 @@ impl Sizes {
         };
         Self {
             largest,
-            third: least[2],
+            second: least[1],
             typical,
         }
     }
@@ -47,15 +48,15 @@ impl Sizes {
 struct Extremes {
     /// The largest finite `|coordinate|`.
     largest: f32,
-    /// The sizes of the three vertices that are nearest to the origin, in order.
-    least: [f32; 3],
+    /// The sizes of the two vertices that are nearest to the origin without being it, in order.
+    least: [f32; 2],
 }
 
 impl Extremes {
     /// Of no vertices.
     const NONE: Self = Self {
         largest: 0.0,
-        least: [f32::INFINITY; 3],
+        least: [f32::INFINITY; 2],
     };
 
     /// Looks at groups, most of which have nothing new.
@@ -64,7 +65,7 @@ impl Extremes {
         points.chunks(GROUP).fold(Self::NONE, |found, group| {
             let has_new = |&p: &Point| {
                 let size = size(p);
-                size.is_nan() | (size > found.largest) | (size < found.least[2])
+                size.is_nan() | (size > found.largest) | ((size < found.least[1]) & (size > 0.0))
             };
             match group.iter().fold(false, |any, p| any | has_new(p)) {
                 true => group.iter().fold(found, Self::with),
@@ -89,13 +90,13 @@ impl Extremes {
     }
 }
 
-/// The three least of four, of which three are in order.
-fn insert([a, b, c]: [f32; 3], new: f32) -> [f32; 3] {
+/// The two least of three sizes, the first two in order. A new size of zero does not count.
+fn insert([a, b]: [f32; 2], new: f32) -> [f32; 2] {
     match new {
-        _ if new < a => [new, a, b],
-        _ if new < b => [a, new, b],
-        _ if new < c => [a, b, new],
-        _ => [a, b, c],
+        0.0 => [a, b],
+        _ if new < a => [new, a],
+        _ if new < b => [a, new],
+        _ => [a, b],
     }
 }
 
@@ -118,12 +119,13 @@ mod tests {
     fn extremes_are_found_among_vertices_that_are_not_finite() {
         let mut points = cloud(0.5);
         points.extend([[f32::NAN, 9.0, 0.0], [1.0, f32::INFINITY, 2.0], [1e-9; 3]]);
+        points.extend([[0.0; 3], [0.0, -0.0, 0.0]]);
         points.extend(cloud(1e-7));
         for n in 0..points.len() {
             points.rotate_left(1);
             let found = Extremes::of(&points);
-            let found = (found.largest, found.least[..2].to_vec());
-            assert_eq!(found, (9.0, vec![1e-9, 1e-7]), "{n}");
+            let found = (found.largest, found.least);
+            assert_eq!(found, (9.0, [1e-9, 1e-7]), "{n}");
         }
     }
 }

@@ -91,11 +91,13 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     fn params_of(&self, shape: &Shape, pose: Pose) -> Params {
-        let params = Params::of(self.engine.scene().scale_exponent, shape);
-        Params {
+        let params = Params {
             alpha: pose.alpha,
-            ..params.at_range(self.range)
-        }
+            // A hint, for moments that the host did not measure: it changes no hit.
+            spread: self.engine.frames.spread.into(),
+            ..Params::of(self.engine.scene().scale_exponent, shape)
+        };
+        params.at_range(self.range)
     }
 
     /// Records a stage over the tree in use.

@@ -32,6 +32,8 @@ pub struct Frames<D: GpuDevice> {
     tree_stats: TreeStats,
     /// What traces by rasterization said last.
     pub(crate) raster_backoff: RasterBackoff,
+    /// Whether the last submission that measured coordinates found very different sizes.
+    pub(crate) spread: bool,
     clock: Clock,
 }
 
@@ -178,6 +180,7 @@ impl<D: GpuDevice> Frames<D> {
             ledger: VecDeque::new(),
             tree_stats: TreeStats::default(),
             raster_backoff: RasterBackoff::default(),
+            spread: false,
             clock: gpu.clock(),
         })
     }
@@ -359,6 +362,7 @@ impl<D: GpuDevice> Frames<D> {
             self.tree_stats
                 .complete(&mut report, counted, submission.never_active);
             self.raster_backoff.note(&counts);
+            self.spread = counts.is_spread().unwrap_or(self.spread);
             submission.report = Some(report);
         }
         Ok(())
@@ -398,6 +402,7 @@ impl<D: GpuDevice> Frames<D> {
         self.kept = FRAMES_IN_FLIGHT;
         self.tree_stats = TreeStats::default();
         self.raster_backoff = RasterBackoff::default();
+        self.spread = false;
         gpu.unload()?;
         self.slots.iter_mut().for_each(|slot| slot.own.forget());
         Ok(())

@@ -51,6 +51,8 @@ pub struct Params {
     pub clearance: f32,
     pub extreme: u32,
     pub tiny: u32,
+    pub spread: u32,
+    pub padding: [u32; 3],
 }
 
 impl Params {
@@ -72,16 +74,19 @@ impl Params {
             node_count: self.node_count,
             extreme: self.extreme,
             tiny: self.tiny,
+            spread: self.spread,
             ..Self::default()
         }
     }
 
-    /// The same at a moment whose coordinates reach so far; `None` where a device has to find out.
+    /// The same at a moment whose coordinates reach so far; `None` where a device has to find out. [`Params::spread`] is then
+    /// as before.
     pub fn at_range(mut self, range: Option<Range>) -> Self {
         match range {
             Some(range) => {
                 self.clearance = range.clearance * scale(self.scale_exponent);
                 (self.extreme, self.tiny) = (range.extreme.into(), range.tiny.into());
+                self.spread = range.spread.into();
             }
             None => self.extreme = Self::UNKNOWN,
         }
@@ -109,6 +114,7 @@ impl Params {
         let range = Range {
             extreme: self.extreme == 1,
             tiny: self.tiny != 0,
+            spread: self.spread == 1,
             clearance: self.clearance,
         };
         range.is_extreme(scaled_point(origin, self.scale_exponent))
@@ -170,6 +176,8 @@ pub struct Counts {
     pub untold: u32,
     /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
     pub left: u32,
+    /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
+    pub spread: u32,
     /// As `areas`, of the tree that is evaluated beside the current one. The root's box is the same for both.
     pub candidate_areas: f32,
     /// As `moving_areas`, of that tree.
@@ -182,6 +190,11 @@ impl Counts {
         self.hits += other.hits;
         self.blocked += other.blocked;
         self.open += other.open;
+    }
+
+    /// Whether coordinates have very different sizes, where `measure_range` ran.
+    pub fn is_spread(&self) -> Option<bool> {
+        (self.spread > 0).then_some(self.spread == 2)
     }
 
     /// Rays, shadows included, that whole numbers settled.

@@ -73,10 +73,16 @@ fn sizes(params: &Params) -> (u32, u64) {
     (params.node_count.div_ceil(2), pixels)
 }
 
+/// Whether there are kernels for either. They widen everything in the picture by the size of the whole scene, which must not be
+/// far larger than most things in it.
+fn is_suited(method: Method, params: &Params) -> bool {
+    method == METHOD && params.spread == 0
+}
+
 /// Whether a camera's rays, with parameters made for it, go by packets.
 pub(crate) fn packets_pay(method: Method, params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
-    method == METHOD
+    is_suited(method, params)
         && params.wide_root != 0
         && pixels >= PIXELS_A_TRIANGLE * u64::from(triangles)
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
@@ -91,9 +97,9 @@ pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) 
         && pixels <= MOST_PIXELS
         && ((are_dense && pixels >= LEAST_PIXELS)
             || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
-    // So that laws are tried.
+    // So that properties are tested.
     let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
-    method == METHOD && (is_fast || is_small)
+    is_suited(method, params) && (is_fast || is_small)
 }
 
 /// Traces that go without rasterization after one of which it told too little: to find that out takes a tenth of a trace.

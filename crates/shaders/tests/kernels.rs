@@ -124,8 +124,8 @@ fn params_lie_as_the_kernels_read_them() {
               count first leaf_bits_at leaf_ranks_at leaf_triangles_at node_count zero listed
               destination shift goal rounds places notes rule scaled_eye
               depth_exponent column wide_at row wide_lanes depth wide_root pixel_margin clearance extreme
-              tiny);
-        assert_eq!(members.len(), 38);
+              tiny spread);
+        assert_eq!(members.len(), 39);
         assert_eq!(*span as usize, size_of::<Params>(), "{}", kernel.name);
     }
 }

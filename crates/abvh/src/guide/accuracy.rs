@@ -12,8 +12,20 @@
 //! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the exact
 //! values, each rounded once to the nearest float.
 //!
-//! Rays are *extreme* that start so far away, or where some vertex is so far away, that single precision does not bound its
-//! own error. Both answer these in exact arithmetic, slowly: from very far away a ray tries all triangles.
+//! A hit depends on the ray, the triangle and the intersector alone. A vertex that flies off changes no hit of another
+//! triangle, and only rays that meet its own triangles take notably longer.
+//!
+//! # Far away
+//!
+//! `Watertight` is exact for a ray within rounding of the given one, in single precision of the distance to the triangle.
+//! From `1e12` away the spacing of floats is 65,536, so such a ray may hit a triangle that it passes a few units away.
+//! A component of a direction below `2^-37` of the largest counts as 0. `Exact` has no such error.
+//!
+//! Rays are *extreme* that start `2^40` (`1.1e12`) or more from the origin along some axis, or while some vertex is beyond
+//! that. Single precision cannot bound its own error there. Both intersectors answer these in exact arithmetic, slowly: from
+//! very far away a ray tries all triangles. Rays that start within `2^-24` of the origin are extreme if vertices lie within
+//! `2^-32` of it, other than at the origin itself.
+//! So `Watertight` may hit from just below `1.1e12` what it rightly misses from just above.
 //!
 //! Where the largest coordinate of all key frames, or of what meshes begin with, lies outside `2^-10..=2^30`, all are
 //! scaled by a power of two, and what is then below `2^-64` counts as 0. So coordinates of one scene should not

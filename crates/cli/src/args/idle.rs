@@ -91,10 +91,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 has_files(&args.measure.scenes),
             ]
         }
-        Command::Stress(args) => vec![
-            has_clip(scene(&args.scene)),
-            has_files(scene(&args.scene)),
-        ],
+        Command::Stress(args) => vec![has_clip(scene(&args.scene)), has_files(scene(&args.scene))],
         Command::Chart(args) => vec![
             has_clip(&args.measure.scenes),
             has_files(&args.measure.scenes),

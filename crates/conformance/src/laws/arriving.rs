@@ -188,8 +188,8 @@ fn from_the_middle(frame: &[Point]) -> impl Iterator<Item = Ray> {
     ends.map(|(&to, i)| Ray::new([0.0, (-4.0 * i as f32).exp2(), 0.0], to))
 }
 
-/// The size at which one of the vertices is outlying, where all others have size 1.
-const OUTLYING: f32 = 65_536.0;
+/// Coordinates up to this make no moment extreme, where the scene is not scaled.
+const FAR: f32 = geom::Range::FAR;
 /// Vertices are near the origin below this, where the scene is not scaled.
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 
@@ -217,12 +217,15 @@ fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
     };
     vec![
         ("as it was", first.to_vec()),
-        ("not outlying", with(&[(5, [0.5, -OUTLYING, 0.0])])),
-        ("outlying", with(&[(5, [0.5, -OUTLYING.next_up(), 0.0])])),
+        ("not extreme", with(&[(5, [0.5, -FAR, 0.0])])),
+        ("extreme", with(&[(5, [0.5, -FAR.next_up(), 0.0])])),
         ("as it was again", first.to_vec()),
         ("near", near(NEAR.next_down())),
         ("not near", near(NEAR)),
-        ("too few near", with(&[(0, [0.0; 3]), (3, [1e-20; 3])])),
+        (
+            "too few near",
+            with(&[(0, [0.0; 3]), (1, [0.0; 3]), (3, [1e-20; 3])]),
+        ),
         ("all zero", vec![[0.0; 3]; first.len()]),
         ("no number", with(&[(4, [f32::NAN, 3.0e38, 0.0])])),
         ("infinite", with(&[(4, [0.0, f32::INFINITY, 1.0])])),

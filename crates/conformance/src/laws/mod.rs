@@ -2,6 +2,7 @@
 
 mod answers;
 mod arriving;
+mod far;
 mod geometry;
 mod reports;
 mod still;
@@ -156,6 +157,7 @@ pub const LAWS: &[Law] = laws! {
     all any_hit_agrees_with_closest_hit: answers::any_is_closest;
     all queries_together_find_what_each_does: answers::together;
     exact a_ray_that_continues_visits_every_crossing_once: walk::visits_every_crossing_once;
+    all_in_turn far_geometry_changes_no_other_hit: far::apart;
     usual closed_bodies_do_not_leak: answers::leaks;
     all tree_age_does_not_change_hits: trees::age;
     all tree_shape_does_not_change_hits: trees::shape;

@@ -36,6 +36,8 @@ struct Seen {
     pose: Option<Pose>,
     /// Whether the host has not looked at its key frames.
     is_unknown: bool,
+    /// Whether coordinates of the moment are known to differ much in size.
+    is_spread: bool,
     /// The one before, of this scene.
     pose_before: Option<Pose>,
     /// The tree that was made last.
@@ -67,6 +69,16 @@ impl Faulty {
         match self.fault {
             "what arrives is not measured" if seen.is_unknown => {
                 found.for_each(|h| h.u = h.u.next_up());
+            }
+            "far vertices change other hits" if seen.is_spread => {
+                found.for_each(|h| h.t = h.t.next_down());
+            }
+            "far triangles are lost" if seen.is_spread => {
+                let last = seen
+                    .animation
+                    .as_ref()
+                    .map(|a| a.triangle_count() as u32 - 1);
+                found.filter(|h| Some(h.triangle) == last).for_each(miss);
             }
             "distances one ulp off" => found.for_each(|h| h.t = h.t.next_up()),
             "weights swapped" => found.for_each(|h| std::mem::swap(&mut h.u, &mut h.v)),
@@ -185,7 +197,9 @@ impl Backend for Faulty {
             "key frames that arrive come late" => a.is_arriving(),
             _ => false,
         });
-        let is_unknown = animation.is_some_and(|a| a.known_range(pose).is_none());
+        let range = animation.and_then(|a| a.known_range(pose));
+        let is_unknown = animation.is_some() && range.is_none();
+        self.seen.is_spread = range.is_some_and(|range| range.spread);
         self.seen.is_unknown = is_unknown;
         let key = pose.key.saturating_sub(u32::from(late));
         self.inner.interpolate(Pose { key, ..pose })

@@ -22,6 +22,7 @@ any_hits_equal_the_reference: any hit forgets the last ray
 a_camera_is_its_rays: pixels sampled at corners, second trace misses
 queries_together_find_what_each_does: the second of several queries misses
 a_ray_that_continues_visits_every_crossing_once: distances one ulp off, weights swapped, hit again where the ray begins, any hit forgets the last ray
+far_geometry_changes_no_other_hit: far vertices change other hits, far triangles are lost
 closed_bodies_do_not_leak: edges leak, edges hit twice
 tree_age_does_not_change_hits: first leaf is never hit
 tree_shape_does_not_change_hits: first leaf is never hit, ties go to the first leaf

@@ -6,6 +6,7 @@ use crate::simd::{Isa, Lanes, Level, Plain, Work};
 use crate::tree::{EMPTY, LANES, Planes};
 use crate::walk::{BoxTest, NodeRay};
 use cpu_ref::scale::{PreparedRay, Scale};
+use cpu_ref::slab::{FARTHEST, PAD};
 use geom::{Aabb, Point, Ray};
 use proptest::prelude::*;
 
@@ -51,9 +52,13 @@ fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
 /// Entry and exit by the box test.
 fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     let group = ray.group;
+    let away = |axis: usize, plane: f32| (plane - ray.at(&group.origin[axis])).abs();
+    let ends = (0..3).flat_map(|i| [away(i, bounds.min[i]), away(i, bounds.max[i])]);
+    let slack = PAD * ends.fold(0.0, f32::max).min(FARTHEST);
     let mut span = [ray.at(&group.limits[0]), f32::INFINITY];
     for axis in 0..3 {
-        let [o, r, q] = [&group.origin, &group.inverse, &group.pad].map(|of| ray.at(&of[axis]));
+        let [o, r] = [&group.origin, &group.inverse].map(|of| ray.at(&of[axis]));
+        let q = slack * r.abs();
         let mut planes = [bounds.min[axis], bounds.max[axis]];
         if r.is_sign_negative() {
             planes.reverse();
@@ -68,6 +73,8 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
 struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
     planes: Planes,
+    /// Whether boxes are padded by their own distance.
+    spread: bool,
 }
 
 impl<R: Lanes> Work for Meet<'_, R> {
@@ -75,7 +82,7 @@ impl<R: Lanes> Work for Meet<'_, R> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> (u32, [f32; LANES]) {
-        let node_ray = NodeRay::<I::Eight>::new(self.ray);
+        let node_ray = NodeRay::<I::Eight>::new(self.ray, self.spread);
         let (lanes, entries) = node_ray.meet(&self.planes, f32::INFINITY);
         (lanes, entries.store())
     }
@@ -84,10 +91,18 @@ impl<R: Lanes> Work for Meet<'_, R> {
 fn check(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> Result<(), TestCaseError> {
     let [entry, exit] = strict(ray, bounds);
     let lane = 5;
-    for level in Level::all() {
-        let mut planes = EMPTY;
-        set_bounds(&mut planes, lane, bounds);
-        let (lanes, entries) = level.run(Meet { ray, planes });
+    let mut planes = EMPTY;
+    set_bounds(&mut planes, lane, bounds);
+    let kinds = Level::all()
+        .into_iter()
+        .flat_map(|level| [(level, false), (level, true)]);
+    for (level, spread) in kinds {
+        let meet = Meet {
+            ray,
+            planes,
+            spread,
+        };
+        let (lanes, entries) = level.run(meet);
         prop_assert_eq!(lanes & !(1 << lane), 0, "empty lanes are never met");
         if entry <= exit {
             prop_assert_eq!(lanes, 1 << lane, "{:?}: {} {}", level, entry, exit);

@@ -1,7 +1,7 @@
 // How far the coordinates of a key frame reach, where the host did not look: geom::Range, to the same bits.
 
 import package::geometry::units::{scale_bits, starts_beyond};
-import package::lib::buffers::range;
+import package::lib::buffers::{counts, range};
 import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
@@ -11,7 +11,8 @@ import package::lib::params::{element, params};
 // Whether all rays are extreme, and whether those are that start near the origin.
 const EXTREME: u32 = 0u;
 const TINY: u32 = 1u;
-// The largest finite coordinate, how many vertices lie near the origin, and workgroups that are done; 0 after the last.
+// The largest finite coordinate, how many vertices are near the origin without being it, and workgroups that are done; 0 after
+// the last.
 const LARGEST: u32 = 2u;
 const NEAR: u32 = 3u;
 const DONE: u32 = 4u;
@@ -28,6 +29,8 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
 @if(extreme_rays)
 fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
+// Where `counts` has 2 if sizes differ so much that boxes are padded by their own distance, else 1: a hint for later submissions.
+const SPREAD_AT: u32 = 17u;
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;
@@ -55,14 +58,14 @@ fn measure(vertex: u32) {
     let size = max(x, max(y, z));
     atomicMax(&group_largest, max(finite_or_zero(x), max(finite_or_zero(y), finite_or_zero(z))));
     // 2^-32
-    if size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
+    if size > 0u && size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
     // One that says nothing counts as infinite.
     if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
 }
 
-// Whether a coordinate is far larger than the lower quartile of the samples that say anything: than more of them than lie
-// below it.
-fn is_outlying(local: u32, largest: u32) -> bool {
+// Whether a coordinate is more than 2^10 times the lower quartile of the samples that say anything: as much more than more
+// samples than are below the quartile.
+fn is_spread(local: u32, largest: u32) -> bool {
     var own: array<u32, SHARE>;
     let count = (params.count + params.first - 1u) / params.first;
     for (var i = 0u; i < SHARE; i += 1u) {
@@ -72,7 +75,7 @@ fn is_outlying(local: u32, largest: u32) -> bool {
     }
     var counts = vec2<u32>(0u);
     for (var i = 0u; i < SHARE; i += 1u) {
-        if own[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(own[i], 16)))); }
+        if own[i] < INFINITE { counts += vec2<u32>(1u, u32(largest > bitcast<u32>(scale_bits(own[i], 10)))); }
     }
     atomicAdd(&telling, counts.x);
     atomicAdd(&small, counts.y);
@@ -83,10 +86,11 @@ fn is_outlying(local: u32, largest: u32) -> bool {
 // What all vertices come to.
 fn judge(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
-    let outlying = is_outlying(local, largest);
+    let spread = is_spread(local, largest);
     if local != 0u { return; }
-    atomicStore(&range[EXTREME], u32(outlying || largest > in_scene(ONE, 31)));
-    atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 3u));
+    atomicStore(&counts[SPREAD_AT], select(1u, 2u, spread));
+    atomicStore(&range[EXTREME], u32(largest > in_scene(ONE, 40)));
+    atomicStore(&range[TINY], u32(atomicLoad(&range[NEAR]) >= 2u));
     atomicStore(&range[LARGEST], 0u);
     atomicStore(&range[NEAR], 0u);
     atomicStore(&range[DONE], 0u);

@@ -6,7 +6,7 @@ import package::lib::buffers::nodes;
 import package::lib::ieee::{Divisor, add, divide_normal, divisor, mul, parts, sub};
 import package::lib::params::params;
 
-// The corners of the root's box from a ray's start, and the greatest of their coordinates: D.
+// The corners of the root's box from a ray's start, and the greatest of their coordinates: D of the root.
 struct Root { low: vec3<f32>, high: vec3<f32>, reach: f32 }
 
 fn root_from(origin: vec3<f32>) -> Root {
@@ -50,7 +50,7 @@ struct Prepared {
     t_max: f32,
     // 1 / d per axis, d pushed away from zero: as the device divides where no hit is decided by it.
     inverse: vec3<f32>,
-    // Boxes are padded by slack * |1 / d|: 17 * 2^-24 * D.
+    // No box is padded by more than slack * |1 / d|: 17 * 2^-24 * D of the root.
     slack: f32,
     // What near and far planes times the inverse need added, for loose_planes.
     to_near: vec3<f32>,
@@ -63,7 +63,7 @@ struct Prepared {
     shear_x: f32,
     shear_y: f32,
     shear_z: f32,
-    // The padding along the axis. Infinite if D reaches 2^80.
+    // That padding along the axis. Infinite if D reaches 2^80.
     pad: f32,
     // t in the ray's own units is t * 2^-exponent.
     exponent: i32,
@@ -170,9 +170,22 @@ struct Planes { near: vec3<f32>, far: vec3<f32> }
 // Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
 // hit. The driver may fuse these operations as it likes.
 fn loose_planes(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
+    if params.spread == 1u { return loose_planes_apart(ray, low, high); }
     let negative = are_negative(ray.inverse);
     let near = select(low, high, negative) * ray.inverse + ray.to_near;
     return Planes(near, select(high, low, negative) * ray.inverse + ray.to_far);
+}
+
+// The same for coordinates of very different sizes: padded by the box's own D, which is at least that of any box within.
+fn loose_planes_apart(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
+    let negative = are_negative(ray.inverse);
+    let to_low = low - ray.origin;
+    let to_high = high - ray.origin;
+    let away = max(abs(to_low), abs(to_high));
+    // 32 * 2^-24
+    let pad = 1.9073486328125e-6 * min(most_of(away), FARTHEST) * abs(ray.inverse);
+    let near = select(to_low, to_high, negative) * ray.inverse - pad;
+    return Planes(near, select(to_high, to_low, negative) * ray.inverse + pad);
 }
 
 fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
@@ -188,6 +201,11 @@ fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
 
+// A point from the ray's start.
+fn from_start(ray: Prepared, p: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
+}
+
 // 1 / d per axis, rounded once.
 fn inverse_of(ray: Prepared) -> vec3<f32> {
     let k = permute(ray.direction, ray.axis);
@@ -197,20 +215,19 @@ fn inverse_of(ray: Prepared) -> vec3<f32> {
     return unpermute(vec3<f32>(x, y, ray.shear_z), ray.axis);
 }
 
-// Entry and exit of the padded box; met if x <= y.
+// Entry and exit of the padded box; met if x <= y. Its own D pads it.
 fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     let negative = are_negative(inverse);
-    let near = select(low, high, negative);
-    let far = select(high, low, negative);
+    let near = from_start(ray, select(low, high, negative));
+    let far = from_start(ray, select(high, low, negative));
+    // 17 * 2^-24
+    let slack = mul(1.01327896118164062e-6, min(most_of(max(abs(near), abs(far))), FARTHEST));
+    let pad = vec3<f32>(mul(slack, abs(inverse.x)), mul(slack, abs(inverse.y)), mul(slack, abs(inverse.z)));
     let n = vec3<f32>(
-        sub(mul(sub(near.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
-        sub(mul(sub(near.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
-        sub(mul(sub(near.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
+        sub(mul(near.x, inverse.x), pad.x), sub(mul(near.y, inverse.y), pad.y), sub(mul(near.z, inverse.z), pad.z),
     );
     let f = vec3<f32>(
-        add(mul(sub(far.x, ray.origin.x), inverse.x), mul(ray.slack, abs(inverse.x))),
-        add(mul(sub(far.y, ray.origin.y), inverse.y), mul(ray.slack, abs(inverse.y))),
-        add(mul(sub(far.z, ray.origin.z), inverse.z), mul(ray.slack, abs(inverse.z))),
+        add(mul(far.x, inverse.x), pad.x), add(mul(far.y, inverse.y), pad.y), add(mul(far.z, inverse.z), pad.z),
     );
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }

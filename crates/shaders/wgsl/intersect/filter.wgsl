@@ -1,10 +1,10 @@
 // What rounded arithmetic says of a triangle for intersector `exact`.
 
-import package::geometry::ray::{Prepared, unpermute};
+import package::geometry::ray::{Prepared, from_start, unpermute};
 import package::geometry::record::Corners;
 import package::geometry::units::power_of_two;
 import package::intersect::sheared::span_of_depths;
-import package::lib::ieee::{add, mul, sub};
+import package::lib::ieee::{add, mul};
 
 // A triangle seen along a ray, in the device's own arithmetic, and how far that may be off: "The filter" in docs/design/exact-arithmetic.md.
 
@@ -22,16 +22,12 @@ fn set_view(ray: Prepared) {
     view.up = unpermute(vec3<f32>(0.0, 1.0, -ray.shear_y), ray.axis);
     // 4.01 * 2^-24 of what the shear takes away, and 2^-37, below which a direction's component was zero.
     view.doubts = 2.3901462554931640625e-7 * abs(vec2<f32>(ray.shear_x, ray.shear_y)) + 7.3e-12;
-    // The slack is 17 * 2^-24 * D.
+    // The slack is 17 * 2^-24 * D of the root.
     view.most = view.doubts * (986896.0 * ray.slack) + SMALL;
 }
 
 // A triangle from the ray's start, its greatest sheared coordinates, and its edge functions.
 struct Seen { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, wide: vec2<f32>, u: f32, v: f32, w: f32 }
-
-fn from_start(ray: Prepared, p: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
-}
 
 fn look(ray: Prepared, k: Corners) -> Seen {
     let a = from_start(ray, k.a);

@@ -46,8 +46,18 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
 }
 
 // Between its nearest and its farthest corner a triangle is met, if at all: less and more the padding. Anywhere, from beyond 2^80.
-fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> {
-    return vec2<f32>(sub(min(a, min(b, c)), ray.pad), add(max(a, max(b, c)), ray.pad));
+fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> { return padded_span(ray.pad, a, b, c); }
+
+fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
+    return vec2<f32>(sub(min(a, min(b, c)), pad), add(max(a, max(b, c)), pad));
+}
+
+// At least the padding of the triangle's own box along the axis. Corners are as far away as sheared ones and their depths.
+fn loose_own_pad(ray: Prepared, e: Edges) -> f32 {
+    let across = max(max(abs(e.a.x), abs(e.a.y)), max(max(abs(e.b.x), abs(e.b.y)), max(abs(e.c.x), abs(e.c.y))));
+    let along = max(abs(e.a.along), max(abs(e.b.along), abs(e.c.along)));
+    // 20 * 2^-24
+    return 1.1920928955078125e-6 * (across + along) * abs(ray.shear_z);
 }
 
 // A triangle's sheared corners, and its edge functions.
@@ -81,9 +91,12 @@ fn own_box(ray: Prepared, k: Turned) -> Box {
 // Whether t surely lies within a padded box, so that slab need not be asked.
 fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     let negative = are_negative(ray.inverse);
-    let pad = 0.25 * ray.slack * abs(ray.inverse);
-    let n = (select(own.low, own.high, negative) - ray.origin) * ray.inverse - pad;
-    let f = (select(own.high, own.low, negative) - ray.origin) * ray.inverse + pad;
+    let near = select(own.low, own.high, negative) - ray.origin;
+    let far = select(own.high, own.low, negative) - ray.origin;
+    // 4.25 * 2^-24
+    let pad = 2.53319740295410156e-7 * most_of(max(abs(near), abs(far))) * abs(ray.inverse);
+    let n = near * ray.inverse - pad;
+    let f = far * ray.inverse + pad;
     // 2^100: beyond it products may be infinite.
     return abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
 }

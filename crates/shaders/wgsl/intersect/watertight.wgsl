@@ -4,7 +4,7 @@ import package::geometry::layout::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
 import package::geometry::units::in_ray_units;
 import package::intersect::sheared::{
-    Edges, Sheared, Turned, crossing, edges_of, span_of_depths, turned_corners, within_own,
+    Edges, Sheared, Turned, crossing, edges_of, loose_own_pad, padded_span, turned_corners, within_own,
 };
 import package::lib::buffers::{counts, records};
 import package::lib::exact::sign_of_difference;
@@ -37,7 +37,13 @@ fn signs_stand(e: Edges) -> bool {
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
-fn span_of(ray: Prepared, e: Edges) -> vec2<f32> { return span_of_depths(ray, e.a.z, e.b.z, e.c.z); }
+// At least the padding of the triangle's own box along the axis: of the root's, where sizes differ little.
+fn pad_of(ray: Prepared, e: Edges) -> f32 {
+    if params.spread == 1u { return loose_own_pad(ray, e); }
+    return ray.pad;
+}
+
+fn span_of(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b.z, e.c.z); }
 
 // Whether a span that begins at `low` surely lies behind t_min. 2^-100: a t below that is zero.
 fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
@@ -68,10 +74,11 @@ fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: Watertight
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) { return found; }
-    let span = span_of(ray, e);
+    let pad = pad_of(ray, e);
+    let span = span_of(pad, e);
     if span.x > found.high || span.y <= ray.t_min { return found; }
     // Corners far apart would let the search go on for long behind the hit. 8192 pads are 0.008 D.
-    let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * ray.pad);
+    let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * pad);
     if signs_stand(e) && begins_within(ray, span.x) && is_thin && span.y < found.low { return WatertightFound(span.x, span.y, leaf); }
     let t = distance_to(ray, corners, e);
     if !(t > ray.t_min && t < ray.t_max) || t > found.high { return found; }
@@ -107,7 +114,7 @@ fn watertight_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool 
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
     if surely_passes(e) || corners.triangle == ignore { return false; }
-    let span = span_of(ray, e);
+    let span = span_of(pad_of(ray, e), e);
     if span.x >= ray.t_max || span.y <= ray.t_min { return false; }
     if signs_stand(e) && begins_within(ray, span.x) && span.y < ray.t_max { return true; }
     let t = distance_to(ray, corners, e);

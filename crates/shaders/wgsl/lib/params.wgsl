@@ -67,6 +67,8 @@ struct Params {
     // 2 where only the buffer `range` tells.
     extreme: u32,
     tiny: u32,
+    // 1 if sizes of coordinates differ so much that boxes of inner nodes are padded by their own distance.
+    spread: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

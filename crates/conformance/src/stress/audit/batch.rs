@@ -7,7 +7,7 @@ use crate::stage::{ask, is_extreme, triangles};
 use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::Answered;
 use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
-use geom::{Aabb, Hit, Ray, Triangle, is_active};
+use geom::{Aabb, Hit, Ray, Triangle};
 use serde::Serialize;
 use std::ops::AddAssign;
 
@@ -124,18 +124,13 @@ const PADDING: f64 = 64.0 / 16_777_216.0;
 struct TBounds<'a> {
     scene: &'a StressScene,
     corners: Vec<Triangle>,
-    /// The box of all active triangles.
-    root: Aabb,
 }
 
 impl<'a> TBounds<'a> {
     fn of(scene: &'a StressScene) -> Self {
-        let corners = triangles(&scene.animation, scene.time);
-        let active = corners.iter().filter(|c| is_active(c));
         Self {
             scene,
-            root: active.map(Aabb::of_triangle).fold(Aabb::EMPTY, Aabb::union),
-            corners,
+            corners: triangles(&scene.animation, scene.time),
         }
     }
 
@@ -161,10 +156,10 @@ impl<'a> TBounds<'a> {
         let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         let axis = d.iter().position(|x| x.abs() == longest).unwrap_or(0);
         let way = |i: usize, x: f32| f64::from(x) - f64::from(ray.origin[i]);
-        let ends = |i: usize| [self.root.min[i], self.root.max[i]].map(|x| way(i, x).abs());
+        let own = Aabb::of_triangle(&self.corners[triangle as usize]);
+        let ends = |i: usize| [own.min[i], own.max[i]].map(|x| way(i, x).abs());
         let reach = (0..3).flat_map(ends);
         let padding = PADDING * reach.fold(0.0, f64::max) / longest;
-        let own = Aabb::of_triangle(&self.corners[triangle as usize]);
         let [a, b] = [own.min[axis], own.max[axis]].map(|x| way(axis, x) / d[axis]);
         [a.min(b) - padding, a.max(b) + padding]
     }

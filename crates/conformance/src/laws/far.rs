@@ -1,0 +1,127 @@
+//! Far geometry: a hit depends on the ray, the triangle and the intersector alone, not on the rest of the scene.
+
+use super::Check;
+use crate::compare::answers;
+use crate::stage::{ask, open, stand, vertices};
+use anyhow::{Context, Result, ensure};
+use backend::{Hits, Query, QueryKind, Rays};
+use geom::{Animation, Hit, Point, Ray, Triangle};
+use std::sync::Arc;
+
+/// Distances of the stray triangle from the origin. Scenes of each keep the units that they were given in.
+const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
+
+/// A scene with a stray triangle is hit as the closer of the scene and the triangle, each by itself, bit for bit.
+pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
+    let case = c.case;
+    let points = vertices(&case.animation, case.times[1]);
+    let near = Scene::new(points, case.animation.triangles().to_vec())?;
+    let stray = Stray::of(case.chance);
+    let far = Scene::new(stray.corners.to_vec(), vec![[0, 1, 2]])?;
+    let both = near.with(&stray.corners)?;
+    let range = near.0.range(near.0.pose(0.0));
+    let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
+    if is_scaled || range.extreme || range.tiny {
+        // Such scenes have units of their own, or rays that are answered in exact arithmetic.
+        return Ok(());
+    }
+    let mut rays = case.rays.clone();
+    rays.extend(stray.rays());
+    let light = case.light;
+    let list = |kind| Query {
+        rays: Rays::List(&rays),
+        kind,
+    };
+    let queries = [
+        list(QueryKind::Closest),
+        list(QueryKind::Any),
+        Query {
+            rays: Rays::Camera(&case.camera),
+            kind: QueryKind::ClosestAndShadow { light },
+        },
+    ];
+    let [near_found, far_found, found] = [&near, &far, &both].map(|s| s.ask(c, &queries));
+    let (near_found, far_found, found) = (near_found?, far_found?, found?);
+    let mut aimed = far_found[0].closest[case.rays.len()..].iter();
+    let hits_all = aimed.all(Hit::is_hit);
+    ensure!(hits_all, "a ray aimed at {stray:?} misses it");
+    let count = near.0.triangle_count() as u32;
+    for (i, query) in queries.iter().enumerate() {
+        let alone = near_found[i].closest.iter().zip(&far_found[i].closest);
+        let expected: Vec<Hit> = alone.map(|(a, b)| closer(a, b, count)).collect();
+        let expected = Hits {
+            closest: expected,
+            ..found[i].clone()
+        };
+        let same = answers(case, case.times[1], query.rays, &found[i], &expected);
+        same.with_context(|| format!("with {stray:?}"))?;
+    }
+    let met = near_found[1].blocked.iter().zip(&far_found[1].blocked);
+    let met: Vec<u8> = met.map(|(a, b)| a | b).collect();
+    let same = found[1].blocked == met;
+    ensure!(same, "whether rays hit differs with {stray:?}");
+    Ok(())
+}
+
+/// The closer of a scene's hit and a stray triangle's, which follows the scene's `count` triangles.
+fn closer(near: &Hit, far: &Hit, count: u32) -> Hit {
+    let triangle = if far.is_hit() { count } else { far.triangle };
+    let far = Hit { triangle, ..*far };
+    if far.is_before(near) { far } else { *near }
+}
+
+/// A scene that does not move.
+struct Scene(Arc<Animation>);
+
+impl Scene {
+    fn new(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        Ok(Self(Arc::new(Animation::new(vec![points], triangles)?)))
+    }
+
+    /// The same with one more triangle.
+    fn with(&self, corners: &Triangle) -> Result<Self> {
+        let mut points = vertices(&self.0, 0.0);
+        let mut triangles = self.0.triangles().to_vec();
+        let first = points.len() as u32;
+        points.extend(corners);
+        triangles.push([first, first + 1, first + 2]);
+        Self::new(points, triangles)
+    }
+
+    fn ask(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
+        open(c.subject, &self.0, 0.0, c.method)?;
+        stand(c.subject, &self.0, 0.0)?;
+        let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.0);
+        queries.iter().map(answer).collect()
+    }
+}
+
+/// A triangle far from the origin.
+#[derive(Debug)]
+struct Stray {
+    distance: f32,
+    corners: Triangle,
+}
+
+impl Stray {
+    fn of(chance: u64) -> Self {
+        let distance = DISTANCES[chance as usize % DISTANCES.len()];
+        let corner = |p: Point| p.map(|x| x * distance);
+        let all = [[1.0, 0.1, -0.2], [0.9, 0.3, 0.1], [0.95, -0.1, 0.2]];
+        Self {
+            distance,
+            corners: all.map(corner),
+        }
+    }
+
+    /// Rays to the middle of the triangle from the scene, from half way and from behind.
+    fn rays(&self) -> impl Iterator<Item = Ray> {
+        let [a, b, c] = self.corners;
+        let middle: Point = std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0);
+        let starts = [0.0, 0.5, 2.0].map(|x| [0.3 + x * self.distance, 0.1, -0.2]);
+        let to_middle = move |from: Point| std::array::from_fn(|i| middle[i] - from[i]);
+        starts
+            .into_iter()
+            .map(move |from| Ray::new(from, to_middle(from)))
+    }
+}
