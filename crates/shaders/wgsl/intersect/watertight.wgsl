@@ -39,6 +39,7 @@ fn signs_stand(e: Edges) -> bool {
 
 // At least the padding of the triangle's own box along the axis: of the root's, where sizes differ little.
 fn pad_of(ray: Prepared, e: Edges) -> f32 {
+    @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }
     return ray.pad;
 }
