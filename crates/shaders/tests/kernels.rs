@@ -43,9 +43,13 @@ fn no_two_variants_are_the_same() {
 }
 
 /// Functions that a driver may fuse, each with the additions, subtractions and multiplications of all that are used with it.
-const LOOSE: [(&str, usize); 5] = [
+const LOOSE: [(&str, usize); 7] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),
+    // geometry/ray.wgsl: differences from the origin, the padding, and two products and two sums of vectors.
+    ("fn loose_planes_apart(", 7),
+    // intersect/sheared.wgsl: a sum and two products.
+    ("fn loose_own_pad(", 3),
     // intersect/sheared.wgsl.
     ("fn loose_within(", 7),
     // intersect/filter.wgsl.

@@ -79,7 +79,7 @@ impl Moving {
         step.vertices(self.mesh, Source::Host(vertices)).unwrap();
         let traced = step.trace(&camera, Query::Closest);
         let refused = traced.and_then(|_| step.submit());
-        let is_refused = matches!(refused, Err(Error::Unsupported(_) | Error::Device(_)));
+        let is_refused = matches!(refused, Err(Error::Unsupported(_) | Error::OutOfMemory(_)));
         assert!(is_refused, "{refused:?}");
     }
 }
