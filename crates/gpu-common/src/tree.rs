@@ -307,8 +307,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
-        let trees = self.current.held() + candidate + self.free.held();
-        [trees, build, self.picture.held()]
+        let visibility = self.picture.get(BufferName::Visibility).map_or(0, D::held);
+        let covers = self.picture.held() - visibility;
+        let trees = self.current.held() + candidate + covers + self.free.held();
+        [trees, build, visibility]
     }
 }
 
