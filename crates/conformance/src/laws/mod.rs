@@ -25,16 +25,18 @@ pub struct Law {
     /// Its name, as a sentence with underscores.
     pub name: &'static str,
     pub(crate) methods: Methods,
+    /// The name of `methods` in the table of properties.
+    method_set: &'static str,
     /// Whether it holds.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
 impl Law {
-    /// The same law, tried by the usual intersector alone.
+    /// Returns this property for the usual intersector alone, or `None` if it holds for `exact` only.
     #[must_use]
-    pub fn by_usual_intersector(self) -> Self {
+    pub fn by_usual_intersector(self) -> Option<Self> {
         let methods: Methods = usual;
-        Self { methods, ..self }
+        (self.method_set != "exact").then_some(Self { methods, ..self })
     }
 }
 
@@ -137,7 +139,12 @@ fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
 /// A line a law: by which methods it is tried, its name, and whether it holds.
 macro_rules! laws {
     ($($methods:ident $name:ident: $check:expr;)+) => {
-        &[$(Law { name: stringify!($name), methods: $methods, check: $check },)+]
+        &[$(Law {
+            name: stringify!($name),
+            methods: $methods,
+            method_set: stringify!($methods),
+            check: $check,
+        },)+]
     };
 }
 
