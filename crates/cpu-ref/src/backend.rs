@@ -231,8 +231,9 @@ impl Backend for CpuBackend {
         self.require(State::Positions, "evaluate reads positions: interpolate");
         let (scene, layout) = (loaded(&mut self.scene), self.layout);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
-        let is_loaded =
-            pool.install(|| scene.load_candidate((tree, generation), || new_tree(layout)))?;
+        let is_loaded = run_in(pool, || {
+            scene.load_candidate((tree, generation), || new_tree(layout))
+        })?;
         if is_loaded {
             self.commands.push(Command::Evaluate);
         }
