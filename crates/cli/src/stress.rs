@@ -3,6 +3,7 @@
 use crate::args::{BackendName, RaysName, StressArgs, UpdateName, word};
 use crate::bench::{FOV, random_rays};
 use crate::conflicts::Files;
+use crate::open::has_own_trees;
 use crate::stop::Stop;
 use crate::table::{Cells, counted, table};
 use crate::talk::{self, Progress};
@@ -253,19 +254,9 @@ struct Run {
 }
 
 fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
-    let adapter = || args.test.adapter.clone();
     let mut runs = Vec::new();
     for &name in &args.test.backend {
-        let device = match name {
-            BackendName::Auto => Device::Auto,
-            BackendName::Cpu => Device::Cpu,
-            BackendName::Vulkan => Device::Vulkan(adapter()),
-            BackendName::Wgpu => Device::Wgpu(adapter()),
-            other => {
-                let name = word(&other);
-                return Err(Stop::bad(format!("{name} takes no streamed vertices")));
-            }
-        };
+        let device = device(name, args.test.adapter.as_deref())?;
         for &update in &args.update {
             let update = Policy::of(update)?;
             runs.extend([Vertices::Copied, Vertices::InPlace].map(|source| Run {
@@ -277,6 +268,30 @@ fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
         }
     }
     Ok(runs)
+}
+
+/// Returns the library's device for a backend, or an error if this build or the library lacks the backend.
+#[cfg_attr(
+    not(any(feature = "vulkan", feature = "wgpu")),
+    allow(unused_variables, reason = "only GPUs have adapters to choose from")
+)]
+fn device(name: BackendName, adapter: Option<&str>) -> Result<Device, Stop> {
+    match name {
+        BackendName::Auto => Ok(Device::Auto),
+        BackendName::Cpu => Ok(Device::Cpu),
+        #[cfg(feature = "vulkan")]
+        BackendName::Vulkan => Ok(Device::Vulkan(adapter.map(str::to_owned))),
+        #[cfg(feature = "wgpu")]
+        BackendName::Wgpu => Ok(Device::Wgpu(adapter.map(str::to_owned))),
+        other => {
+            let why = if has_own_trees(other) {
+                "takes no streamed vertices"
+            } else {
+                "is not in this build"
+            };
+            Err(Stop::bad(format!("{} {why}", word(&other))))
+        }
+    }
 }
 
 #[derive(Serialize)]
