@@ -29,7 +29,7 @@ pub(crate) struct Loaded {
     pub(crate) under_way: VecDeque<Ticket>,
     /// Results that are available, from the oldest to the newest.
     pub(crate) results: VecDeque<Answer>,
-    /// Memory of hits that nobody holds any more.
+    /// Memory of hits whose handles were all dropped.
     spares: Spares,
     /// Since the first picture: colours of all triangles where the host shades; the device has its own.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,

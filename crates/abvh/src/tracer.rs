@@ -261,7 +261,7 @@ pub(crate) struct State {
     pub(crate) builder: Builder,
     /// Replacements so far.
     pub(crate) commits: u64,
-    /// The newest of them for each mesh, counted from 1.
+    /// The newest replacement of each mesh, counted from 1.
     pub(crate) replaced: BTreeMap<usize, u64>,
     pub(crate) device: String,
     pub(crate) kind: DeviceKind,

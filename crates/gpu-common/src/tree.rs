@@ -16,7 +16,7 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     pub(crate) current: DeviceTree<D>,
     /// The tree that was evaluated last. Its buffers are made at the first evaluation.
     candidate: Option<DeviceTree<D>>,
-    /// Buffers of a picture, as large as any trace asked for so far.
+    /// Buffers of a picture, as large as the largest trace so far.
     picture: BufferTable<D>,
     /// Records that no tree uses.
     free: Pool<D>,

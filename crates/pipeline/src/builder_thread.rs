@@ -150,7 +150,7 @@ impl BuilderThreads {
         Ok(Self(Arc::new(pool)))
     }
 
-    /// Runs other work in them. The calling thread sleeps meanwhile, unless it is one of them.
+    /// Runs other work on these threads. The calling thread sleeps meanwhile, unless it belongs to the pool.
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         run_in(&self.0, work)
     }

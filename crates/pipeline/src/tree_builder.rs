@@ -165,7 +165,7 @@ impl TreeBuilder {
         self.observed.clone()
     }
 
-    /// Makes a tree as `input` says and converts it.
+    /// Builds a tree from `input` and converts it.
     ///
     /// A tree that is `weighed` is made of subtrees of the last one, because that is soon done; but built from scratch where
     /// trees hold so long that it need not be. Where trees degrade fast, it is built from each triangle's boxes at both halves
