@@ -32,9 +32,6 @@ pub enum Update {
     /// Likewise, with each tree taken up exactly so many steps after it was asked for, and waited for if it must be: then each
     /// run goes through the same trees. With 0, each step waits for its own.
     Lockstep(u32),
-    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds before the
-    /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
-    TSah,
 }
 
 /// What a tracer is to be.
@@ -160,7 +157,6 @@ impl Builder {
             Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
             Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
             Update::Lockstep(steps) => pipeline::Update::Async(Pace::Lockstep(steps)),
-            Update::TSah => pipeline::Update::TSah,
             Update::Rebuild => pipeline::Update::Rebuild,
             Update::DeviceRebuild => pipeline::Update::DeviceRebuild,
             Update::Refit => pipeline::Update::Refit,

@@ -47,8 +47,8 @@ impl Cancel {
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
-    /// Of two children that a plane parts, the one that lies nearer to this point comes first, as with
-    /// [`crate::order_toward`], which costs nothing here. So rays to that point find sooner what blocks them. The trees
+    /// Point that rays end at. The first child of a node is the one whose box reaches less far from this point, except in
+    /// small nodes, where it lies on that side of the split. So any-hit rays to the point find occluders sooner. The trees
     /// are the same otherwise.
     pub toward: Option<Point>,
     /// What the heuristic takes a leaf to be. Trees have one triangle a leaf all the same.

@@ -3,8 +3,8 @@
 //! Binned surface-area-heuristic builds (Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007)
 //! down to exactly one triangle a leaf. The tree depends on the boxes, the size of blocks and the point that children are
 //! ordered toward, not on the number of threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work
-//! runs in the rayon pool that the caller installed. [`Builder`] builds for one moment, [`TemporalBuilder`] for several at
-//! once, [`SubtreeRebuilder`] from an earlier tree.
+//! runs in the rayon pool that the caller installed. [`Builder`] builds from boxes alone, [`SubtreeRebuilder`] from an
+//! earlier tree.
 
 mod bins;
 mod builder;
@@ -15,7 +15,6 @@ mod occluder_first;
 mod prim;
 mod small;
 mod subtrees;
-mod temporal;
 mod tiny;
 mod tree;
 
@@ -23,9 +22,7 @@ pub use bins::BlockSize;
 pub use builder::{BuildError, Builder, Cancel};
 pub use cost::sah_cost;
 pub use gather::Boxes;
-pub use occluder_first::order_toward;
 pub use subtrees::{Costs, SubtreeRebuilder};
-pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 
 /// Both results; side by side, in the rayon pool that the caller installed, if the work is large.

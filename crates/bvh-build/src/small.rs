@@ -12,7 +12,7 @@ use glam::Vec4;
 pub(crate) const MOST: usize = 32;
 
 /// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
-pub(crate) const NEARLY: f32 = 1.0 + 1e-5;
+const NEARLY: f32 = 1.0 + 1e-5;
 
 /// The triangles of a subtree, sorted along each axis.
 struct Sorted {

@@ -89,7 +89,11 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
         _ => e.to_string(),
     };
     let first = text.split("\n\n").next().unwrap_or(&text);
-    Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
+    let first = first.strip_prefix("error: ").unwrap_or(first);
+    match removed::replacement(e) {
+        Some(replacement) => Stop::bad(format!("{first}: {replacement}")),
+        None => Stop::bad(first),
+    }
 }
 
 #[derive(Args, Debug)]
@@ -128,7 +132,7 @@ pub(crate) struct TraceArgs {
     #[command(flatten)]
     pub(crate) tolerance: ToleranceArgs,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
-    /// --time; t-sah does so with a tree for all times. Hits are the same, only the speed differs
+    /// --time. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,
     /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
@@ -272,8 +276,6 @@ pub(crate) enum UpdateName {
     Refit,
     /// The newest finished tree, refitted, while the next one is built
     Async,
-    /// One tree built for the whole time range, refitted (Bittner, Meister 2015)
-    TSah,
     /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
     DeviceRebuild,
 }
@@ -346,6 +348,7 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 
 mod idle;
 mod measure;
+mod removed;
 mod render;
 #[cfg(test)]
 mod tests;

@@ -179,7 +179,7 @@ fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Opt
     if !has_own_trees(backend) {
         return None;
     }
-    if let UpdateName::Async | UpdateName::TSah = update {
+    if update == UpdateName::Async {
         let why = "is left out: it makes its trees itself, within each frame";
         return Some(format!("{name} with {policy} {why}"));
     }

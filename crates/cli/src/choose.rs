@@ -72,7 +72,6 @@ impl<'a> Ask<'a> {
             UpdateName::Async => return (at_pace, None),
             UpdateName::Rebuild => return (Update::Rebuild, None),
             UpdateName::Refit => return (Update::Refit, None),
-            UpdateName::TSah => return (Update::TSah, None),
             UpdateName::DeviceRebuild => return (Update::DeviceRebuild, None),
         };
         (update, Some(why.to_owned()))

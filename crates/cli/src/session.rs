@@ -97,7 +97,6 @@ fn builder(options: DriverOptions) -> Builder {
         Update::Refit => abvh::Update::Refit,
         Update::Async(Pace::Free) => abvh::Update::Async,
         Update::Async(Pace::Lockstep(frames)) => abvh::Update::Lockstep(frames),
-        Update::TSah => abvh::Update::TSah,
         Update::DeviceRebuild => abvh::Update::DeviceRebuild,
     };
     Tracer::builder()

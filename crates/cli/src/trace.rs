@@ -18,7 +18,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     };
     files.check(std::slice::from_ref(&args.scene))?;
     let update = match args.update {
-        UpdateName::Refit | UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
+        UpdateName::Refit | UpdateName::DeviceRebuild => args.update,
         _ => UpdateName::Rebuild,
     };
     let mut ask = Ask {
@@ -74,7 +74,7 @@ fn moments(args: &TraceArgs, keys: usize) -> Result<(Option<f64>, f64), Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
         (UpdateName::Async, _) => Err(Stop::bad(
-            "--update async needs more than one moment; trace takes rebuild, refit, t-sah or device-rebuild",
+            "--update async needs more than one moment; trace takes rebuild, refit or device-rebuild",
         )),
         (UpdateName::Refit, tree_time) => {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;

@@ -47,8 +47,7 @@ pub struct DriverOptions {
     pub method: Method,
     /// How trees follow the motion.
     pub update: Update,
-    /// First and last time that will be rendered, in key frames: what
-    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    /// First and last time that will be rendered, in key frames. No tree is built for a time beyond them.
     pub time_range: [f64; 2],
     /// With [`Update::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
     /// instead of for the frame that asks, from the backend's vertices.
@@ -374,8 +373,7 @@ impl Driver {
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
 fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
-    if !takes_trees || !backend.makes_own_trees() {
+    if !matches!(update, Update::Async(_)) || !backend.makes_own_trees() {
         return Ok(());
     }
     let policy = update.name();

@@ -107,7 +107,6 @@ impl RunFacts {
                 Update::Async(Pace::Free),
                 build + tracing * beside_builder * aged,
             ),
-            (Update::TSah, TSAH_BUILDS * build + tracing),
         ];
         match self.rebuild_bytes {
             Some(LARGE_REBUILD_BYTES..) => (),
@@ -144,8 +143,6 @@ impl RunFacts {
 
 /// Share of a frame that grows with its tree's cost.
 const TREE_SHARE: f64 = 0.5;
-/// A tree for the whole time range takes as long as so many others.
-const TSAH_BUILDS: f64 = 9.0;
 /// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
 /// Of an H100: milliseconds of any frame, and more a triangle; then of a tree made on the device.
@@ -163,9 +160,9 @@ const HOST_TRIANGLE: f64 = 40e-6;
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`,
-    /// `t-sah`, and a tree a frame.
-    type Measured = (Scene, usize, [f64; 4]);
+    /// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`
+    /// and a tree a frame.
+    type Measured = (Scene, usize, [f64; 3]);
     type Scene = (&'static str, usize, f64);
 
     const GROVE: Scene = ("grove", 173_987, 1.06);
@@ -180,44 +177,44 @@ mod tests {
     /// `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, sums of `wall_ms`, one run each,
     /// commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200; a tree a frame by `device-rebuild`.
     const H100: [Measured; 12] = [
-        (GROVE, 48, [0.05, 0.06, 0.16, 0.29]),
-        (COLLIDE, 48, [0.05, 0.05, 0.27, 0.04]),
-        (TWIST, 48, [0.02, 0.03, 0.10, 0.04]),
-        (SHATTER, 48, [7.23, 0.47, 1.52, 0.09]),
-        (SMALL_SHATTER, 48, [0.30, 0.05, 0.09, 0.04]),
-        (LARGE_TWIST, 48, [0.18, 0.19, 1.49, 0.15]),
-        (GROVE, 240, [0.15, 0.15, 0.29, 0.31]),
-        (COLLIDE, 240, [0.16, 0.11, 0.36, 0.20]),
-        (TWIST, 240, [0.07, 0.07, 0.15, 0.15]),
-        (SHATTER, 240, [26.66, 0.55, 1.57, 0.35]),
-        (SMALL_SHATTER, 240, [1.47, 0.08, 0.14, 0.15]),
-        (LARGE_TWIST, 240, [0.34, 0.38, 1.60, 0.37]),
+        (GROVE, 48, [0.05, 0.06, 0.29]),
+        (COLLIDE, 48, [0.05, 0.05, 0.04]),
+        (TWIST, 48, [0.02, 0.03, 0.04]),
+        (SHATTER, 48, [7.23, 0.47, 0.09]),
+        (SMALL_SHATTER, 48, [0.30, 0.05, 0.04]),
+        (LARGE_TWIST, 48, [0.18, 0.19, 0.15]),
+        (GROVE, 240, [0.15, 0.15, 0.31]),
+        (COLLIDE, 240, [0.16, 0.11, 0.20]),
+        (TWIST, 240, [0.07, 0.07, 0.15]),
+        (SHATTER, 240, [26.66, 0.55, 0.35]),
+        (SMALL_SHATTER, 240, [1.47, 0.08, 0.15]),
+        (LARGE_TWIST, 240, [0.34, 0.38, 0.37]),
     ];
 
     /// The same machine, `taskset -c 0,1`.
     const H100_TWO_CORES: [Measured; 2] = [
-        (SHATTER, 240, [f64::INFINITY, 2.70, 7.30, 0.36]),
-        (COLLIDE, 240, [f64::INFINITY, 0.21, 1.29, 0.20]),
+        (SHATTER, 240, [f64::INFINITY, 2.70, 0.36]),
+        (COLLIDE, 240, [f64::INFINITY, 0.21, 0.20]),
     ];
 
     /// The same machine, `cpu` on its 16 cores, 960x600; a tree a frame by `rebuild`.
     const SIXTEEN_CORES: [Measured; 6] = [
-        (GROVE, 48, [0.84, 0.88, 0.99, 1.61]),
-        (COLLIDE, 48, [0.62, 0.67, 0.80, 1.71]),
-        (TWIST, 48, [0.45, 0.47, 0.45, 0.91]),
-        (SHATTER, 48, [f64::INFINITY, 1.78, 2.13, 6.32]),
-        (SMALL_SHATTER, 48, [2.05, 0.32, 0.39, 0.61]),
-        (LARGE_TWIST, 48, [0.83, 1.51, 1.98, 6.27]),
+        (GROVE, 48, [0.84, 0.88, 1.61]),
+        (COLLIDE, 48, [0.62, 0.67, 1.71]),
+        (TWIST, 48, [0.45, 0.47, 0.91]),
+        (SHATTER, 48, [f64::INFINITY, 1.78, 6.32]),
+        (SMALL_SHATTER, 48, [2.05, 0.32, 0.61]),
+        (LARGE_TWIST, 48, [0.83, 1.51, 6.27]),
     ];
 
     /// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360; a tree a frame by `rebuild`.
     const TWO_CORES: [Measured; 6] = [
-        (GROVE, 48, [1.01, 1.69, 1.39, 2.52]),
-        (COLLIDE, 48, [0.81, 1.03, 1.12, 2.67]),
-        (TWIST, 48, [0.38, 0.63, 0.55, 1.17]),
-        (SHATTER, 48, [173.53, 4.84, 5.70, 18.58]),
-        (SMALL_SHATTER, 48, [3.36, 0.60, 0.51, 0.97]),
-        (SMALL_COLLIDE, 48, [0.29, 0.35, 0.31, 0.43]),
+        (GROVE, 48, [1.01, 1.69, 2.52]),
+        (COLLIDE, 48, [0.81, 1.03, 2.67]),
+        (TWIST, 48, [0.38, 0.63, 1.17]),
+        (SHATTER, 48, [173.53, 4.84, 18.58]),
+        (SMALL_SHATTER, 48, [3.36, 0.60, 0.97]),
+        (SMALL_COLLIDE, 48, [0.29, 0.35, 0.43]),
     ];
 
     fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> RunFacts {
@@ -261,8 +258,7 @@ mod tests {
                 let taken = seconds[match update {
                     Update::Refit => 0,
                     Update::Async(_) => 1,
-                    Update::TSah => 2,
-                    Update::Rebuild | Update::DeviceRebuild => 3,
+                    Update::Rebuild | Update::DeviceRebuild => 2,
                 }];
                 let best = seconds.into_iter().fold(f64::INFINITY, f64::min);
                 let about =
@@ -291,7 +287,7 @@ mod tests {
         // Of trees that fade.
         let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
         long.frames = 20_000;
-        let huge = facts(&(HUGE_TWIST, 120, [0.0; 4]), Gpu, 16, 1920 * 1200);
+        let huge = facts(&(HUGE_TWIST, 120, [0.0; 3]), Gpu, 16, 1920 * 1200);
         let beside_others = RunFacts {
             rebuild_bytes: Some(1 << 30),
             ..huge
@@ -302,7 +298,7 @@ mod tests {
             (lasting, Update::Refit),
             (apart, Update::DeviceRebuild),
             (on_host, Update::Rebuild),
-            (long, Update::TSah),
+            (long, Update::Async(Pace::Free)),
             (huge, Update::Refit),
             (beside_others, Update::DeviceRebuild),
         ] {

@@ -9,8 +9,6 @@ pub enum Update {
     Refit,
     /// The newest finished tree, refitted, while the next one is built.
     Async(Pace),
-    /// One tree built for the whole time that is rendered, refitted.
-    TSah,
     /// A new tree made on the device in each frame, from its own vertices.
     DeviceRebuild,
 }
@@ -22,7 +20,6 @@ impl Update {
             Self::Rebuild => "rebuild",
             Self::Refit => "refit",
             Self::Async(_) => "async",
-            Self::TSah => "t-sah",
             Self::DeviceRebuild => "device-rebuild",
         }
     }
@@ -114,7 +111,6 @@ mod tests {
             (LOCKSTEP, 9, ["a", "swa", "sa"]),
             (Update::Rebuild, 6, ["a", "", "sa"]),
             (Update::Refit, 6, ["", "", "s"]),
-            (Update::TSah, 6, ["", "", "s"]),
             (Update::DeviceRebuild, 6, ["", "", "s"]),
         ] {
             let found =

@@ -112,7 +112,9 @@ stability --rays 0 | --rays
 stability --record b.json --seed 2 | --seed
 inspect demo:twist --reduce-keys -1 | -1
 render --update refit --lockstep 1 | --lockstep | --update async
-render --update t-sah --predict off | --predict | --update async
+render --update rebuild --predict off | --predict | --update async
+render --update t-sah | t-sah | use --update refit
+bench --update refit,t-sah | t-sah | use --update refit
 render --tolerance 3 --intersector exact | --tolerance | --intersector auto
 render --backend vulkan-rt --builder-threads 2 | --builder-threads | trees that the host builds
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
@@ -148,7 +150,7 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 29);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 31);
 }
 
 #[test]

@@ -68,7 +68,6 @@ const INTERSECTORS: &[(&str, Shape)] = &[
 const UPDATES: &[(&str, f64)] = &[
     ("rebuild", 0.0),
     ("refit", 0.4),
-    ("t-sah", 0.2),
     ("device-rebuild", 0.7),
     ("async", 1.0),
 ];

@@ -5,11 +5,10 @@ use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
 use crate::schedule::{FramePlan, InFlight, Pace, Update};
-use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::tree_builder::{Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
-use bvh_build::{BuildError, Cancel};
-use geom::{Animation, Point, Pose};
+use bvh_build::Cancel;
+use geom::{Point, Pose};
 use std::time::Instant;
 
 /// The generation of the tree that the first frame builds.
@@ -211,19 +210,11 @@ impl Driver {
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.ask(FIRST, pose);
-        let built = if self.options.update == Update::TSah {
-            let range = self.options.time_range;
-            self.build_waiting(&mut request, 0, |builder, animation| {
-                let samples = samples(animation, range)?;
-                builder.build_for_all(animation, &samples, pose, &Cancel::new())
-            })
-        } else {
-            // Built ahead, it is built for more than the frame.
-            let ahead = self.predicts() && self.weighs();
-            let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-            request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(&mut request, halves.map(|times| self.poses(times)))?
-        };
+        // Built ahead, it is built for more than the frame.
+        let ahead = self.predicts() && self.weighs();
+        let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
+        request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
+        let built = self.build_now(&mut request, halves.map(|times| self.poses(times)))?;
         let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
@@ -331,33 +322,18 @@ impl Driver {
     ) -> Result<BuildResult<Built>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.pose = Some(request.pose);
-        let read_back = bytes(positions.len());
-        let from = (Vertices::ReadBack(positions), halves);
-        Ok(
-            self.build_waiting(request, read_back, |builder, animation| {
-                builder.build(animation, from, &Cancel::new())
-            }),
-        )
-    }
-
-    /// Builds while the frame waits, from so many bytes that were read back.
-    fn build_waiting(
-        &mut self,
-        request: &mut Request,
-        read_back: u64,
-        build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
-    ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        request.vertices_arrived = Some((arrived, read_back));
+        request.vertices_arrived = Some((arrived, bytes(positions.len())));
+        let from = (Vertices::ReadBack(positions), halves);
         let (animation, light) = (&self.animation, self.light);
         let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            build(builder, animation)
+            builder.build(animation, from, &Cancel::new())
         });
         self.record.build_wait_ms += ms(arrived.elapsed());
-        built
+        Ok(built)
     }
 
     fn adopt(&mut self, built: Built, request: &Request) -> Result<(), PipelineError> {

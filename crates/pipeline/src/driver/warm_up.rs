@@ -203,12 +203,7 @@ mod tests {
         const ASKED: usize = 50;
         const DONE: usize = ASKED + 1;
         let lockstep = Update::Async(Pace::Lockstep(3));
-        let others = [
-            Update::Rebuild,
-            Update::Refit,
-            Update::TSah,
-            Update::DeviceRebuild,
-        ];
+        let others = [Update::Rebuild, Update::Refit, Update::DeviceRebuild];
         let others = others.map(|update| (update, false));
         for by in [(lockstep, true), (lockstep, false)]
             .into_iter()

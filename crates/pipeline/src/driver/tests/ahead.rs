@@ -263,20 +263,6 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     assert!(left > 0);
 }
 
-#[test]
-fn a_tree_for_all_times_is_built_once_without_the_device() {
-    let animation = shuffled(8, 64);
-    let run = run_scene(&animation, 20, (Update::TSah, true), None);
-    assert!(!run.built && run.log.requested == 0);
-    assert_eq!(run.log.adopted, [Generation(1)]);
-    assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
-    let tree = run.records[0].adopted.unwrap();
-    assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
-    assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
-    let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
-    assert_ne!(run.log.trees, refitted.log.trees);
-}
-
 /// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     unknown_by(FREE, frames, moving)

@@ -75,7 +75,6 @@ fn frames_take_no_memory_once_the_loop_runs() {
     // A thread that waits at a channel is entered there, which takes memory the first time.
     for (update, predict, least, allowed) in [
         (Update::Refit, true, 1, 0),
-        (Update::TSah, true, 1, 0),
         (free, true, 4, 0),
         (free, false, 4, 0),
         (Update::Async(Pace::Lockstep(3)), true, 100, 4),
