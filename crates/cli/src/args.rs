@@ -2,7 +2,7 @@
 
 use crate::stop::Stop;
 use crate::{talk, values};
-use clap::builder::ArgPredicate;
+use backend::Intersector;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
@@ -80,6 +80,9 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
         let _ = e.print();
         return Stop::Shown;
     }
+    if let Some(removed) = removed::find(e) {
+        return Stop::bad(removed);
+    }
     // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
     let spelt = args
         .iter()
@@ -89,11 +92,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
         _ => e.to_string(),
     };
     let first = text.split("\n\n").next().unwrap_or(&text);
-    let first = first.strip_prefix("error: ").unwrap_or(first);
-    match removed::replacement(e) {
-        Some(replacement) => Stop::bad(format!("{first}: {replacement}")),
-        None => Stop::bad(first),
-    }
+    Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
 }
 
 #[derive(Args, Debug)]
@@ -129,8 +128,6 @@ pub(crate) struct TraceArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
     /// --time. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = "auto")]
@@ -157,8 +154,6 @@ pub(crate) struct InspectArgs {
     /// Directory for those key frames, as .ply files, and times.json with the time of each
     #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) reduced_out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// JSON to standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -230,17 +225,16 @@ pub(crate) struct DeviceArgs {
 
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
-    /// How a ray is tested against a triangle [with --tolerance: auto]
-    #[arg(long, value_name = "NAME", default_value = "watertight")]
-    #[arg(default_value_if("tolerance", ArgPredicate::IsPresent, "auto"))]
-    pub(crate) intersector: IntersectorName,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector())]
+    pub(crate) intersector: Intersector,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) layout: LayoutName,
 }
 
 impl MethodArgs {
-    pub(crate) fn of(intersector: IntersectorName, layout: LayoutName) -> Self {
+    pub(crate) fn of(intersector: Intersector, layout: LayoutName) -> Self {
         Self {
             intersector,
             layout,
@@ -281,20 +275,6 @@ pub(crate) enum UpdateName {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum IntersectorName {
-    /// The cheapest within the tolerance
-    Auto,
-    /// Möller, Trumbore 1997
-    MollerTrumbore,
-    /// Woop 2004: an affine transform a triangle
-    Woop,
-    /// Woop, Benthin, Wald 2013, with exact ties
-    Watertight,
-    /// The answer of exact arithmetic
-    Exact,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutName {
     /// Whichever is faster on the backend
     Auto,
@@ -302,22 +282,6 @@ pub(crate) enum LayoutName {
     Bvh2,
     /// Whatever measured fastest
     Fast,
-}
-
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct ToleranceArgs {
-    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
-    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
-    #[arg(long, value_name = "PPM", value_parser = values::number(|rate: f64| (0.0..=1e6).contains(&rate),
-        "a tolerance is a number of rays a million, from 0 to 1000000"))]
-    pub(crate) tolerance: Option<f64>,
-}
-
-impl ToleranceArgs {
-    /// What is tolerated of what is left to `auto`.
-    pub(crate) fn ppm(self) -> f64 {
-        self.tolerance.unwrap_or(0.0)
-    }
 }
 
 /// How far a vertex may be from where it was.

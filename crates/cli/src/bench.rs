@@ -154,7 +154,6 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                 let ask = Ask {
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
-                    tolerance: args.tolerance.ppm(),
                     predict,
                     ..Ask::of(backend, method, update)
                 };

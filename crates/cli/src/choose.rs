@@ -1,20 +1,12 @@
-//! What is left to `auto`: policy and layout by rule; the intersector, where wrong rays are tolerated, by a sample.
-//!
-//! Neither policy nor layout changes a hit. The intersector can; it is therefore left to `auto` only by name.
-//! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
-//! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
+//! Settles by rule the policy and the layout that are left to `auto`. Neither changes a hit.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
+use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
 use crate::open::has_own_trees;
-use crate::session::{self, trace_lists};
 use crate::stop::Stop;
-use backend::{Backend, DeviceKind, Hits, Intersector, Layout, Method, Query, Rays};
-use fastrand::Rng;
-use geom::{Animation, Ray};
+use backend::{Backend, DeviceKind, Intersector, Layout, Method, Query};
+use geom::Animation;
 use output::Taken;
-use output::plot::Rate;
 use pipeline::{ExpectedMemory, Frame, Pace, RefitDecay, RunFacts, Threads, Update};
-use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -25,8 +17,6 @@ pub(crate) struct Ask<'a> {
     pub(crate) method: MethodArgs,
     pub(crate) update: UpdateName,
     pub(crate) lockstep: Option<u32>,
-    /// Wrong rays a million that an intersector left to `auto` may have.
-    pub(crate) tolerance: f64,
     /// What will be done, by which `auto` chooses.
     pub(crate) run: Option<Run<'a>>,
     /// Rays of a frame, where no run is known.
@@ -46,7 +36,6 @@ impl<'a> Ask<'a> {
             method,
             update,
             lockstep: None,
-            tolerance: 0.0,
             run: None,
             rays: 0,
             predict: true,
@@ -129,15 +118,9 @@ pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<S
         return Some(format!("update policy '{}'", word(&update)));
     }
     match method.intersector {
-        IntersectorName::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
-        other => Some(format!("intersector '{}'", word(&other))),
+        Intersector::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
+        other => Some(format!("intersector '{other}'")),
     }
-}
-
-pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    let why = || "it alone is free of wrong answers by definition".to_owned();
-    let named = word(&name).parse();
-    named.map_or_else(|_| (Intersector::Exact, Some(why())), |named| (named, None))
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
@@ -194,24 +177,17 @@ fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<L
     all.filter(|&layout| supports(method(layout))).collect()
 }
 
-/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
-pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
+/// The method and the update policy of a run, with the reasons for the policy and the layout where these were left to `auto`.
+pub(crate) type Settled = (Method, Update, [Option<String>; 2]);
 
-/// Intersectors that may be wrong, the fastest first (docs/measured.md).
-const FASTEST_FIRST: [Intersector; 3] = [
-    Intersector::Watertight,
-    Intersector::MollerTrumbore,
-    Intersector::Woop,
-];
-
-/// Settles what `ask` leaves open by what `backend` is and how it traces. It comes back, or another of its kind.
+/// Settles what `ask` leaves to `auto`, by facts about `backend` and the run.
 pub(crate) fn settle(
-    backend: Box<dyn Backend>,
-    animation: &Arc<Animation>,
+    backend: &dyn Backend,
+    animation: &Animation,
     ask: &Ask<'_>,
-) -> Result<(Box<dyn Backend>, Settled), Stop> {
-    let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
-    let capabilities = Capabilities::of(backend.as_ref(), intersector);
+) -> Result<Settled, Stop> {
+    let intersector = ask.method.intersector;
+    let capabilities = Capabilities::of(backend, intersector);
     let (layout, why_layout) = capabilities.layout(ask.method.layout);
     let method = Method {
         intersector,
@@ -224,8 +200,7 @@ pub(crate) fn settle(
         }
         None => ask.update(),
     };
-    let why = [why_update, why_intersector, why_layout];
-    Ok((backend, (method, update, why)))
+    Ok((method, update, [why_update, why_layout]))
 }
 
 fn facts(
@@ -257,94 +232,6 @@ fn facts(
         threads: threads.render,
         builder_threads: threads.build,
     })
-}
-
-/// The intersector asked for, or the fastest that meets the tolerance; and why.
-fn settle_intersector(
-    backend: Box<dyn Backend>,
-    animation: &Arc<Animation>,
-    ask: &Ask<'_>,
-) -> Result<(Box<dyn Backend>, Choice<Intersector>), Stop> {
-    let usual = intersector(ask.method.intersector);
-    let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
-    let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((backend, usual));
-    };
-    let Some(rays) = needed(ask.tolerance) else {
-        let why = "to show so small a tolerance would take too many rays".to_owned();
-        return Ok((backend, (Intersector::Exact, Some(why))));
-    };
-    let sample = sample(&run, rays);
-    let rays = sample.iter().map(|(_, rays)| rays.len() as u64).sum();
-    let answers = |backend, intersector: Intersector| -> Result<_, Stop> {
-        let how = (Method::from(intersector), Update::Refit);
-        let taking = session::take(backend, animation, ask, how)?;
-        let mut driver = session::driver(animation, taking)?;
-        let lists = sample.iter().map(|(time, rays)| (*time, &rays[..]));
-        let answers = trace_lists(&mut driver, run.query.kind, lists)?;
-        Ok((driver.into_backend(), answers))
-    };
-    let (mut backend, exact) = answers(backend, Intersector::Exact)?;
-    let mut found = Vec::new();
-    for intersector in FASTEST_FIRST {
-        let hits;
-        (backend, hits) = answers(backend, intersector)?;
-        let pairs = exact.iter().zip(&hits);
-        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
-        // With 95 % confidence.
-        let most = Rate::of(wrong, rays).map_or(1e6, |rate| rate.high);
-        found.push(format!(
-            "{intersector} {wrong} of {rays} rays wrong, at most {most:.1} a million"
-        ));
-        if most <= ask.tolerance {
-            let why = format!("the fastest within the tolerance ({})", found.join(", "));
-            return Ok((backend, (intersector, Some(why))));
-        }
-    }
-    let why = format!("no other is within the tolerance ({})", found.join(", "));
-    Ok((backend, (Intersector::Exact, Some(why))))
-}
-
-/// Frames of the run whose rays are asked.
-const MOMENTS: usize = 3;
-/// The most rays of a sample.
-const MOST: f64 = (1 << 20) as f64;
-
-/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be (the rule of three);
-/// with half as many again for a few that are. `None` if they are too many.
-fn needed(tolerance: f64) -> Option<usize> {
-    let rays = 1.5 * 3.0 * 1e6 / tolerance;
-    (rays <= MOST).then_some(rays.ceil() as usize)
-}
-
-/// About `count` rays of a run, at some of its times.
-fn sample(run: &Run<'_>, count: usize) -> Vec<(f64, Vec<Ray>)> {
-    let mut rng = Rng::with_seed(0);
-    let len = run.frames.len();
-    let at = |i: usize| {
-        let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
-        let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
-        (time, rays.collect())
-    };
-    (0..MOMENTS).map(at).collect()
-}
-
-fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
-    match rays {
-        Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
-        Rays::List(rays) => rng.choice(rays).copied(),
-        Rays::OnDevice(_) => None,
-    }
-}
-
-/// Rays of which two traces name another triangle, or another shadow.
-fn differing(a: &Hits, b: &Hits) -> u64 {
-    let at = |of: &Hits, i: usize| {
-        let triangle = of.closest.get(i).map(|hit| hit.triangle);
-        (triangle, of.blocked.get(i).copied())
-    };
-    let rays = a.closest.len().max(a.blocked.len());
-    (0..rays).filter(|&i| at(a, i) != at(b, i)).count() as u64
 }
 
 #[cfg(test)]

@@ -174,9 +174,9 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
 }
 
 fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
-    let intersector = word(&args.method.intersector);
+    let intersector = args.method.intersector.name();
     // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = matches!(&*intersector, "watertight" | "exact");
+    let is_robust = matches!(intersector, "watertight" | "exact");
     let mut all = BTreeMap::from([
         ("size", json!(args.size)),
         ("eye", json!(args.eye)),
@@ -197,7 +197,6 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     if !is_robust || has_own_trees(args.device.backend) {
         all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
-        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
     all.into_iter().map(owned).collect()

@@ -1,12 +1,12 @@
 //! A tracer set up as asked, ready for its first frame; to measure, the library's own driver.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::args::{BackendName, LayoutName, MethodArgs};
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Intersector, Method, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
@@ -117,7 +117,7 @@ fn start_by<T>(
     check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
-        let (backend, (method, update, why)) = choose::settle(backend, animation, ask)?;
+        let (method, update, why) = choose::settle(backend.as_ref(), animation, ask)?;
         let taking = take(backend, animation, ask, (method, update))?;
         let device = taking.0.device().clone();
         Ok((load(taking)?, device, method, update, why))
@@ -129,7 +129,8 @@ fn start_by<T>(
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
     let (traces, device, method, update, reasons) = opened;
-    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let [why_update, mut why_layout] = reasons;
+    let mut why_intersector = None;
     let threads = ask.share(device.kind, update);
     let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
     if open::has_own_trees(ask.backend) {
@@ -182,7 +183,7 @@ pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     Ok(Ask {
         run: None,
         rays: ask.rays(),
-        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
+        method: MethodArgs::of(Intersector::Watertight, LayoutName::Auto),
         ..*ask
     })
 }
@@ -229,10 +230,7 @@ pub(crate) fn trace_lists<'a>(
 /// A backend that has room for the scene, what a driver is to do with it, and threads that build.
 type Taking = (Box<dyn Backend>, DriverOptions, usize);
 
-pub(crate) fn driver(
-    animation: &Arc<Animation>,
-    (backend, options, threads): Taking,
-) -> Result<Driver, Stop> {
+fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Result<Driver, Stop> {
     let threads = BuilderThreads::new(threads)?;
     let animation = Arc::clone(animation);
     Ok(Driver::new(backend, animation, options, threads)?)
@@ -240,7 +238,7 @@ pub(crate) fn driver(
 
 /// What a driver takes that traces by a method and follows the motion by a policy, as a run of its own would have it. Of a
 /// backend that computes on other threads, another of its kind is opened.
-pub(crate) fn take(
+fn take(
     backend: Box<dyn Backend>,
     animation: &Animation,
     ask: &Ask<'_>,

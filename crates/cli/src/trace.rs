@@ -25,7 +25,6 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
-        tolerance: args.tolerance.ppm(),
         ..Ask::of(args.device.backend, args.method, update)
     };
     let mut opening = session::begin(&ask);

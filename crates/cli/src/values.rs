@@ -1,5 +1,6 @@
 //! Values of options: points, sizes, ranges. Each rejection says what is wanted.
 
+use backend::Intersector;
 use clap::builder::{
     OsStringValueParser, PathBufValueParser, PossibleValuesParser, RangedU64ValueParser,
     TypedValueParser,
@@ -31,6 +32,12 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
         true => Err("a scene has a name"),
         false => Ok(scene::word(&name)),
     })
+}
+
+/// The name of an intersector.
+pub(crate) fn intersector() -> impl TypedValueParser<Value = Intersector> {
+    PossibleValuesParser::new(Intersector::ALL.map(Intersector::name))
+        .try_map(|name| name.parse::<Intersector>())
 }
 
 /// `x,y,z`, all finite.

@@ -1,6 +1,6 @@
 //! Options of `render`.
 
-use super::{DeviceArgs, MethodArgs, SourceArgs, ToleranceArgs, UpdateName};
+use super::{DeviceArgs, MethodArgs, SourceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
 use geom::Point;
@@ -21,8 +21,6 @@ pub(crate) struct RenderArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// How trees follow the motion
     #[arg(long, value_name = "POLICY", default_value = "auto")]
     pub(crate) update: UpdateName,

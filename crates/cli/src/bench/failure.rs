@@ -32,7 +32,7 @@ impl Failure {
             backend: word(&ask.backend),
             update: word(&ask.update),
             predict: ask.predict,
-            intersector: word(&ask.method.intersector),
+            intersector: ask.method.intersector.to_string(),
             layout: word(&ask.method.layout),
             rays: (rays == RaysName::Random).then_some("random"),
             builder_threads: ask.builder_threads,
