@@ -111,7 +111,6 @@ fn set_line_along(way: ToLight) {
 }
 
 // Returns whether the segment from a hit to the light is occluded, except by triangle `ignore`.
-
 fn is_occluded(way: ToLight, ignore: u32) -> bool {
     if !way.traced { return false; }
     return ask_any(ray_to_light(way), ignore);

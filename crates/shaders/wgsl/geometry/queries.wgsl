@@ -9,7 +9,6 @@ import package::lib::ieee::{add, mul};
 import package::lib::params::params;
 
 // Maps an invocation to a pixel: 128 invocations cover a block of 16 x 8 pixels in Morton order.
-
 fn pixel_of(local: u32, group: vec3<u32>) -> vec2<u32> {
     let x = (local & 1u) | ((local >> 1u) & 2u) | ((local >> 2u) & 4u) | ((local >> 3u) & 8u);
     let y = ((local >> 1u) & 1u) | ((local >> 2u) & 2u) | ((local >> 3u) & 4u);
@@ -34,11 +33,9 @@ fn through_pixel(pixel: vec2<u32>) -> vec3<f32> {
 }
 
 // Returns the origin of camera rays, in scaled units.
-
 fn eye() -> vec3<f32> { return params.scaled_eye; }
 
 // Prepares a camera ray.
-
 fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
     return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }

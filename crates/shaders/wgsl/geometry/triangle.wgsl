@@ -4,17 +4,14 @@ import package::lib::buffers::{positions, triangles};
 import package::lib::ieee::{add, mul, sub};
 
 // Returns a vertex's position in scene units, as bits.
-
 fn point_of(vertex: u32) -> vec3<u32> {
     return vec3<u32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
 }
 
 // Returns one corner of a triangle in scene units, as bits.
-
 fn corner(triangle: u32, which: u32) -> vec3<u32> { return point_of(triangles[3u * triangle + which]); }
 
 // Returns a triangle's corners in scene units, as bits.
-
 fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
     return array<vec3<u32>, 3>(
         point_of(triangles[3u * triangle]),
