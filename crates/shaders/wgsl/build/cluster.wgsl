@@ -6,10 +6,10 @@
 // many clusters each tile leaves and how many inner nodes it makes: there are no counters, no workgroup waits for another, and
 // places are unique.
 //
-// Merge m of all makes inner node n - 2 - m of n leaves, and its two clusters become adjacent children. The last merge makes the
-// root. A cluster is a node that is not stored yet: its box and its traversal reference.
+// With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
+// last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.rounds of them, neighbours
+// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.rounds rounds, neighbours
 // merge in pairs.
 
 import package::geometry::layout::{LEAF, TWO, children_of};

@@ -44,7 +44,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 
 @group(0) @binding(next) var<storage, read_write> leaf_nodes: array<u32>;
 
-// Computes the boxes of one level's inner nodes from their children's, and sums the areas of those children.
+// Computes the boxes of one level's inner nodes from their children's, and sums the children's areas.
 //
 // The cost of a tree (surface area heuristic) is the sum of all nodes' areas over the root's. Each workgroup has read the boxes
 // of its nodes' children, so it sums their half areas and writes one partial sum: no atomics, and the same bits each time. Every
@@ -57,6 +57,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 //
 // If the tree has lists of what moves, a full refit leaves out the areas below nodes that are marked as moving, and the refit of
 // moving nodes adds them. So static areas are summed once per tree, and moving ones every frame.
+
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(min(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
 }

@@ -59,7 +59,7 @@ fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
 // invocations of the workgroup must call it.
 fn refit_above(t: Treelet, number: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(number, local);
-    // Issues all reads before it waits for any of them.
+    // Issues all reads before it waits for the first one.
     let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
     let low = low_below(leaf);
     let high = high_below(leaf);

@@ -29,7 +29,7 @@ fn first_of(at: u32) -> u32 { return at & 0x7fffffffu; }
 @else
 fn first_of(at: u32) -> u32 { return at & select(0x7fffffffu, 0x3fffffffu, params.fast_layout == 1u); }
 
-// Returns a leaf of the remaining triangles of a leaf, or NONE.
+// Returns a reference to the second triangle of a leaf of two, else NONE.
 @if(FAST)
 fn others_of(at: u32) -> u32 { return select(NONE, LEAF | (first_of(at) + 1u), (at & TWO) != 0u); }
 @elif(BVH2)

@@ -31,7 +31,7 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 // Coordinates of the origin may be small enough to count as zero.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
-// Builds the segment from the corners of the triangle hit, all in scaled units. `eye` is the start of the ray that hit it.
+// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of that ray.
 fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let e1 = sub3(v1, v0);
     let e2 = sub3(v2, v0);
@@ -54,7 +54,8 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
     let own = max(abs(e1), abs(e2));
-    // A triangle of a streamed key frame may exceed the root box of a driver's tree, which covers only earlier key frames.
+    // The triangle's own size counts too: in a streamed key frame it may exceed the root box of a driver's tree, which only covers
+    // earlier key frames.
     let counted = max(min(max(extent.x, max(extent.y, extent.z)), params.clearance), max(own.x, max(own.y, own.z)));
     // 4 * 2^-24 and 32 * 2^-24
     let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, counted));

@@ -25,7 +25,7 @@ fn is_measured_extreme(origin: vec3<f32>) -> bool {
     return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u);
 }
 
-// Returns whether the measured range makes rays extreme beyond those that are so by their origin alone.
+// Returns whether the measured range makes more rays extreme than their origins alone do.
 @if(extreme_rays)
 fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
@@ -41,7 +41,7 @@ const SHARE: u32 = 32u;
 var<workgroup> group_largest: atomic<u32>;
 var<workgroup> group_near: atomic<u32>;
 var<workgroup> groups_done: u32;
-// Number of valid samples, and of those that are far smaller than the largest coordinate.
+// Number of valid samples, and number of samples that are far smaller than the largest coordinate.
 var<workgroup> telling: atomic<u32>;
 var<workgroup> small: atomic<u32>;
 
@@ -64,8 +64,8 @@ fn measure(vertex: u32) {
     if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
 }
 
-// Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples: whether it
-// exceeds 2^10 times the size of more than a quarter of them.
+// Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples. It does if it exceeds 2^10
+// times the size of more than a quarter of the samples.
 fn is_spread(local: u32, largest: u32) -> bool {
     var own: array<u32, SHARE>;
     let count = (params.count + params.first - 1u) / params.first;

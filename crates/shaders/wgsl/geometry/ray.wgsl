@@ -21,7 +21,7 @@ fn root_from(origin: vec3<f32>) -> Root {
 // 2^80.
 const FARTHEST: f32 = 1.2089258196146292e24;
 
-// Directions in all ray tests, and the hit written for a miss.
+// Shared by all ray tests: directions pushed away from zero, signs, and the hit of a miss.
 
 fn push_from_zero(x: f32) -> f32 {
     let least = 0x21800000u; // 2^-60

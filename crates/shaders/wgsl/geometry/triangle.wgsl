@@ -20,7 +20,7 @@ fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
     );
 }
 
-// Whether a ray can hit a triangle with these corners.
+// Tests of a triangle's corners: whether they are finite and span an area.
 
 fn is_finite(v: vec3<u32>) -> bool {
     return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));

@@ -95,8 +95,8 @@ fn put_192(at: u32, n: Whole192) {
 
 const RAYS: u32 = 4u;
 
-// First one determinant per invocation. Then D, V, W and N per note, where the ray hits the triangle at t = N / D * 2^exponent.
-// V and W may have either sign.
+// Holds one determinant per invocation at first, then D, V, W and N of each note. The ray hits the triangle at t = N / D *
+// 2^exponent. V and W may have either sign.
 var<workgroup> determinants: array<Whole192, 64>;
 var<workgroup> decided: array<Decided, 16>;
 // Number of open rays of this submission, and whether a ray of this round has more notes.

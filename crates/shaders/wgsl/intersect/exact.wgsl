@@ -40,12 +40,12 @@ fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> 
     if !(j.sure && j.high < found.bound) {
         return ExactFound(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf));
     }
-    // The best hit so far begins no later than the new one ends.
+    // If the intervals overlap, the previous best hit stays a candidate.
     if found.leaf == NO_LEAF || found.low > j.high { return ExactFound(j.high, j.low, found.other, leaf, found.notes); }
     return ExactFound(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
 }
 
-// Returns the hit to write for a ray. If the ray is left open, that is what the resolving kernel needs.
+// Returns the hit to write for a ray, or the data for the kernel that resolves it.
 fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;

@@ -102,8 +102,8 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
     return any_extreme(hit.w);
 }
 
-// Returns whether any ray may be left to these kernels. For explicit rays the search recorded that, for a camera's rays the host
-// did, unless only the buffer `range` holds the answer.
+// Returns whether any ray may be left to these kernels. For explicit rays, the search recorded that. For a camera's rays, the host
+// decided it, unless only the buffer `range` holds the answer.
 fn may_be_left() -> bool {
     if params.extreme == 1u || is_range_unusual() { return true; }
     if params.width > 0u { return params.extreme != 2u; }
@@ -124,7 +124,7 @@ fn is_left(i: u32) -> bool {
     if params.extreme == 2u { return is_measured_extreme(asked(i).origin); }
     return is_known_to_be_left(i);
 }
-// The host already decided this for shadow rays.
+// For shadow rays, the host knows the range.
 @else
 fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
@@ -132,7 +132,7 @@ fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
-// If the host did not know which rays are extreme, other kernels have already answered and counted all of them.
+// If the host did not know which rays are extreme, other kernels have already answered and counted all rays.
 fn discount_hit(i: u32) {
     let last = answers[params.rounds * (i + 1u) - 1u];
     let found = select(last != NO_TRIANGLE, last == 1u, params.rounds == 1u);

@@ -21,8 +21,8 @@ const STACK: u32 = 64u;
 
 fn stack_at(place: u32) -> u32 { return 2u * params.first + 3u * params.notes + STACK * place; }
 
-// Resolves every open ray assigned to this invocation's place by `fallback_ray`, which depends on the kernel. One invocation in
-// 16 has a place, so it is alone in its vector on software drivers.
+// Resolves the open rays assigned to this invocation's place. Each kernel has its own `fallback_ray`. One invocation in 16 has a
+// place, so it is alone in its vector on software drivers.
 fn fallback_open(local: u32, group: u32, word: u32) {
     let place = 4u * group + local / 16u;
     if local % 16u != 0u || place >= params.places || atomicLoad(&counts[word + HARD]) == 0u { return; }

@@ -62,7 +62,7 @@ fn surely_in(s: Seen, doubt: f32) -> bool { return least_edge(s) > doubt || most
 
 // Decisions of the filter: "The filter" in docs/design/exact-arithmetic.md.
 
-// Whether a triangle may be hit and surely is hit. If it is hit, its exact t is in low ..= high.
+// Whether a triangle may be hit, and whether it surely is. If it is hit, its exact t is in low ..= high.
 struct Judged { possible: bool, sure: bool, low: f32, high: f32 }
 
 const OUT: Judged = Judged(false, false, 0.0, 0.0);

@@ -107,7 +107,7 @@ fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
     return Placed(len, units.x);
 }
 
-// The corners that form an edge: for U, V and W, and for N, which is a . (c x b).
+// The two corners that U, V or W is computed from. N is a . (c x b).
 struct EdgeEnds { first: u32, second: u32 }
 
 fn ends_of(side: u32) -> EdgeEnds {

@@ -17,7 +17,7 @@ struct Reported { hit: vec4<u32>, sure: bool }
 const EDGE: f32 = 5.684341886080802e-14;
 // 2^-66: bounds the error of a sheared coordinate, relative to the terms that cancel in it.
 const CANCELLED: f32 = 1.3552527156068805e-20;
-// 2^-60: bounds the same error where a coordinate of zero may stand for one below 2^-64.
+// 2^-60: bounds the same error where a coordinate of zero may represent one below 2^-64.
 const FLUSHED: f32 = 8.673617379884035e-19;
 // 2^-118: bounds the parts of an edge function that underflow.
 const UNDERFLOWN: f32 = 3.0092655e-36;

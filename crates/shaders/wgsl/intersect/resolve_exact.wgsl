@@ -58,7 +58,7 @@ const UNTOLD: u32 = 0xfffffffeu;
 // The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
-// Offers four decided notes, from place `at` on. Returns whether all of them were decided.
+// Offers the hits of four notes, from place `at` on. Returns false if a note needs longer integers.
 fn offer_decided(at: u32) -> bool {
     for (var k = at; k < at + 4u; k += 1u) {
         let made = decided[k];

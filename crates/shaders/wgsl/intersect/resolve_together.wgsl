@@ -119,7 +119,7 @@ fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     return select(atomicLoad(&first_note), TOO_MANY, gave_up || lost);
 }
 
-// Shadows of an open hit's candidates, computed before it is known which of them is the hit.
+// Shadows of an open hit's candidates, computed before the hit is resolved.
 
 // Number of candidates per ray that are considered, and of workgroups that share a ray's candidates.
 const CANDIDATES: u32 = 8u;
@@ -199,7 +199,7 @@ fn resolve_exact_together(@builtin(local_invocation_index) local: u32, @builtin(
 }
 
 // Shadow rays of hits that `trace_and_shadow_camera` left open, after the hits were resolved. Takes the results that
-// `resolve_exact_together` stored with candidates. A workgroup each traces the other shadow rays.
+// `resolve_exact_together` stored with candidates. The other shadow rays are traced by one workgroup each.
 
 // Writes the result of a search, or appends the ray to the list of open shadow rays.
 fn keep(i: u32, sought: Sought) {

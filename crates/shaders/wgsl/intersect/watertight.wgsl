@@ -49,8 +49,8 @@ fn span_of(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b
 // Returns whether a span that begins at `low` is surely beyond t_min. A t below 2^-100 is zero.
 fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
-// Returns where the ray hits a triangle within its own box, or infinity. Triangles that the ray surely misses are excluded
-// before.
+// Returns where the ray hits a triangle within its own box, or infinity. The caller must have excluded triangles that the ray
+// surely misses.
 fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
     if !signs_stand(e) {
         let side = edge_sign(e.u, e.c, e.b);

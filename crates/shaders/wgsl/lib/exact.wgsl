@@ -97,7 +97,7 @@ fn soft_add(a: u32, b: u32) -> u32 {
     let small = select(b, a, swap);
     if (big & 0x7fffffffu) == 0u { return big & small; }
     let e = field(big);
-    // Keeps six bits below the last place. The lowest one is sticky: it stands for all bits shifted out.
+    // Keeps six bits below the last place. The lowest one is sticky: it also records the bits shifted out.
     let m = mantissa(big) << 6u;
     let shift = e - field(small);
     let n = mantissa(small) << 6u;

@@ -1,8 +1,8 @@
 // Communication between 32 invocations that search together: a subgroup for the entry points `*_by_subgroups` (condition
 // SUBGROUPS), else a workgroup.
 
-// By a workgroup. Without loops: some drivers end long loops early, one vector of invocations at a time. The other invocations
-// would then wait at the barrier forever.
+// The versions for a workgroup. They contain no loops: some drivers end long loops early, one vector of invocations at a time.
+// The other invocations would then wait at the barrier forever.
 
 @if(!SUBGROUPS)
 var<workgroup> told: array<vec4<u32>, 8>;
@@ -85,7 +85,7 @@ fn step_up(count: u32, half: u32, k: u32) -> u32 {
     return count + select(0u, half, told[i >> 2u][i & 3u] <= k);
 }
 
-// By a subgroup.
+// The versions for a subgroup.
 
 @if(SUBGROUPS)
 fn least_of_all(x: u32, lane: u32) -> u32 { return subgroupMin(x); }

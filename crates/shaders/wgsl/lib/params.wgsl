@@ -7,7 +7,7 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    // Number of workgroups of the refit levels before this one. Treelet kernels that reach the root: number of treelets in all.
+    // Number of workgroups of the refit levels before this one. Treelet kernels that reach the root: total number of treelets.
     // `resolve_exact_together`: number of workgroups that share each of its two lists.
     first_group: u32,
     down: vec3<f32>,
@@ -67,7 +67,7 @@ struct Params {
     // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
     extreme: u32,
     tiny: u32,
-    // 1 if coordinates differ so much in size that boxes of inner nodes are padded by their own distance.
+    // 1 if coordinates differ in size by a factor so large that boxes of inner nodes are padded by their own distance.
     spread: u32,
 }
 

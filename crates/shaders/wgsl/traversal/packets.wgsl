@@ -169,8 +169,8 @@ fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_
     trace_tile(group.xy, lane);
 }
 
-// Closest hits of a camera's rays and their shadow rays, packet by packet. Each subgroup of 32 is a packet; a workgroup has 2 x
-// 2.
+// Closest hits of a camera's rays and their shadow rays, packet by packet. Each subgroup of 32 is a packet, and a
+// workgroup has four.
 //
 // Variants: intersector(watertight), layout(fast), arithmetic.
 @compute @workgroup_size(128)

@@ -19,7 +19,7 @@ const LARGE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;
 const UNTOLD_AT: u32 = 15u;
 
-// Storing tiles and counting their tests, by a workgroup.
+// Storage of a workgroup's tiles, and the count of their tests.
 
 var<workgroup> made: atomic<u32>;
 var<workgroup> tests_of_all: atomic<u32>;
@@ -100,7 +100,7 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     if own.tiles == 1u { keep_tile(at, leaf, o.first, own.pixels); } else { keep_several(o, leaf, at); }
 }
 
-// Large triangles. Each is shared by as many workgroups as there are per triangle.
+// Large triangles, over which the workgroups are distributed evenly.
 
 // Number of pixels that a workgroup's tiles span, along both axes of the picture.
 const STRIDE: vec2<i32> = vec2<i32>(128, 32);

@@ -70,10 +70,8 @@ fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, reach: f32)
 
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
 
-// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row,
-// plus
-// `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of covered
-// pixels.
+// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row, plus
+// `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of covered pixels.
 struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32>, covered: f32 }
 
 fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {

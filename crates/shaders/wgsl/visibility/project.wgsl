@@ -10,7 +10,7 @@ import package::visibility::outline::{
     size_of, too_near,
 };
 
-// Returns the first and last pixel whose ray may hit.
+// Returns the first and last pixel whose ray may pass between two coordinates.
 fn loose_pixel_span(least: f32, most: f32) -> u32 {
     let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
     let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);

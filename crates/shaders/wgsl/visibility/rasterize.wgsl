@@ -31,7 +31,7 @@ var<workgroup> stamp_count: u32;
 
 struct RestOfBits { bits: u32, skip: u32, at: u32 }
 
-// Continues in the lower half of the bits if more than `skip` of them are set there, else in the upper half.
+// Continues in the lower half of the bits if more than `skip` bits are set there, else in the upper half.
 fn halve(r: RestOfBits, half: u32) -> RestOfBits {
     let lower = countOneBits(r.bits & ((1u << half) - 1u));
     if r.skip < lower { return r; }
