@@ -11,9 +11,9 @@
 //! cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast
 //! ```
 //!
-//! The crate also holds everything that hosts of these kernels share: [`Shape`] describes a tree's topology buffer,
-//! [`Params`] the parameters of a dispatch, and [`Counts`] the counters. [`work`] returns each stage as a list of
-//! dispatches, [`rebuild`] those that build trees on the device. `gpu-common` is such a host.
+//! The crate also holds everything that hosts share: [`Shape`] describes a tree's topology buffer, [`Params`] the
+//! parameters of a dispatch, and [`Counts`] the counters. [`work`] returns each stage as a list of dispatches, and
+//! [`rebuild`] returns those that build trees on the device. `gpu-common` is such a host.
 
 pub mod arithmetic;
 mod method;
@@ -137,7 +137,7 @@ backend::named! {
         Pixels = "pixels",
         /// The live triangles. This and the following buffers are for trees built on the device.
         Live = "the live triangles",
-        /// The indices of leaves, bound as [`BufferName::LeafNodes`] if not all triangles are live. No kernel uses this name.
+        /// Indices of leaves, bound as [`BufferName::LeafNodes`] if not all triangles are live. No kernel uses this name.
         LeafNumbers = "the numbers of leaves",
         /// Sort keys, before and after a pass.
         Keys = "keys to sort by",
@@ -234,7 +234,7 @@ impl Kernel {
 /// Returns the kernel with this entry point that serves `method`.
 ///
 /// # Panics
-/// Panics if there is no such kernel. Entry points are known at compile time, and every method has all of them.
+/// Panics if there is no such kernel. Entry points are known at compile time, and every method has a kernel for each.
 pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
     let mut all = KERNELS.iter();
     let found = all.find(|k| k.entry == entry && k.serves(method));

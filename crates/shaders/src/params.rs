@@ -5,7 +5,7 @@ use backend::Layout;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
-/// Parameters of a dispatch. The WGSL file explains each of them.
+/// Parameters of a dispatch. The WGSL file explains each member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[expect(

@@ -96,7 +96,7 @@ pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) 
         && pixels <= MOST_PIXELS
         && ((are_dense && pixels >= LEAST_PIXELS)
             || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
-    // Enables property tests.
+    // Lets property tests run on every device.
     let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
     is_suited(method, params) && (is_fast || is_small)
 }

@@ -36,7 +36,7 @@ const DIGIT_BITS: usize = 8;
 /// Number of partial bounding boxes of the scene: see build/morton.wgsl.
 const PARTS: u32 = 128;
 
-/// Sorts the triangles of `tree` along a curve, from `vertices` positions to the buffer `sorted`.
+/// Returns the dispatches that sort the triangles of `tree` along a curve, from `vertices` positions to the buffer `sorted`.
 pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {
@@ -63,8 +63,8 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     work
 }
 
-/// Builds `tree`'s nodes and its cost from the leaves in `clusters`. `again` is set if boxes were refitted or built before
-/// in the same submission.
+/// Returns the dispatches that compute `tree`'s nodes and its cost from the leaves in `clusters`. `again` is set if boxes
+/// were refitted or built before in the same submission.
 pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec<Work> {
     let mut work = Vec::new();
     if tree.leaf_count > 0 {
@@ -101,7 +101,7 @@ pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     all
 }
 
-/// Returns the initial contents of some of these buffers.
+/// Returns the initial contents of some buffers in that list.
 pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
     let all = 0..animation.triangle_count() as u32;
     let live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();

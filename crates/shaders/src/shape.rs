@@ -144,7 +144,7 @@ impl Shape {
 }
 
 /// Returns the rows of four floats, in the array of all positions, that contain moving vertices, in ascending order.
-/// Returns `None` if so many move that lists do not pay ([`StaticParts::pays`]).
+/// Returns `None` if too many move for lists to pay ([`StaticParts::pays`]).
 ///
 /// `interpolate` may write only these rows if the positions already hold the first key frame.
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {

@@ -79,8 +79,8 @@ pub fn kernels_of_arriving_keys(method: Method) -> impl Iterator<Item = &'static
     both.into_iter().filter(move |_| has_extremes(method))
 }
 
-/// Measures the coordinates of a key frame of `vertices` vertices if their range is unknown. Writes
-/// [`crate::BufferName::Range`], which only the kernels for extreme rays read.
+/// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
+/// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
 pub fn measure_range(method: Method, mut params: Params, vertices: usize) -> Option<Work> {
     let is_asked = params.is_unknown() && has_extremes(method);
     params.first = Range::sample_step(vertices) as u32;

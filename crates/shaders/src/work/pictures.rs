@@ -14,7 +14,7 @@ const LISTED: u32 = 4096;
 /// others wait.
 const SHARERS: u32 = 1056;
 
-/// Traces a camera's closest hits and shadow rays by packets, where that is faster.
+/// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower.
 pub(super) fn by_packets(
     method: Method,
     params: Params,
@@ -40,7 +40,7 @@ pub(super) fn by_packets(
     })
 }
 
-/// Finds a camera's closest hits by rasterization and then traces shadow rays, where that is faster.
+/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower.
 pub(super) fn by_rasterization(
     method: Method,
     params: Params,

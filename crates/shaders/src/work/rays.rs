@@ -6,13 +6,14 @@ use backend::{Query, QueryKind, Rays};
 use geom::Point;
 use std::mem::offset_of;
 
-/// Writes three vertices for each of `triangles` triangles. Triangles that cannot be hit collapse to `point`.
+/// Returns the dispatch that writes three vertices for each of `triangles` triangles. Triangles that cannot be hit collapse
+/// to `point`.
 pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
     params.eye = point;
     Work::linear(common("cleanse"), params, triangles)
 }
 
-/// Counts the inactive and degenerate triangles among `triangles`.
+/// Returns the dispatch that counts the inactive and degenerate triangles among `triangles`.
 pub fn count_triangles(params: Params, triangles: u32) -> Work {
     Work::linear(common("count_triangles"), params, triangles)
 }

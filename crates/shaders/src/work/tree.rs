@@ -8,8 +8,8 @@ use std::ops::Range;
 
 /// Tracks which parts of the current tree have been computed on the device since it was adopted.
 ///
-/// The first work on a tree covers all of it. Later work covers only what moves, if the tree has such lists. The host must
-/// report recorded work, and start with a new value for each tree or if recorded work was discarded.
+/// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree has lists of them. The
+/// host must report recorded work. It starts with a new value for each tree, or if recorded work was discarded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     has_records: bool,
@@ -67,12 +67,14 @@ impl Progress {
         }
     }
 
-    /// Computes records and leaf boxes from positions. The first time, it also expands the tree's lists of nodes. With layout
-    /// `fast`, it first gathers the leaves' vertices if needed, and also computes the boxes of all nodes in treelets of
-    /// triangles. Small trees with layout `fast` are computed from key frames, of which the later one has the weight
-    /// [`Params::alpha`], so that the work can run concurrently with `interpolate`.
+    /// Returns the dispatches that compute records and leaf boxes from positions, and the number of zero-area triangles
+    /// that they skip, for [`crate::Extents::uncounted`].
     ///
-    /// Also returns the number of zero-area triangles that it skips, for [`crate::Extents::uncounted`].
+    /// With layout `bvh2`, the first work on a tree also expands its lists of nodes. With layout `fast`, the first work also
+    /// gathers the leaves' vertices, and all work computes the boxes of all nodes in treelets of triangles.
+    ///
+    /// Small trees with layout `fast` are computed from key frames; the later one has the weight [`Params::alpha`]. Such
+    /// work does not read positions, so it can run concurrently with `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         let params = self.with_sums(params);
         if tree.layout == Layout::Fast {
@@ -106,7 +108,8 @@ impl Progress {
         self.has_records = true;
     }
 
-    /// Computes boxes of inner nodes level by level, and the tree's cost. Returns no work if `preprocess` has done so.
+    /// Returns the dispatches that compute boxes of inner nodes level by level, and the tree's cost. There are none if
+    /// `preprocess` has done so. Also returns which nodes' areas are summed.
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         let params = self.with_sums(params);
         if self.has_climbed {
@@ -142,7 +145,7 @@ impl Progress {
     }
 }
 
-/// Computes records and boxes of all leaves from positions.
+/// Returns the dispatch that computes records and boxes of all leaves from positions.
 pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
     Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
@@ -198,7 +201,7 @@ pub(crate) fn word_of(member: usize) -> u32 {
     (member / size_of::<u32>()) as u32
 }
 
-/// Sums the partial sums of `groups` workgroups into a word of [`crate::Counts`].
+/// Returns the dispatch that sums the partial sums of `groups` workgroups into a word of [`crate::Counts`].
 pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
     (params.count, params.first) = (groups, word);
     Work::new(common("sum_costs"), params, Groups::Linear(1))

@@ -6,7 +6,7 @@ use crate::{Kernel, MovingShape, Params, Shape, kernel};
 use backend::Method;
 use std::ops::Range;
 
-/// Gathers the vertices of a newly adopted tree's leaves.
+/// Returns the dispatch that gathers the vertices of a newly adopted tree's leaves.
 pub(super) fn adopt(method: Method, mut params: Params, tree: &Shape) -> Work {
     params.first_group = tree.treelet_count();
     let gather = kernel("gather_corners", method);
@@ -30,8 +30,9 @@ pub(super) fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 
-/// Computes records from positions or key frames, and boxes of all nodes in treelets of triangles, or in all treelets. If
-/// records already exist (`stand`), covers only what moves. Also returns the number of zero-area triangles that it skips.
+/// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of triangles,
+/// or in all treelets. If records already exist (`stand`), it only covers moving treelets. Also returns the number of
+/// zero-area triangles that it skips.
 pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
     let entry = match reads_keys(tree) {
         true => "preprocess_treelets_of_keys",
@@ -47,9 +48,11 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
     (over(preprocess, params, lowest), uncounted)
 }
 
-/// Computes the boxes of all nodes above the roots of the lowest treelets. If boxes already exist (`stand`), covers only
-/// what moves. Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores
-/// the total in word [`Params::destination`] of the counts. Treelets that are skipped keep their sums.
+/// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already exist
+/// (`stand`), they only cover moving treelets.
+///
+/// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
+/// word [`Params::destination`] of the counts. Treelets that are skipped keep their sums.
 pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
     let refit = kernel("refit_treelets", method);
     let (of_levels, levels) = levels(params, tree, stand);
