@@ -79,7 +79,7 @@ fn is_second(i: &Instruction, ids: &HashSet<u32>) -> bool {
 /// Name of the function that multiplies two words and returns two, the low word of the product first.
 const MULTIPLY: &str = "multiply_32";
 
-/// Replaces the body of that function by one instruction, which WGSL cannot express. Sums with carry are not replaced:
+/// Replaces the body of `multiply_32` by one instruction, which WGSL cannot express. Sums with carry are not replaced:
 /// `OpIAddCarry` gives some wrong results on the software driver of Mesa 22.3.
 fn widen(module: &mut Module) -> Result<()> {
     let id = named(module, |name| name == MULTIPLY).next();

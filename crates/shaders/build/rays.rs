@@ -11,7 +11,7 @@ use rspirv::dr::{Instruction, Module, Operand, load_words};
 use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
-/// File of the pipeline's stages, and file of the compute kernels that go with the pipeline.
+/// File of the pipeline's stages, and file of the compute kernels that support the pipeline.
 pub(crate) const PIPELINE: &str = "traversal/driver_rays";
 pub(crate) const KERNELS: &str = "traversal/driver_counts";
 

@@ -151,7 +151,7 @@ impl EntryPoint {
 }
 
 impl Variant {
-    /// Returns each axis with the values that the variant serves. Axes of which it serves all values are left out.
+    /// Returns each axis with the values that the variant serves. An axis is left out if the variant serves all its values.
     pub(crate) fn serves(&self, entry: &EntryPoint) -> Result<Vec<Choice>> {
         let (mut served, mut combinations) = (Vec::new(), 1);
         for (i, (name, values)) in entry.choices.iter().enumerate() {

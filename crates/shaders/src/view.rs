@@ -34,7 +34,7 @@ struct Node {
 
 #[derive(Clone, Copy)]
 enum Bounds {
-    /// In two rows, of which this is the first.
+    /// In two rows, from this one on.
     Row(usize),
     /// Not stored: recomputed from the triangle at this place.
     Triangle(usize),
@@ -157,7 +157,7 @@ impl View<'_> {
         }
     }
 
-    /// Decodes a leaf. A leaf of two triangles of which only one can be hit holds the place of that one.
+    /// Decodes a leaf. If only one of its two triangles can be hit, the leaf holds the place of that triangle.
     fn leaf(&self, name: u32, own: Bounds) -> Result<Below, String> {
         let first = (name & !(LEAF | TWO)) as usize;
         let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;

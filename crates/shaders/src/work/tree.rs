@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Tracks which parts of the current tree have been computed on the device since it was adopted.
 ///
-/// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree has lists of them. The
+/// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree lists its moving parts. The
 /// host must report recorded work. It starts with a new value for each tree, or if recorded work was discarded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
@@ -108,7 +108,7 @@ impl Progress {
         self.has_records = true;
     }
 
-    /// Returns the dispatches that compute boxes of inner nodes level by level, and the tree's cost. There are none if
+    /// Returns the dispatches that compute boxes of inner nodes level by level, and the tree's cost. The list is empty if
     /// `preprocess` has done so. Also returns which nodes' areas are summed.
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         let params = self.with_sums(params);

@@ -68,7 +68,7 @@ pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -
     work
 }
 
-/// Returns the lists of moving treelets, if they are to be used.
+/// Returns the lists of moving treelets if the tree has any and its records and boxes already exist (`stand`).
 fn listed(tree: &Shape, stand: bool) -> Option<&MovingShape> {
     tree.moving.as_ref().filter(|_| stand)
 }

@@ -55,7 +55,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 // where first_group counts the workgroups of the levels dispatched before. So costs holds one f32 for each workgroup of all
 // levels, without gaps. After the last level, `sum_costs` adds them up.
 //
-// If the tree has lists of what moves, a full refit leaves out the areas below nodes that are marked as moving, and the refit of
+// If the tree lists its moving parts, a full refit leaves out the areas below nodes that are marked as moving, and the refit of
 // moving nodes adds them. So static areas are summed once per tree, and moving ones every frame.
 
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
@@ -141,7 +141,7 @@ fn mark_moving(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     inner_nodes[inner] |= 0x80000000u;
 }
 
-// Sums the partial sums of refit's workgroups, of which there are params.count, in one workgroup.
+// Adds up `params.count` partial sums of refit's workgroups, in one workgroup.
 @compute @workgroup_size(128)
 fn sum_costs(@builtin(local_invocation_index) local: u32) {
     var sums = vec4<f32>(0.0);

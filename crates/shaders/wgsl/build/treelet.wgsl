@@ -81,7 +81,7 @@ fn join(place: u32, left: u32, right: u32) -> f32 {
 // Both child references, the index and the height of each inner node, as packed in `topology`.
 var<workgroup> kept_words: array<u32, GROUP>;
 
-// Returns the word of this invocation's inner node, or 0 if it has none. Call it early to hide the latency of the reads.
+// Returns the word of this invocation's inner node, or 0 if it has no inner node. Call it early to hide the latency of the reads.
 fn inner_word(number: u32, local: u32) -> u32 {
     if local < topology[ENTRY * number + 3u] { return topology[topology[ENTRY * number + 2u] + local]; }
     return 0u;

@@ -31,7 +31,7 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
 // Coordinates of the origin may be small enough to count as zero.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
-// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of that ray.
+// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of the ray.
 fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let e1 = sub3(v1, v0);
     let e2 = sub3(v2, v0);

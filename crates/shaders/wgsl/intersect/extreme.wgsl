@@ -177,7 +177,7 @@ fn search_extreme(ignore: u32, any: bool) {
     }
 }
 
-// Returns the closest hit along the line that is set. If `any` is set, returns some hit, of which only the triangle is valid.
+// Returns the closest hit along the line that is set. If `any` is set, returns some hit with only its triangle.
 fn hit_extreme(any: bool) -> vec4<u32> {
     search_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }

@@ -1,4 +1,4 @@
-// Compute kernels that go with the ray-tracing pipeline: they prepare triangles for the driver's tree, and count.
+// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count.
 
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;

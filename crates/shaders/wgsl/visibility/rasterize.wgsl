@@ -9,7 +9,7 @@ import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
 import package::lib::params::{element, params};
 import package::visibility::cover::{LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
 
-// Per pixel: t of the first hit as bits, above the index of its triangle; all ones if there is none. A last element is all ones
+// Per pixel: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. A last element is all ones
 // if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
