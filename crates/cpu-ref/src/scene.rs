@@ -54,7 +54,7 @@ impl SceneState {
         let (mut positions, all) = (Vec::new(), animation.vertex_count());
         reserve(&mut positions, all, "positions")?;
         positions.resize(all, [0.0; 3]);
-        // Static vertices are written only here.
+        // Static vertices outside the runs are written only here.
         copy(animation.first(), &mut positions);
         let parts = animation.static_parts();
         let pays = StaticParts::pays(all - parts.vertex_count(), all);
