@@ -19,6 +19,7 @@ pub(crate) struct Moving {
     lanes: Vec<u8>,
     /// Nodes with a moving lane, ascending.
     nodes: Vec<u32>,
+    /// Range in `nodes` of each level, root first.
     levels: Vec<Range<usize>>,
     /// Degenerate static triangles and areas of static parts, once all were fitted.
     still: Option<Fitted>,

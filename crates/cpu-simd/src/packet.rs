@@ -19,6 +19,7 @@ pub(crate) struct Packet<L, P> {
     /// Factor from distances of each ray to the units of the first ray, a power of two.
     pub(crate) level: L,
     /// The `t_max` of each ray.
+    /// The greatest `t_max`, in units of the first ray.
     pub(crate) t_max: L,
     pub(crate) bound: f32,
 }
