@@ -133,7 +133,7 @@ pub(crate) struct Found<L: Lanes> {
     pub(crate) places: [u32; MOST_RAYS],
 }
 
-/// Triangles to skip: none for any ray.
+/// A `skipped` argument of [`any`] that skips no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
 /// Number of triangles that a packet tests before its rays are traced singly, as when each hits a different triangle.
