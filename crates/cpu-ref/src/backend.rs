@@ -71,7 +71,7 @@ impl CpuBackend {
         Self::with_trees(threads, |_| Box::new(Bvh2::default()))
     }
 
-    /// Creates a backend whose trees come from `new_tree`. `threads` is that of [`CpuBackend::new`].
+    /// Creates a backend as [`CpuBackend::new`] does, with trees from `new_tree`.
     ///
     /// # Errors
     /// See [`CpuBackend::new`].

@@ -13,9 +13,9 @@ use std::sync::atomic::Ordering::Relaxed;
 /// The definition of a hit for extreme rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// The rule of `exact`: triangles are closed, exact `t` orders hits, and `t` rounded is compared with the limits.
+    /// The rule of `exact`: triangles are closed, the exact `t` orders hits, and the limits apply to the rounded `t`.
     Closed,
-    /// The rule of `watertight`: the ray is moved by an infinitesimal offset, and `t` rounded decides limits and order.
+    /// The rule of `watertight`: the ray moves by an infinitesimal offset. Order and limits apply to the rounded `t`.
     Moved,
 }
 

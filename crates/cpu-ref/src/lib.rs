@@ -88,7 +88,7 @@ pub trait Accelerator: Send + Sync {
     /// Copies the topology of a tree of this scene. Boxes are stale afterwards.
     ///
     /// # Errors
-    /// If memory does not suffice; the old tree is then still current.
+    /// If memory does not suffice. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()>;
 
     /// Returns whether the accelerator reads a tree's eight-wide form.

@@ -65,7 +65,7 @@ pub trait SplitAt: Send + Sized {
     }
 }
 
-/// Part of a slice, indexed as the whole slice is.
+/// Part of a slice, with the indices of the whole slice.
 #[derive(Debug)]
 pub struct Window<'a, T> {
     first: usize,

@@ -20,7 +20,7 @@ pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 /// Lanes are those of a [`Pair`]: both lower planes, both upper planes. With
 /// `|r|` in the lower lanes and `-|r|` in the upper ones, `(plane - o) * r - q`
 /// is the entry in one half and the negated exit in the other, whatever the
-/// direction's sign. `turned` selects the halves.
+/// direction's sign. `turned` is set where the entry is in the upper half.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slab {
     origin: [Vec4; 3],

@@ -49,7 +49,7 @@ impl Submission {
         self.report.times.begun_ms = Some(begun_ms);
     }
 
-    /// Executes one command in the calling thread's pool. A trace of a list reads `rays`.
+    /// Executes one command in the current rayon pool. A trace of a list reads `rays`.
     pub(crate) fn carry_out(
         &mut self,
         command: Command,

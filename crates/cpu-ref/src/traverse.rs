@@ -78,7 +78,7 @@ struct Entry {
 pub struct Stack<N: Tree> {
     /// Nodes still to visit.
     pub waiting: N::Waiting,
-    /// Open and sure hits of the exact test.
+    /// Triangles that the exact test has not excluded for the current ray.
     pub(crate) candidates: Vec<Candidate>,
 }
 
@@ -152,7 +152,7 @@ impl Bvh2 {
                 entry: met.entry(lane),
                 exit: met.exit(lane),
             };
-            // Branches, not selections: branch prediction lets the next pair be fetched early.
+            // Branches instead of selections: branch prediction lets the next pair be fetched early.
             let next = match met.lanes {
                 0 => return None,
                 1 => child(0),

@@ -94,7 +94,7 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
     fn mini(self, other: Self) -> Self {
         self.min(other)
     }
-    /// Returns, in each lane, the number of the lane given in `lanes`, modulo eight.
+    /// Returns a vector whose lane `i` is lane `lanes[i]` of this one, modulo eight.
     fn permuted(self, lanes: &[u8; 8]) -> Self;
 }
 

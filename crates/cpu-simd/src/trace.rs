@@ -156,8 +156,9 @@ impl<'a> WideTracer<'a> {
 #[derive(Default)]
 struct State<'a> {
     stack: Stack<'a>,
-    /// History of packets for closest-hit searches and, below, for any-hit searches.
+    /// History of packets in closest-hit searches.
     closest: Trust,
+    /// History of packets in any-hit searches.
     any: Trust,
 }
 

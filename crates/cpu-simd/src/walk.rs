@@ -64,7 +64,7 @@ pub(crate) trait BoxTest<L> {
     fn meet(&self, planes: &Planes, best: f32) -> (u32, L);
 }
 
-/// A ray, prepared for boxes of inner nodes. The boxes are wider than in the reference's box test, which takes fewer
+/// A ray, prepared for boxes of inner nodes. The boxes are padded more than in the reference's box test, which saves
 /// operations. They decide no hit.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRay<L> {

@@ -121,7 +121,7 @@ pub(crate) fn see_as_of_the_host<S: Sheets>() {
     ] {
         let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
         for (i, moved) in STEPS.into_iter().enumerate() {
-            // Shadow rays depend on the range of the vertices. The order of the two queries varies.
+            // Shadow rays depend on the range of the vertices, so only some steps render a picture before the query.
             for moved in [moved, [None, None]] {
                 let is_same = match i % 3 {
                     1 => found.shown(moved) == expected.shown(moved),

@@ -148,8 +148,7 @@ pub fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
     u != 0 && u == sign(edges.y, 0, 2) && u == sign(edges.z, 1, 0)
 }
 
-/// Returns the sign of `p x q`. If that is zero, `p` and `q` move by `(e, e^2)`, and the result is zero only if `p ==
-/// q`.
+/// Returns the sign of `p x q`. If that is zero, the ray moves by `(e, e^2)`. The result is zero only if `p` is `q`.
 fn exact_sign(p: [f32; 2], q: [f32; 2]) -> i32 {
     // Products of two f32 are exact in f64.
     let product = |a: f32, b: f32| f64::from(a) * f64::from(b);
