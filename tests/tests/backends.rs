@@ -80,7 +80,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     };
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
-    // The number counts complaints that were reported, from 0, so complaints while opening the backend count too.
+    // The number is that of the complaints reported so far. It starts at 0, to include complaints while opening.
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A software driver would take a minute to compile a third variant of all kernels.
     let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();

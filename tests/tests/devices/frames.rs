@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Instant;
 
-/// Assumes that the device has a clock, as all devices of this machine have.
+/// Requires a device with timestamps.
 pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(2000), camera());
     let (mut ends, mut first) = (0.0, None);
@@ -55,7 +55,7 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
         backend.request_positions().unwrap();
         backend.submit().unwrap();
         let bytes = backend.device_bytes().unwrap();
-        // Inspection buffers are proportional to the scene, too.
+        // Inspection allocates memory in proportion to the scene, which must be freed, too.
         backend.inspect().boxes().unwrap();
         bytes
     };

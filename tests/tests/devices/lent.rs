@@ -105,7 +105,7 @@ const STEPS: [Moved; 10] = [
     [None, Some((2.0, false))],
     [Some((1.25, true)), Some((0.75, true))],
     [None, Some((2.25, true))],
-    // The vertices are outlying.
+    // The vertices of the first sheet are outlying.
     [Some((-1e9, true)), None],
     [Some((f32::NAN, true)), Some((1.0, true))],
     [Some((0.5, false)), None],

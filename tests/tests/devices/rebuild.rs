@@ -136,7 +136,7 @@ fn drivers() -> DriverTreeBackend {
     DriverTreeBackend::new(&watched(), Prefer::FastBuild).unwrap()
 }
 
-/// Tests a box of the first key frame, which offsets shadow rays, that is empty or much too small.
+/// Tests first key frames whose box is empty or much too small. The box determines the offset of shadow rays.
 pub(crate) fn triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves() {
     let (floor, roof) = (
         [[-5.0, 3.0, 40.0], [1.0, 0.0, 0.1], [-1.0, 0.1, 0.0]],

@@ -234,7 +234,7 @@ fn twice(animation: &Animation) -> Arc<Animation> {
 /// Number of ridges, and number of segments per ridge.
 const RIDGES: i16 = 16;
 const STRETCHES: i16 = 40;
-/// Rows of pixels, none of which hits the end of a segment.
+/// Rows of pixels. No row hits the end of a segment.
 const ROWS: u32 = 12;
 
 /// Ridges that are steep on the left and gentle on the right. In every other ridge the left slope comes first. Rays

@@ -208,7 +208,7 @@ fn blocked(sandbox: &Sandbox) {
     }
 }
 
-/// Creates a test with a disk that fills up during writes. It is ignored if the machine does not allow to mount one.
+/// Creates a test with a disk that fills up during writes. It is ignored if the machine does not permit mounting one.
 fn on_disk() -> Trial {
     let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
     match on_full_disk(Sandbox::new().path(), Path::new("true"), "") {

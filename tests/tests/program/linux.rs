@@ -62,7 +62,7 @@ fn beyond_memory(sandbox: &Sandbox) {
     let render = format!("--size 8x8 --frames 1 --quiet {CPU}");
     let says = ["are needed", "are free (address space"];
     for scene in ["a.obj", "a.ply"] {
-        // With the lowest limit reading fails, with the higher ones building trees.
+        // Under the lowest limit reading fails, under the higher ones tree construction.
         for kilobytes in [150_000, 250_000, 400_000] {
             let limit = format!("-v {kilobytes}");
             let run = sandbox.run_within(&limit, &format!("render {scene} {render}"));
