@@ -20,7 +20,7 @@ pub fn is_required(name: &str) -> bool {
     names.split(',').any(|required| required.trim() == name)
 }
 
-/// Returns `full` in the full tier, and a quarter of it by default.
+/// Returns `full` in the full tier, else `full / 4`.
 pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }

@@ -63,7 +63,7 @@ pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
     view.camera(size).expect("every scene can be framed")
 }
 
-/// Returns the rays of that camera: 240 by 160 pixels in the full tier, a quarter of them by default.
+/// Returns that camera's rays: 240 by 160 pixels in the full tier, else 120 by 80.
 pub fn pixels(animation: &Animation) -> Vec<Ray> {
     let size = if is_full() { [240, 160] } else { [120, 80] };
     camera(animation, size).rays().collect()

@@ -37,7 +37,7 @@ pub struct CpuBackend {
     state: State,
     /// Commands recorded since the last submission and not executed yet.
     commands: Vec<Command>,
-    /// Whether a trace was recorded since the last submission.
+    /// Set if a trace was recorded since the last submission.
     has_trace: bool,
     /// Retained submissions, oldest first.
     submissions: VecDeque<Submission>,

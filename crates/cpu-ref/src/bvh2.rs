@@ -98,7 +98,7 @@ pub struct Bvh2 {
     leaf_nodes: Vec<u32>,
     /// Moving leaves and nodes, or `None` if too little is static to be worth skipping.
     moving: Option<Moving>,
-    /// Whether every leaf was preprocessed since the tree was adopted.
+    /// Set once every leaf was preprocessed since the tree was adopted.
     leaves_done: bool,
     /// Sum of the half areas of nodes in pairs without a moving node, once every box was refitted.
     still_areas: Option<f64>,

@@ -107,7 +107,7 @@ impl PreparedRay {
         })
     }
 
-    /// Returns limits on an exact `t'`. Within them `t`, rounded once in the ray's own units, lies strictly within the
+    /// Returns limits on an exact `t'`. Between these, `t` rounded once in the ray's own units is strictly within the
     /// ray's limits.
     ///
     /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the ray's own limits can be used

@@ -79,7 +79,7 @@ impl Slab {
         let from = [0, 1, 2].map(|axis| Vec4::from_array(pair.planes[axis]) - self.origin[axis]);
         let [x, y, z] = from.map(Vec4::abs);
         let reach = x.max(y).max(z);
-        // Both planes of a box use the `D` of that box.
+        // Both planes of a box use the same `D`.
         let reach = reach.max(reach.zwxy()).min(Vec4::splat(FARTHEST));
         let slack = reach * PAD;
         let side = |axis: usize| {

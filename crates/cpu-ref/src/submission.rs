@@ -34,9 +34,9 @@ pub(crate) struct Copies {
 pub(crate) struct Submission {
     /// `None` until the first command was executed.
     pub(crate) ticket: Option<Ticket>,
-    /// Whether it has a trace that is not released.
+    /// Set if it has a trace that is not released.
     pub(crate) is_traced: bool,
-    /// Whether its traces were released, see [`backend::Backend::release`].
+    /// Set if its traces were released, see [`backend::Backend::release`].
     pub(crate) is_released: bool,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,

@@ -70,7 +70,7 @@ struct FitLevel<'a, 'b> {
 struct Inputs<'a> {
     shape: &'a BlockTree,
     geometry: &'a Geometry<'a>,
-    /// Whether nodes and blocks still have the contents of another tree. All of them are fitted then.
+    /// Set if nodes and blocks still have the contents of another tree. Then every node and block is fitted.
     stale: bool,
     lanes: Option<&'a [u8]>,
     /// The level below, which is fitted already.

@@ -93,13 +93,13 @@ pub(crate) struct Wide {
     pub(crate) nodes: Vec<Node>,
     /// The blocks of `shape` with corners, valid from the first preprocess on.
     pub(crate) blocks: Vec<Block>,
-    /// Whether nodes and blocks still have the contents of another tree.
+    /// Set if nodes and blocks still have the contents of another tree.
     pub(crate) stale: bool,
     /// A record for each lane of a block, if the test is Woop's or Möller and Trumbore's. Else empty.
     pub(crate) records: Vec<Record>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
-    /// Whether coordinates differ much in size, as of the last preprocess: [`geom::Range::spread`].
+    /// [`geom::Range::spread`] as of the last preprocess: set if coordinates differ much in size.
     pub(crate) spread: bool,
     /// Half areas of all boxes of the binary tree except those collapsed into the root node, as of the last preprocess.
     pub(crate) areas: f64,
@@ -240,7 +240,7 @@ fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     Ok(Some(new))
 }
 
-/// Resizes `memory` to `count`, in `larger` if that is given. Returns the memory that was replaced.
+/// Resizes `memory` to `count`. Moves to `larger` if that is `Some`, and returns the memory that was replaced.
 fn fill<T: Copy + Send + Sync>(
     memory: &mut Vec<T>,
     larger: Option<Vec<T>>,

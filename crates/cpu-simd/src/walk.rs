@@ -76,7 +76,7 @@ pub(crate) struct NodeRay<L> {
     t_min: L,
     /// Origin of the ray.
     origin: [L; 3],
-    /// Whether each box is padded by its own distance instead of the whole tree's.
+    /// Set if each box is padded by its own distance instead of the whole tree's.
     spread: bool,
 }
 

@@ -22,7 +22,7 @@ pub struct Mutator {
 }
 
 impl Mutator {
-    /// Creates a generator from valid files, of which there must be at least one.
+    /// Creates a generator from at least one valid file.
     pub fn new(seeds: Vec<Vec<u8>>, seed: u64) -> Self {
         let rng = Rng::with_seed(seed);
         Self { rng, seeds }

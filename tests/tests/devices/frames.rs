@@ -1,4 +1,4 @@
-//! Tests submissions, snapshots and scenes: what may be in flight, how long results are kept, and how they end.
+//! Tests submissions, snapshots and scenes: limits on work in flight, lifetime of results, and dropping.
 
 use crate::Subject;
 use crate::scenes::{

@@ -9,7 +9,7 @@ use std::iter::zip;
 /// Hit of a ray: the triangle, and the bits of `t`, `u` and `v`.
 pub(crate) type Met = Option<(u32, [u32; 3])>;
 
-/// New height of each moved sheet, and whether its vertices come from device memory.
+/// New height of each moved sheet, and `true` if its vertices are in device memory.
 pub(crate) type Moved = [Option<(f32, bool)>; 2];
 
 /// A slightly bent sheet of triangles at `height`.
@@ -45,7 +45,7 @@ pub(crate) fn bits(hits: Hits) -> Vec<Met> {
     (0..hits.len()).map(hit).collect()
 }
 
-/// Two sheets on a device, whose vertices may come from device memory.
+/// Two sheets on a device, with vertices in device or host memory.
 pub(crate) trait Sheets: Sized {
     fn open(update: Update) -> Self;
     fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]);
@@ -71,7 +71,7 @@ pub(crate) trait Sheets: Sized {
     }
 }
 
-/// Two sheets on the host, whose vertices always come from host memory.
+/// Two sheets on the host, with vertices in host memory only.
 pub(crate) struct OnHost(Tracer, [MeshId; 2]);
 
 impl Sheets for OnHost {

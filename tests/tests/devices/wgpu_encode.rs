@@ -187,7 +187,7 @@ pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
     }
 }
 
-/// Drops many steps whose vertices come from the host, then tests steps, a replacement and a rebuilt tracer.
+/// Drops many steps with vertices in host memory, then tests steps, a replacement and a rebuilt tracer.
 pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
     let vertices = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
     let mesh = || Mesh::streamed(&vertices, &[[0, 1, 2]]).unwrap();

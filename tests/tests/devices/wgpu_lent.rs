@@ -205,7 +205,7 @@ fn answers(
     (backend.inspect().boxes().unwrap(), hits)
 }
 
-/// Runs a frame, any part of which may fail.
+/// Runs a frame, and returns the error of the first operation that fails.
 fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> backend::Result<()> {
     b.interpolate(animation.pose(0.3))?;
     b.preprocess()?;

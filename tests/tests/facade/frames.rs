@@ -90,7 +90,7 @@ pub(crate) fn as_steps(device: &Device) {
     }
 }
 
-/// Tests key frames that are read, alone and with other meshes, one of which is replaced.
+/// Tests key frames that are read, alone and with another mesh, which is replaced.
 pub(crate) fn read(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut held = of_keys(&demo, device);
@@ -159,7 +159,7 @@ pub(crate) fn unreadable(device: &Device) {
     }
 }
 
-/// Checks that no update policy changes a hit, whatever the time range. Beyond both ends, the animation stands still.
+/// Checks that no update policy changes a hit, for any time range. Nothing moves beyond the ends of the animation.
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);

@@ -148,7 +148,7 @@ fn scene_of<const N: usize>(meshes: [Mesh; N]) -> (Scene, [MeshId; N]) {
     (scene, ids)
 }
 
-/// Traces rays in a step, after the updates of `say`.
+/// Traces rays in a step, after the updates that `say` makes.
 fn seen(
     tracer: &mut Tracer,
     time: f64,
@@ -241,7 +241,7 @@ fn streamed(device: &Device) {
     }
 }
 
-/// Tests two streamed meshes, at most one of which moves in each step, and a static mesh.
+/// Tests a static mesh and two streamed meshes. Each step moves at most one mesh.
 fn stay(device: &Device) {
     let demo = demo("demo:twist:2000");
     let lifted = |key: usize, by: f32| -> Vec<Point> {

@@ -141,7 +141,7 @@ struct Picture {
     layout: Layout,
     camera: Camera,
     light: Point,
-    /// Whether the host's hits are varied enough to detect errors of a device.
+    /// Returns whether the host's hits are varied enough to detect errors of a device.
     tells: fn(&Hits) -> bool,
 }
 
@@ -238,7 +238,7 @@ const STRETCHES: i16 = 40;
 const ROWS: u32 = 12;
 
 /// Ridges that are steep on the left and gentle on the right. In every other ridge the left slope comes first. Rays
-/// along a crest have both slopes as candidates, one of which is in shadow there. Since few hits are open, a device
+/// along a crest have both slopes as candidates, and one slope is in shadow there. Since few hits are open, a device
 /// traces the shadow rays of all candidates before it has decided between them.
 fn ridges() -> Arc<Animation> {
     let (mut points, mut triangles) = (Vec::<Point>::new(), Vec::new());

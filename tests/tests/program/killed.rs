@@ -222,7 +222,7 @@ fn full_disk(sandbox: &Sandbox) {
         "--size 640x480 --frames 1 --out full",
         "--size 160x120 --frames 2 --no-images --hits full",
         "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
-        // The directory entries of so many files exceed the disk.
+        // The directory entries of 3000 files exceed the disk.
         "--size 8x8 --frames 3000 --out full",
     ] {
         let words = format!("render demo:twist:500 --quiet {words}");

@@ -257,7 +257,7 @@ fn eaten(sandbox: &Sandbox) {
     }
     let here = "render frame_1.obj --backend cpu --frames 1 --out .";
     sandbox.refuses(here, &["may overwrite", "which is read"]);
-    // Output folders only claim file names of their own pattern, and several outputs may go to one device file.
+    // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
     let beside = "--rays-out r.npy --stats o/stats.json --timeline frame_0000.json";
     sandbox.does(&format!("{render} {beside}"));
     if cfg!(unix) {

@@ -61,7 +61,7 @@ impl Sandbox {
         Run::of(&command.output().unwrap(), words)
     }
 
-    /// Starts the program without waiting. Standard output and standard error go to `to()`.
+    /// Starts the program without waiting. `to` creates its standard output and standard error.
     pub(crate) fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
         let mut command = Command::new(program::abvh());
         let command = command.args(words.split(' ')).current_dir(self.path());

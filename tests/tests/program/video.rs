@@ -46,7 +46,7 @@ fn raw(sandbox: &Sandbox) {
         }
     }
     assert!(decoder.read_frame().is_err());
-    // With `--y4m -`, the video goes to standard output, and messages to standard error.
+    // `--y4m -` writes the video to standard output, and messages to standard error.
     let words = format!("{RUN} --no-images --fps 12.5 --y4m -");
     let output = integration::program::run_where(sandbox.path(), words.split(' '), &[]);
     assert!(output.status.success());

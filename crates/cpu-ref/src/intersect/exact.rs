@@ -22,7 +22,7 @@ pub struct Exact;
 pub(crate) struct Candidate {
     /// Place of the triangle in the tree.
     place: usize,
-    /// Whether the hit is certain and within the ray's limits.
+    /// Set if the hit is certain and within the ray's limits.
     sure: bool,
     /// Interval `low..=high` of the exact `t`, if the triangle is hit.
     low: f32,

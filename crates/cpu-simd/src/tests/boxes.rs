@@ -73,7 +73,7 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
 struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
     planes: Planes,
-    /// Whether boxes are padded by their own distance.
+    /// Set if boxes are padded by their own distance.
     spread: bool,
 }
 
