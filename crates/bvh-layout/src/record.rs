@@ -28,7 +28,7 @@ const TASK: usize = 1 << 9;
 /// | 3 | `n`, number of leaves |
 /// | 4 | `L`, number of levels; level 0 is the root |
 /// | 5..8 | zero |
-/// | `L` words | number of inner nodes on each level; level `d + 1` has twice as many nodes as level `d` has inner nodes |
+/// | `L` words | number of inner nodes on each level; level `d + 1` has two nodes for each inner node of level `d` |
 /// | `B` words | bit `i % 32` of word `i / 32` is 1 if node `i` is a leaf; bits past the last node are 0 |
 /// | `B` words | for each word of bits, the number of leaves before it |
 /// | `n` words | the triangle index of each leaf, in node order |
