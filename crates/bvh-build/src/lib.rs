@@ -5,7 +5,8 @@
 //! not on the number of threads. Its depth is at most [`MAX_DEPTH`] for any input. Parallel work runs in the rayon pool
 //! that the caller installed.
 //!
-//! [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once, [`SubtreeRebuilder`] from an earlier tree.
+//! [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once.
+//! [`SubtreeRebuilder`] builds from an earlier tree.
 
 mod bins;
 mod builder;
