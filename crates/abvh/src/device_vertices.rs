@@ -9,7 +9,7 @@ use std::ops::Range;
 pub(crate) struct DeviceVertices {
     /// For each mesh with vertices on the device, whether a failed step may have lost them.
     lost: BTreeMap<usize, bool>,
-    /// Ranges of vertices that come from the host again since the last submission.
+    /// Ranges of vertices that the host has provided again since the last submission.
     returned: Vec<Range<usize>>,
 }
 
@@ -20,7 +20,7 @@ impl DeviceVertices {
         self.lost.insert(mesh, false);
     }
 
-    /// Notes that the vertices of a mesh come from the host.
+    /// Notes that the host provides the vertices of a mesh.
     pub(crate) fn leave(&mut self, mesh: usize, range: &Range<usize>) {
         if self.lost.remove(&mesh).is_some() {
             self.returned.push(range.clone());

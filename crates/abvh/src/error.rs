@@ -4,7 +4,7 @@ use crate::MeshId;
 use backend::BackendError;
 use pipeline::PipelineError;
 
-/// Result with [`enum@Error`] as the default error type.
+/// Result with [`Error`] as the default error type.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Reason for a failed operation. No call panics because of its arguments.

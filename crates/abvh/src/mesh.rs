@@ -93,7 +93,7 @@ impl Mesh {
         Self::new(triangles, vertices, Motion::Keys(keys))
     }
 
-    /// Creates a mesh that moves through `keys` key frames, of which at most about `window` are in memory.
+    /// Creates a mesh that moves through `keys` key frames. At most about `window` key frames are in memory.
     ///
     /// `read` returns a key frame shortly before it is played, from a file or by computing it. It is called from
     /// several threads, and must return the same positions each time. All key frames are read once before the first

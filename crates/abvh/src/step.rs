@@ -146,8 +146,8 @@ impl Step<'_> {
         }
     }
 
-    /// Returns the memory of a streamed mesh's vertices, all of which must be written. If the device can read this
-    /// memory, nothing is copied. It initially holds vertices of an earlier step.
+    /// Returns the memory of a streamed mesh's vertices. The caller must write all vertices. If the device can read
+    /// this memory, nothing is copied. It initially holds vertices of an earlier step.
     ///
     /// # Errors
     /// [`Error::ForeignMesh`]. [`Error::Motion`] for meshes that are not streamed. [`Error::TooLate`] after a query.

@@ -77,9 +77,9 @@ impl Builder {
         self
     }
 
-    /// Sets the number of host threads that trace or, beside a GPU, build trees.
+    /// Sets the number of host threads that trace or, if a GPU traces, build trees.
     ///
-    /// By default, the host traces with one thread per core. Beside a GPU, one thread per two cores builds trees, which
+    /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
     /// leaves cores for the program. If the host traces and builds at the same time, a quarter of four or more cores
     /// builds and the others trace. Threads that are set here all trace, and a quarter as many more threads build.
     #[must_use]

@@ -1,4 +1,4 @@
-//! Selects a backend if none is named.
+//! Selects a backend automatically.
 //!
 //! A GPU is preferred to the host's cores, and these to a driver that runs shaders on the same cores. Backends are
 //! listed and opened only when their turn comes, because both take time.
@@ -130,7 +130,7 @@ impl Search<'_> {
         Ok(fits)
     }
 
-    /// Returns whether a listed backend would have found all GPUs of this backend, and found none.
+    /// Returns whether a backend that finds all GPUs of this backend was listed and has no GPU.
     fn is_covered(&self, rival: &Known<'_>) -> bool {
         let by = |name| self.known.iter().position(|r| r.name == name);
         let listed = rival.covered_by.and_then(by).map(|i| self.lists[i].get());

@@ -1,4 +1,4 @@
-//! The list of all backends: lists their adapters, opens them, and selects one if none is named.
+//! The list of all backends: lists their adapters, opens them, and selects the best one.
 //!
 //! Each GPU API is a feature: `vulkan`, `wgpu`, and `vulkan-rt` for the Vulkan driver's own acceleration structures.
 
@@ -24,7 +24,7 @@ pub struct Known<'a> {
     pub kinds: &'static [DeviceKind],
     /// Name of a backend that finds every GPU that this backend finds.
     covered_by: Option<&'static str>,
-    /// Whether it builds its own trees, as a driver's acceleration structures, and traces rays through them.
+    /// `true` if it traces through its own trees, such as a driver's acceleration structures.
     pub has_own_trees: bool,
     /// Returns whether it supports a method. Needs no device.
     pub supports: fn(Method) -> bool,

@@ -23,7 +23,8 @@ const CHUNK: usize = 1 << 14;
 pub struct Converter {
     /// One entry per chunk of the preorder.
     tallies: Vec<LevelCounts>,
-    /// Flags of which children are leaves, for each inner node in breadth-first order.
+    /// Two flags for each inner node in breadth-first order: bit 0 if the left child is a leaf, bit 1 for the right
+    /// child.
     leaf_children: Vec<u8>,
     room: Workspace,
 }

@@ -55,9 +55,9 @@
 //!
 //! # Threads
 //!
-//! [`Builder::threads`](crate::Builder::threads) sets the number of threads that trace on the host or, beside a GPU,
+//! [`Builder::threads`](crate::Builder::threads) sets the number of threads that trace on the host or, if a GPU traces,
 //! build trees. [`Builder::builder_threads`](crate::Builder::builder_threads) sets the number that build trees. By
-//! default, if the host has four or more cores, a quarter builds while the others trace. Beside a GPU, one thread per
+//! default, if the host has four or more cores, a quarter builds while the others trace. For a GPU, one thread per
 //! two cores builds. A [`Tracer`](crate::Tracer) can be sent to another thread, and a program can have several tracers.
 //! Each has its own device and trees.
 //!

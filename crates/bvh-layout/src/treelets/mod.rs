@@ -1,4 +1,4 @@
-//! The tree divided into treelets, each of which a workgroup can refit in its own memory.
+//! The tree divided into treelets. A workgroup can refit one treelet in its own memory.
 
 mod cut;
 mod fill;
