@@ -99,8 +99,8 @@ impl Mesh {
     /// several threads, and must return the same positions each time. All key frames are read once before the first
     /// step, to find the vertices that never move. Time is measured as for [`Mesh::keyframes`].
     ///
-    /// If the scene has no other mesh, the device blends the key frames and holds as many. Otherwise the host blends
-    /// them.
+    /// If the scene has no other mesh, the device blends the key frames, and also holds about `window` key frames.
+    /// Otherwise the host blends them.
     ///
     /// # Errors
     /// As for [`Mesh::keyframes`]. [`Error::KeyFrame`] with the message of `read`, also from later steps.

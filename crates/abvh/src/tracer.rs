@@ -32,9 +32,8 @@ pub enum Update {
     /// As `Async`, but a tree is adopted exactly this number of steps after its request, and the step waits for it if
     /// necessary. So each run uses the same trees. With 0, each step waits for its own tree.
     Lockstep(u32),
-    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds
-    /// before the first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume
-    /// Hierarchies*, 2015.
+    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds before the
+    /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
     TSah,
 }
 
@@ -273,7 +272,7 @@ pub(crate) struct State {
     pub(crate) replaced: BTreeMap<usize, u64>,
     pub(crate) device: String,
     pub(crate) kind: DeviceKind,
-    /// Number of the step begun last. Each tracer counts from a different number, so steps of tracers differ.
+    /// Number of the step begun last. Each tracer counts from a different number, so no two steps have the same number.
     steps: u64,
     /// Number of the step submitted last.
     submitted: u64,

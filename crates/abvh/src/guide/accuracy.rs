@@ -18,9 +18,9 @@
 //! # Far away
 //!
 //! `Watertight` is exact for a ray that differs from the given ray by rounding, in single precision at the distance of
-//! the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So such a ray may hit a triangle that it
-//! exactly passes at a few units. A direction component below `2^-37` of the largest component counts as 0. `Exact` has
-//! no such error.
+//! the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So a ray may hit a triangle that it actually
+//! misses by a few units. A direction component below `2^-37` of the largest component counts as 0. `Exact` has no such
+//! error.
 //!
 //! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is that
 //! far away. A ray that starts within `2^-24` of the origin is also extreme if there are vertices within `2^-32` of the
@@ -30,7 +30,7 @@
 //!
 //! If the largest coordinate of all key frames or initial positions is outside `2^-10..=2^30`, all coordinates are
 //! scaled by a power of two. Scaled coordinates below `2^-64` then count as 0. So coordinates of one scene should not
-//! differ by 18 orders of magnitude. With another scale, the last bits of `t`, `u` and `v` may be rounded differently.
+//! differ by 18 orders of magnitude. The last bits of `t`, `u` and `v` may depend on the scale factor of the scene.
 //!
 //! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update) nor on [`Layout`](crate::Layout). So
 //! a run can be repeated with the same hits, also with another number of threads.

@@ -16,8 +16,8 @@ use std::sync::atomic::AtomicU32;
 /// A tree in depth-first leaf order, divided into treelets.
 ///
 /// Two triangles under one parent share a leaf. A *treelet* is a run of at most 256 neighbouring triangles that
-/// consists of whole subtrees. In large trees these are many small subtrees, so that treelets are full. In other trees
-/// they are as few and as large as possible. The subtrees are the leaves of the tree above, which is divided in the
+/// consists of whole subtrees. In large trees it has several small subtrees, so that treelets are full. In other trees,
+/// subtrees are as few and as large as possible. The subtrees are the leaves of the tree above, which is divided in the
 /// same way, until one root is left. A million triangles take about three levels.
 ///
 /// All roots of a treelet are leaves of one treelet of the next level, its *parent*. So a device can refit one level of
