@@ -1,4 +1,4 @@
-//! What is current: an animation, a tree, and everything computed from them.
+//! The loaded scene: an animation, its current tree, and all data computed from them.
 
 use crate::interpolate::{copy, interpolate};
 use crate::scale::Scale;
@@ -13,26 +13,27 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// Static vertices between two runs of moving ones: fewer are written again, for a run costs more.
+/// Number of static vertices at which two runs of moving ones stay separate. Below it, one longer run is cheaper.
 const GAP: usize = 64;
 
-/// An animation with its tree and the state of one moment.
+/// An animation with its tree, at one moment.
 pub(crate) struct SceneState {
     animation: Arc<Animation>,
     intersector: Intersector,
-    /// Of the moment that was interpolated last.
+    /// Range of coordinates at the moment that was interpolated last.
     range: geom::Range,
     pub(crate) positions: Vec<Point>,
-    /// Runs of vertices that hold all that move, or all where static ones are too few to be passed over.
+    /// Runs of vertices that cover all moving ones, or one run of all vertices if too few are static to be worth
+    /// skipping.
     runs: Vec<Range<usize>>,
     pub(crate) tree: Box<dyn Accelerator>,
     /// The tree that was evaluated last.
     candidate: Option<Candidate>,
-    /// As of the last preprocess, triangles without a leaf included.
+    /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,
-    /// As of the last refit.
+    /// SAH cost from the last refit.
     pub(crate) sah_cost: Option<f64>,
-    /// Rays that exact arithmetic settled and no report names yet.
+    /// Number of rays resolved in exact arithmetic that no report includes yet.
     pub(crate) settled: AtomicU64,
 }
 
@@ -44,7 +45,7 @@ struct Candidate {
 
 impl SceneState {
     /// # Errors
-    /// Memory does not suffice.
+    /// If memory does not suffice.
     pub(crate) fn new(
         animation: Arc<Animation>,
         intersector: Intersector,
@@ -53,7 +54,7 @@ impl SceneState {
         let (mut positions, all) = (Vec::new(), animation.vertex_count());
         reserve(&mut positions, all, "positions")?;
         positions.resize(all, [0.0; 3]);
-        // Static vertices stand from the start.
+        // Static vertices outside the runs are written only here.
         copy(animation.first(), &mut positions);
         let parts = animation.static_parts();
         let pays = StaticParts::pays(all - parts.vertex_count(), all);
@@ -77,7 +78,7 @@ impl SceneState {
     }
 
     /// # Errors
-    /// The tree is not one of this scene, or memory does not suffice.
+    /// If the tree does not belong to this scene, or memory does not suffice.
     pub(crate) fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         if let Some(candidate) = self
             .candidate
@@ -85,7 +86,7 @@ impl SceneState {
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.tree, &mut candidate.tree);
-            // The former tree must not be adopted under this number.
+            // The replaced tree must not be adopted under this generation.
             candidate.generation = Generation(0);
             return Ok(());
         }
@@ -93,10 +94,11 @@ impl SceneState {
         self.tree.adopt(tree, &self.animation)
     }
 
-    /// Readies a tree to be evaluated, in the memory of the last one or of `new_tree`. Returns `false` if memory does not suffice.
+    /// Loads a tree for evaluation, into the last candidate or one from `new_tree`. Returns `false` if memory does not
+    /// suffice.
     ///
     /// # Errors
-    /// The tree is not one of this scene.
+    /// If the tree does not belong to this scene.
     pub(crate) fn load_candidate(
         &mut self,
         (tree, generation): (&Topology, Generation),
@@ -119,7 +121,7 @@ impl SceneState {
         Ok(true)
     }
 
-    /// Refits the tree that was loaded last, and returns its cost.
+    /// Refits the candidate and returns its SAH cost.
     pub(crate) fn evaluate(&mut self) -> Option<f64> {
         let geometry = geometry(&self.animation, &self.positions, self.range);
         let tree = &mut self.candidate.as_mut()?.tree;
@@ -152,7 +154,7 @@ impl SceneState {
         self.unhittable.inactive += without_leaf as u64;
     }
 
-    /// Brings boxes up to date, and the tree's cost.
+    /// Updates the boxes and the tree's SAH cost.
     pub(crate) fn refit(&mut self) {
         let (total, root) = self.tree.refit();
         self.sah_cost = sah_cost(total, root.half_area());
@@ -172,7 +174,7 @@ impl SceneState {
         geometry(&self.animation, &self.positions, self.range)
     }
 
-    /// Boxes in node order, in the scene's units.
+    /// Returns the boxes in node order, in the scene's units.
     pub(crate) fn boxes(&self) -> Result<Vec<Aabb>> {
         let geometry = self.geometry();
         let (boxes, scale) = (self.tree.boxes(&geometry)?, geometry.scale);

@@ -1,6 +1,6 @@
 //! Requests trees, hands vertices to the builder, and evaluates and adopts the trees that it makes.
 
-use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
+use super::candidate::{Candidate, Evaluation, RelativeCost, Request, State, Verdict, file, judge};
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
@@ -99,7 +99,11 @@ impl Driver {
                 self.drop_candidate(None);
             }
         } else if predictor.is_nearer(middle, candidate.dearer_at) {
-            candidate.advance(State::Due);
+            let spacing = predictor.frames_between_evaluations();
+            let again_at = candidate.cheaper.map(|first| first.frame + spacing);
+            if again_at.is_none_or(|at| frames >= at) {
+                candidate.advance(State::Due);
+            }
         }
     }
 
@@ -141,6 +145,7 @@ impl Driver {
 
     /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
+        let foresees = self.predicts();
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
         }
@@ -152,10 +157,22 @@ impl Driver {
         };
         self.predictor
             .observe_evaluation(self.frames - evaluation.frame);
-        match Verdict::of(report, evaluation.approach.is_some()) {
+        let Some(cost) = RelativeCost::of(report, evaluation.frame) else {
+            candidate.advance(State::Accepted);
+            return;
+        };
+        let (earlier, frames) = (candidate.cheaper, self.predictor.frames_of_use());
+        match judge(cost, earlier, frames, evaluation.approach.is_some()) {
+            // Such a tree was built for the whole time of its use.
+            Verdict::EvaluateAgain(_) if foresees => candidate.advance(State::Accepted),
             Verdict::Accept => candidate.advance(State::Accepted),
+            Verdict::EvaluateAgain(cost) => {
+                candidate.cheaper = Some(cost);
+                candidate.advance(State::Arrived);
+            }
             Verdict::Wait => {
                 candidate.dearer_at = evaluation.approach;
+                candidate.cheaper = None;
                 candidate.advance(State::Arrived);
             }
             Verdict::Reject => {
