@@ -2,7 +2,7 @@
 
 use crate::stop::Stop;
 use crate::{talk, values};
-use backend::Intersector;
+use backend::{Intersector, Policy};
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
@@ -130,7 +130,7 @@ pub(crate) struct TraceArgs {
     pub(crate) method: MethodArgs,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
     /// --time. Hits are the same, only the speed differs
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,
     /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
@@ -226,7 +226,7 @@ pub(crate) struct DeviceArgs {
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
     /// How a ray is tested against a triangle
-    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector())]
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
     pub(crate) intersector: Intersector,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
@@ -260,18 +260,12 @@ pub(crate) enum BackendName {
     VulkanRtFastTrace,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpdateName {
-    /// Whichever is expected to finish the run first
-    Auto,
-    /// A new tree for every frame, which waits for it
-    Rebuild,
-    /// The first tree, refitted
-    Refit,
-    /// The newest finished tree, refitted, while the next one is built
-    Async,
-    /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
-    DeviceRebuild,
+/// An update policy; `None` leaves the choice to `auto`.
+pub(crate) type UpdateName = Option<Policy>;
+
+/// Returns the name of a policy on the command line.
+pub(crate) fn update_name(update: UpdateName) -> &'static str {
+    update.map_or(values::AUTO, Policy::name)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

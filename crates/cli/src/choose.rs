@@ -3,10 +3,10 @@
 use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
 use crate::open::has_own_trees;
 use crate::stop::Stop;
-use backend::{Backend, DeviceKind, Intersector, Layout, Method, Query};
+use backend::{Backend, DeviceKind, Intersector, Layout, Method, Policy, Query};
 use geom::Animation;
 use output::Taken;
-use pipeline::{ExpectedMemory, Frame, Pace, RefitDecay, RunFacts, Threads, Update};
+use pipeline::{ExpectedMemory, Frame, RefitDecay, RunFacts, Threads};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -49,30 +49,28 @@ impl<'a> Ask<'a> {
     }
 
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
-    pub(crate) fn update(&self) -> Choice<Update> {
-        let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
+    pub(crate) fn update(&self) -> Choice<Policy> {
+        let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (update, why) = match self.update {
-            UpdateName::Auto if has_own_trees(self.backend) => {
+            Some(named) if named.builds_beside_frames() => return (at_pace, None),
+            Some(named) => return (named, None),
+            None if has_own_trees(self.backend) => {
                 let within = "the backend makes its trees itself, within each frame";
-                (Update::Rebuild, within)
+                (Policy::Rebuild, within)
             }
-            UpdateName::Auto if self.is_open() => (at_pace, "it suits most scenes that deform"),
-            UpdateName::Auto => (at_pace, "--lockstep asks for it"),
-            UpdateName::Async => return (at_pace, None),
-            UpdateName::Rebuild => return (Update::Rebuild, None),
-            UpdateName::Refit => return (Update::Refit, None),
-            UpdateName::DeviceRebuild => return (Update::DeviceRebuild, None),
+            None if self.is_open() => (at_pace, "it suits most scenes that deform"),
+            None => (at_pace, "--lockstep asks for it"),
         };
         (update, Some(why.to_owned()))
     }
 
     /// Whether the policy is left to `auto`, which knows more once the backend is open.
     fn is_open(&self) -> bool {
-        self.update == UpdateName::Auto && self.lockstep.is_none()
+        self.update.is_none() && self.lockstep.is_none()
     }
 
     /// How cores are shared on such a device under a policy.
-    pub(crate) fn share(&self, device: DeviceKind, update: Update) -> Threads {
+    pub(crate) fn share(&self, device: DeviceKind, update: Policy) -> Threads {
         let asked = [self.threads, self.builder_threads];
         Threads::share(host::cores(), device, update, asked)
     }
@@ -114,8 +112,8 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
 /// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
 /// for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
-    if update == UpdateName::DeviceRebuild {
-        return Some(format!("update policy '{}'", word(&update)));
+    if let Some(policy) = update.filter(|policy| policy.builds_on_device()) {
+        return Some(format!("update policy '{policy}'"));
     }
     match method.intersector {
         Intersector::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
@@ -178,7 +176,7 @@ fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<L
 }
 
 /// The method and the update policy of a run, with the reasons for the policy and the layout where these were left to `auto`.
-pub(crate) type Settled = (Method, Update, [Option<String>; 2]);
+pub(crate) type Settled = (Method, Policy, [Option<String>; 2]);
 
 /// Settles what `ask` leaves to `auto`, by facts about `backend` and the run.
 pub(crate) fn settle(
@@ -213,8 +211,8 @@ fn facts(
     let device = capabilities.device;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
     let rays = run.query.rays.count();
-    let threads = ask.share(device, Update::Async(Pace::Free));
-    let memory = ExpectedMemory::of(animation, device, (method, Update::DeviceRebuild), rays);
+    let threads = ask.share(device, Policy::Async);
+    let memory = ExpectedMemory::of(animation, device, (method, Policy::DeviceRebuild), rays);
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {

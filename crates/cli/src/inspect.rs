@@ -1,7 +1,7 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes. `--reduce-keys`: how few key
 //! frames stand for all of them.
 
-use crate::args::{BackendName, InspectArgs, LayoutName, MethodArgs, Tolerance, UpdateName};
+use crate::args::{BackendName, InspectArgs, LayoutName, MethodArgs, Tolerance};
 use crate::bench::FOV;
 use crate::choose::Ask;
 use crate::stop::Stop;
@@ -66,7 +66,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
     let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
-    let mut ask = Ask::of(BackendName::Auto, method, UpdateName::Auto);
+    let mut ask = Ask::of(BackendName::Auto, method, None);
     if let Some(camera) = &camera {
         ask = ask.over(&frames, shading::query((camera, view.light)));
     }

@@ -6,14 +6,13 @@ pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Intersector, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Intersector, Method, Policy, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
 use output::Taken;
 use pipeline::{
-    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update, Wanted,
-    trees_bytes,
+    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Wanted, trees_bytes,
 };
 use scene::Scene;
 use serde::Serialize;
@@ -92,15 +91,8 @@ pub(crate) fn start_driver_on(
 
 /// The library's words for what a driver is to do.
 fn builder(options: DriverOptions) -> Builder {
-    let update = match options.update {
-        Update::Rebuild => abvh::Update::Rebuild,
-        Update::Refit => abvh::Update::Refit,
-        Update::Async(Pace::Free) => abvh::Update::Async,
-        Update::Async(Pace::Lockstep(frames)) => abvh::Update::Lockstep(frames),
-        Update::DeviceRebuild => abvh::Update::DeviceRebuild,
-    };
     Tracer::builder()
-        .update(update)
+        .update(options.update)
         .intersector(options.method.intersector)
         .layout(options.method.layout)
         .time_range(options.time_range)
@@ -151,11 +143,8 @@ fn start_by<T>(
         threads: threads.render,
         builder_threads: threads.build,
         update: update.name(),
-        lockstep: match update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        },
-        predict: matches!(update, Update::Async(_)).then_some(ask.predict),
+        lockstep: update.lockstep(),
+        predict: update.builds_beside_frames().then_some(ask.predict),
         intersector,
         layout,
         auto: taken.into_iter().flatten().collect(),
@@ -242,7 +231,7 @@ fn take(
     backend: Box<dyn Backend>,
     animation: &Animation,
     ask: &Ask<'_>,
-    (method, update): (Method, Update),
+    (method, update): (Method, Policy),
 ) -> Result<Taking, Stop> {
     let device = backend.device().clone();
     let threads = ask.share(device.kind, update);
@@ -275,7 +264,7 @@ pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
 fn check_device(
     backend: &dyn Backend,
     animation: &Animation,
-    how: (Method, Update),
+    how: (Method, Policy),
     rays: usize,
 ) -> Result<(), Stop> {
     let kind = backend.device().kind;

@@ -5,8 +5,8 @@
 
 use crate::latency::LATER_BUILD;
 use crate::motion::RefitDecay;
-use crate::schedule::{Pace, Update};
 use backend::DeviceKind;
+use backend::Policy;
 
 /// What a policy is chosen by.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub struct RunFacts {
     pub decay: RefitDecay,
     /// Who traces.
     pub device: DeviceKind,
-    /// Bytes of the device's memory where it builds trees itself ([`Update::DeviceRebuild`]), if it can.
+    /// Bytes of the device's memory where it builds trees itself ([`Policy::DeviceRebuild`]), if it can.
     pub rebuild_bytes: Option<u64>,
     /// Threads of the host that trace, where it does.
     pub threads: usize,
@@ -45,17 +45,17 @@ const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
     /// The policy that is expected to finish the run first, and why, in one line.
-    pub fn choose(&self) -> (Update, String) {
+    pub fn choose(&self) -> (Policy, String) {
         let (update, why) = if !self.moves {
             let why = "the scene does not move, so its first tree stays the best";
-            (Update::Refit, why)
+            (Policy::Refit, why)
         } else if self.frames <= 1 {
-            (Update::Refit, "one frame needs one tree")
+            (Policy::Refit, "one frame needs one tree")
         } else if self.step >= FAR_APART {
             let why = "the frames lie key frames apart: the tree of one is of no use to the next";
             (self.rebuild(), why)
         } else if self.decay.worst <= LASTS {
-            (Update::Refit, "the first tree stays as good as a fresh one")
+            (Policy::Refit, "the first tree stays as good as a fresh one")
         } else {
             return self.least();
         };
@@ -63,15 +63,15 @@ impl RunFacts {
     }
 
     /// A new tree for each frame.
-    fn rebuild(&self) -> Update {
+    fn rebuild(&self) -> Policy {
         match self.rebuild_bytes {
-            Some(_) => Update::DeviceRebuild,
-            None => Update::Rebuild,
+            Some(_) => Policy::DeviceRebuild,
+            None => Policy::Rebuild,
         }
     }
 
     /// The first policy whose estimate is about the least.
-    fn least(&self) -> (Update, String) {
+    fn least(&self) -> (Policy, String) {
         let all = self.estimates();
         let least = all.iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
         let taken = all.iter().find(|e| e.1 <= TIE * least).unwrap_or(&all[0]);
@@ -93,7 +93,7 @@ impl RunFacts {
     }
 
     /// Milliseconds of the whole run by each policy that may win.
-    fn estimates(&self) -> Vec<(Update, f64)> {
+    fn estimates(&self) -> Vec<(Policy, f64)> {
         let [build, frame, device_build, beside_builder] = self.times();
         let frames = self.frames as f64;
         let tracing = frames * frame;
@@ -102,16 +102,13 @@ impl RunFacts {
         let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
         let mut all = vec![
-            (Update::Refit, build + tracing * (1.0 + slower)),
-            (
-                Update::Async(Pace::Free),
-                build + tracing * beside_builder * aged,
-            ),
+            (Policy::Refit, build + tracing * (1.0 + slower)),
+            (Policy::Async, build + tracing * beside_builder * aged),
         ];
         match self.rebuild_bytes {
             Some(LARGE_REBUILD_BYTES..) => (),
-            Some(_) => all.push((Update::DeviceRebuild, frames * (frame + device_build))),
-            None => all.push((Update::Rebuild, frames * (frame + build))),
+            Some(_) => all.push((Policy::DeviceRebuild, frames * (frame + device_build))),
+            None => all.push((Policy::Rebuild, frames * (frame + build))),
         }
         all
     }
@@ -256,9 +253,12 @@ mod tests {
                 let ((name, ..), _, seconds) = *measured;
                 let (update, why) = facts(measured, device, cores, rays).choose();
                 let taken = seconds[match update {
-                    Update::Refit => 0,
-                    Update::Async(_) => 1,
-                    Update::Rebuild | Update::DeviceRebuild => 2,
+                    Policy::Refit => 0,
+                    Policy::Async => 1,
+                    other => {
+                        assert!(other.rebuilds_every_frame());
+                        2
+                    }
                 }];
                 let best = seconds.into_iter().fold(f64::INFINITY, f64::min);
                 let about =
@@ -293,14 +293,14 @@ mod tests {
             ..huge
         };
         for (facts, update) in [
-            (still, Update::Refit),
-            (one, Update::Refit),
-            (lasting, Update::Refit),
-            (apart, Update::DeviceRebuild),
-            (on_host, Update::Rebuild),
-            (long, Update::Async(Pace::Free)),
-            (huge, Update::Refit),
-            (beside_others, Update::DeviceRebuild),
+            (still, Policy::Refit),
+            (one, Policy::Refit),
+            (lasting, Policy::Refit),
+            (apart, Policy::DeviceRebuild),
+            (on_host, Policy::Rebuild),
+            (long, Policy::Async),
+            (huge, Policy::Refit),
+            (beside_others, Policy::DeviceRebuild),
         ] {
             assert_eq!(facts.choose().0, update, "{facts:?}");
         }

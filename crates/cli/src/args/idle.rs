@@ -3,6 +3,7 @@
 use super::{BackendName, Command, DeviceArgs, UpdateName};
 use crate::open::has_own_trees;
 use crate::stop::Stop;
+use backend::Policy;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 
@@ -65,7 +66,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
             ]
         }
         Command::Trace(args) => {
-            let is_refit = args.update == UpdateName::Refit;
+            let is_refit = args.update == Some(Policy::Refit);
             vec![
                 ("tree_time", is_refit, "goes only with --update refit"),
                 builders(&args.device, args.update),
@@ -117,11 +118,11 @@ fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
 }
 
 fn may_be_async(update: UpdateName) -> bool {
-    matches!(update, UpdateName::Async | UpdateName::Auto)
+    update.is_none_or(Policy::builds_beside_frames)
 }
 
 fn host_builds(backend: BackendName, update: UpdateName) -> bool {
-    !has_own_trees(backend) && update != UpdateName::DeviceRebuild
+    !has_own_trees(backend) && !update.is_some_and(Policy::builds_on_device)
 }
 
 /// Whether an input of the scene can be a file: demos are no files.

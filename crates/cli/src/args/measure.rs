@@ -3,7 +3,7 @@
 use super::{BackendName, LayoutName, SourceArgs, UpdateName};
 use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
-use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
 use clap::{Args, ValueEnum};
 use conformance::stress::Plan;
 use conformance::{LAWS, OWN_TREE_LAWS};
@@ -23,11 +23,11 @@ pub(crate) struct MeasureArgs {
     #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
     /// Update policies
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::update())]
     #[arg(default_value = "rebuild,refit,async")]
     pub(crate) update: Vec<UpdateName>,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector())]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector(|_| true))]
     pub(crate) intersector: Vec<Intersector>,
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
@@ -175,7 +175,7 @@ pub(crate) struct ConformArgs {
     pub(crate) oracle_batch: Option<u64>,
     /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
     #[arg(long, value_name = "INTERSECTOR",
-        value_parser = PossibleValuesParser::new(["watertight", "exact"]).try_map(|name| name.parse::<Intersector>()))]
+        value_parser = values::intersector(Intersector::is_equal_across_backends))]
     pub(crate) intersector: Option<Intersector>,
 }
 
@@ -184,7 +184,7 @@ pub(crate) struct StabilityArgs {
     #[command(flatten)]
     pub(crate) test: TestArgs,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector())]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector(|_| true))]
     #[arg(default_values = Intersector::ALL.map(Intersector::name))]
     pub(crate) intersector: Vec<Intersector>,
     /// Decides scenes and rays
@@ -213,13 +213,9 @@ pub(crate) struct StressArgs {
     pub(crate) source: SourceArgs,
     #[command(flatten)]
     pub(crate) test: TestArgs,
-    /// Update policies: async, refit, rebuild
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "async,refit"
-    )]
+    /// Update policies
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::update())]
+    #[arg(default_value = "async,refit")]
     pub(crate) update: Vec<UpdateName>,
     /// Timed steps of each run
     #[arg(long, value_name = "N", default_value = "1000",

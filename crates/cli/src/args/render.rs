@@ -22,7 +22,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) method: MethodArgs,
     /// How trees follow the motion
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,
     /// With async: adopt each tree exactly K frames after it was asked for
     #[arg(long, value_name = "K")]

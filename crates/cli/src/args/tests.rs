@@ -50,7 +50,10 @@ fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates
     let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
     assert_eq!([args.eye, args.light], points);
     let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
-    assert_eq!(args.measure.update, [UpdateName::Refit, UpdateName::Async]);
+    assert_eq!(
+        args.measure.update,
+        [Policy::Refit, Policy::Async].map(Some)
+    );
     assert_eq!(args.measure.scenes, ["demo:twist"]);
     assert_eq!(args.measure.frames, Frames::Count(3));
     assert_eq!(args.layout, [LayoutName::Fast]);

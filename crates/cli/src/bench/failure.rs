@@ -1,6 +1,6 @@
 //! A combination that could not be measured, with the reason.
 
-use crate::args::{RaysName, word};
+use crate::args::{RaysName, update_name, word};
 use crate::choose::Ask;
 use crate::stop::Stop;
 use serde::Serialize;
@@ -30,7 +30,7 @@ impl Failure {
         Self {
             scene: spec.to_owned(),
             backend: word(&ask.backend),
-            update: word(&ask.update),
+            update: update_name(ask.update).to_owned(),
             predict: ask.predict,
             intersector: ask.method.intersector.to_string(),
             layout: word(&ask.method.layout),

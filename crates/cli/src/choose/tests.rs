@@ -13,27 +13,26 @@ const AUTO: MethodArgs = MethodArgs {
 
 #[test]
 fn names_mean_what_they_name_and_lockstep_is_async() {
-    use UpdateName as U;
     let asked = |backend, update, lockstep| Ask {
         lockstep,
         ..Ask::of(backend, AUTO, update)
     };
     let (host, driver) = (BackendName::Cpu, BackendName::VulkanRt);
-    let three = Update::Async(Pace::Lockstep(3));
-    let free = Update::Async(Pace::Free);
+    let three = Policy::Lockstep(3);
+    let free = Policy::Async;
     for (ask, update, is_named) in [
-        (asked(host, U::Async, Some(3)), three, true),
-        (asked(host, U::Auto, Some(3)), three, false),
-        (asked(host, U::Auto, None), free, false),
-        (asked(host, U::Refit, None), Update::Refit, true),
+        (asked(host, Some(Policy::Async), Some(3)), three, true),
+        (asked(host, None, Some(3)), three, false),
+        (asked(host, None, None), free, false),
+        (asked(host, Some(Policy::Refit), None), Policy::Refit, true),
         // A driver rebuilds where nobody asked for more.
-        (asked(driver, U::Auto, None), Update::Rebuild, false),
-        (asked(driver, U::Async, None), free, true),
+        (asked(driver, None, None), Policy::Rebuild, false),
+        (asked(driver, Some(Policy::Async), None), free, true),
     ] {
         let (taken, why) = ask.update();
         assert_eq!((taken, why.is_none()), (update, is_named), "{ask:?}");
     }
-    assert!(asked(host, U::Auto, None).is_open() && !asked(host, U::Auto, Some(3)).is_open());
+    assert!(asked(host, None, None).is_open() && !asked(host, None, Some(3)).is_open());
     assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
     assert_eq!(layout(LayoutName::Auto), None);
 }
@@ -43,7 +42,7 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
     use Intersector as I;
     use LayoutName as L;
     let usual = MethodArgs::of(I::Watertight, L::Auto);
-    let beyond = beyond_drivers(usual, UpdateName::DeviceRebuild);
+    let beyond = beyond_drivers(usual, Some(Policy::DeviceRebuild));
     assert_eq!(beyond.as_deref(), Some("update policy 'device-rebuild'"));
     for (intersector, layout, beyond) in [
         (I::Watertight, L::Auto, None),
@@ -51,7 +50,7 @@ fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
         (I::Watertight, L::Bvh2, Some("layout 'bvh2'")),
     ] {
         let method = MethodArgs::of(intersector, layout);
-        let found = beyond_drivers(method, UpdateName::Rebuild);
+        let found = beyond_drivers(method, Some(Policy::Rebuild));
         assert_eq!(found.as_deref(), beyond);
     }
 }
@@ -66,7 +65,8 @@ fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
             let layouts = LayoutName::value_variants().iter();
             layouts.map(move |&layout| (kind, layout))
         }) {
-            for (&update, &by) in UpdateName::value_variants().iter().flat_map(|update| {
+            let updates = [None].into_iter().chain(Policy::ALL.map(Some));
+            for (update, &by) in updates.flat_map(|update| {
                 let intersectors = Intersector::ALL.iter();
                 intersectors.map(move |by| (update, by))
             }) {
@@ -117,12 +117,12 @@ fn trees_are_left_to_a_device_only_where_it_can_build_them() {
         frames: &frames,
         query: Query { rays, kind },
     };
-    let ask = Ask::of(BackendName::Vulkan, AUTO, UpdateName::Auto);
+    let ask = Ask::of(BackendName::Vulkan, AUTO, None);
     for (device, makes_trees, expected) in [
-        (DeviceKind::Gpu, true, Update::DeviceRebuild),
-        (DeviceKind::Gpu, false, Update::Rebuild),
-        (DeviceKind::Software, true, Update::Rebuild),
-        (DeviceKind::Cpu, false, Update::Rebuild),
+        (DeviceKind::Gpu, true, Policy::DeviceRebuild),
+        (DeviceKind::Gpu, false, Policy::Rebuild),
+        (DeviceKind::Software, true, Policy::Rebuild),
+        (DeviceKind::Cpu, false, Policy::Rebuild),
     ] {
         let capabilities = Capabilities {
             device,
@@ -140,7 +140,7 @@ fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
         let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
-        let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
+        let usual = Ask::of(BackendName::Cpu, AUTO, Some(Policy::Refit));
         usual.over(frames, query).time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
@@ -166,7 +166,7 @@ fn what_is_left_open_is_settled_with_a_reason() {
         let frames: Vec<Frame> = (0..count).map(frame).collect();
         let ask = Ask {
             threads: Some(2),
-            ..Ask::of(BackendName::Cpu, AUTO, UpdateName::Auto)
+            ..Ask::of(BackendName::Cpu, AUTO, None)
         };
         let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
         settle(
@@ -180,5 +180,5 @@ fn what_is_left_open_is_settled_with_a_reason() {
     let why = why_update.unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
     assert_eq!((method.layout, why_layout.is_some()), (Layout::Fast, true));
-    assert_eq!(settled(1).1, Update::Refit);
+    assert_eq!(settled(1).1, Policy::Refit);
 }

@@ -114,9 +114,7 @@ fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
 
 /// Those whose answers are the same everywhere.
 fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| {
-        matches!(i, Intersector::Watertight | Intersector::Exact)
-    })
+    by(c, |i| i.is_equal_across_backends())
 }
 
 fn all_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {

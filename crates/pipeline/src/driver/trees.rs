@@ -4,7 +4,7 @@ use super::candidate::{Candidate, Evaluation, RelativeCost, Request, State, Verd
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
-use crate::schedule::{FramePlan, InFlight, Pace, Update};
+use crate::schedule::{FramePlan, InFlight};
 use crate::tree_builder::{Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
 use bvh_build::Cancel;
@@ -191,7 +191,7 @@ impl Driver {
 
     /// Whether trees are adopted by their cost. In lockstep each is, whatever it costs.
     fn weighs(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free)
+        self.options.update.adopts_by_cost()
     }
 
     fn predicts(&self) -> bool {
@@ -200,7 +200,7 @@ impl Driver {
 
     /// Whether trees are for moments to come.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.options.update.waits_at_once()
+        self.options.predict && !self.options.update.waits_for_tree()
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
@@ -213,7 +213,7 @@ impl Driver {
         }
         self.newest.0 += 1;
         let mut request = self.ask(self.newest, pose);
-        if self.options.update.waits_at_once() {
+        if self.options.update.waits_for_tree() {
             let built = self.build_now(&mut request, None)?;
             return built.map_or(Ok(()), |built| self.adopt(built, &request));
         }
