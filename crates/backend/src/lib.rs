@@ -172,6 +172,22 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
+    /// Records: refits the tree that the current one replaced, as [`Backend::evaluate`] does with a new tree. Returns `false`
+    /// if that tree is no longer on the device: it is kept if the current tree was evaluated before its adoption, until
+    /// another tree is evaluated.
+    fn evaluate_retained(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Makes the tree current that [`Backend::evaluate_retained`] evaluated, with its old generation. The tree that it
+    /// replaces is then retained.
+    ///
+    /// # Errors
+    /// No tree is retained.
+    fn adopt_retained(&mut self) -> Result<()> {
+        Err(BackendError::WrongTree("no tree is retained".to_owned()))
+    }
+
     /// Whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) by the method loaded. Whoever builds
     /// trees then adds them in good time; a tree without them is adopted too, but slowly.
     fn wants_treelets(&self) -> bool {

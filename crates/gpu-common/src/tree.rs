@@ -16,6 +16,8 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     pub(crate) current: DeviceTree<D>,
     /// The tree that was evaluated last. Its buffers are made at the first evaluation.
     candidate: Option<DeviceTree<D>>,
+    /// Whether `candidate` is the tree that the current one has replaced.
+    is_retained: bool,
     /// Buffers of a picture, as large as the largest trace so far.
     picture: BufferTable<D>,
     /// Records that no tree uses.
@@ -88,6 +90,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             method,
             current: DeviceTree::new(gpu, method, leaves)?,
             candidate: None,
+            is_retained: false,
             picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
             free: Pool::default(),
             last_bytes: 0,
@@ -190,7 +193,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
             std::mem::swap(&mut self.current, candidate);
             self.current.progress = self.current.progress.promoted();
-            self.made_here = false;
+            (self.made_here, self.is_retained) = (false, !self.made_here);
             return Ok(());
         }
         let record = self.arrive(gpu, (tree, generation))?;
@@ -199,6 +202,25 @@ impl<D: GpuDevice> TreeBuffers<D> {
         self.release(old, last);
         self.made_here = false;
         Ok(())
+    }
+
+    /// Makes the tree current again that the current one has replaced.
+    pub(crate) fn adopt_retained(&mut self) -> Result<()> {
+        match self.candidate.as_mut().filter(|_| self.is_retained) {
+            Some(retained) => {
+                std::mem::swap(&mut self.current, retained);
+                self.current.progress = self.current.progress.promoted();
+                Ok(())
+            }
+            None => Err(BackendError::WrongTree("no tree is retained".to_owned())),
+        }
+    }
+
+    /// Readies the tree that the current one has replaced to be evaluated; `None` if it is no longer here.
+    pub(crate) fn load_retained(&mut self) -> Option<&mut DeviceTree<D>> {
+        let retained = self.candidate.as_mut().filter(|_| self.is_retained)?;
+        retained.progress = Progress::of_candidate();
+        Some(retained)
     }
 
     /// Readies a tree to be evaluated in the recording that follows the `last` submission. `None` where memory does not suffice.
@@ -223,6 +245,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 return Ok(None);
             }
             let old = record.place(candidate, Progress::of_candidate());
+            self.is_retained = false;
             self.release(old, last);
         }
         Ok(self.candidate.as_mut())
@@ -237,8 +260,10 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn abandon_candidate(&mut self) {
         if let Some(candidate) = &mut self.candidate {
             candidate.progress = Progress::of_candidate();
-            // Its record must not be adopted with stale boxes.
-            candidate.generation = Generation(0);
+            if !self.is_retained {
+                // Its record must not be adopted with stale boxes.
+                candidate.generation = Generation(0);
+            }
         }
     }
 
