@@ -90,7 +90,7 @@ impl Extremes {
     }
 }
 
-/// Returns the two smallest of three sizes, the first two of which are sorted. A new size of zero is ignored.
+/// Returns the two smallest of three sizes, where `a` and `b` are sorted. A new size of zero is ignored.
 fn insert([a, b]: [f32; 2], new: f32) -> [f32; 2] {
     match new {
         0.0 => [a, b],
