@@ -1,8 +1,8 @@
 //! Queries of the library in a static scene.
 //!
 //! Compares sixteen cameras in one step with one camera of the same total number of pixels. The sixteen are either
-//! tiles of that camera, with the same rays, or each sees its whole view, so that rays are four times as far apart.
-//! Also compares rays in device memory with those of a camera.
+//! tiles of the large image, with the same rays, or see its whole view at a quarter of its resolution. Also compares
+//! rays in device memory with the rays of a camera.
 //!
 //! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps (`ABVH_STEPS`) are submitted without
 //! waiting for hits, so the device determines the time of a step.
@@ -15,7 +15,7 @@ use benches::{
 };
 use std::time::Instant;
 
-/// Size of one of sixteen cameras, and of a camera with as many pixels as all of them.
+/// Size of one of sixteen cameras, and of one camera with the same total number of pixels.
 const SMALL: [u32; 2] = [640, 480];
 const LARGE: [u32; 2] = [2560, 1920];
 /// Size of a camera whose rays are also traced as a list: 2.3 million rays.

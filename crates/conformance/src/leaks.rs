@@ -1,4 +1,4 @@
-//! Millions of rays at edges and vertices of closed bodies, none of which may slip through or hit twice.
+//! Millions of rays at edges and vertices of closed bodies. No ray may slip through or hit twice.
 //!
 //! A ray from inside a closed body crosses it an odd number of times, and a ray from outside an even number. Each ray
 //! depends only on the seed, its batch and its number, so that threads need not synchronize.

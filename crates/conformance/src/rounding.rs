@@ -43,8 +43,9 @@ struct Line {
     margin: f64,
 }
 
-/// Intersection of a ray with a triangle that it does not certainly miss: approximate `t`, its maximum error, and
-/// whether the triangle is certainly hit.
+/// Intersection of a ray with a triangle that it does not certainly miss.
+///
+/// Contains the approximate `t`, its maximum error, and whether the triangle is certainly hit.
 struct Meeting {
     t: f64,
     slack: f64,
@@ -217,8 +218,9 @@ impl Line {
         }
     }
 
-    /// Returns the distance by which the line passes inside the triangle, negative if outside, and the least height of
-    /// the triangle in projection along the line.
+    /// Returns the distance by which the line passes inside the triangle, which is negative outside, and a height.
+    ///
+    /// The height is the least height of the triangle in projection along the line.
     fn inside(&self, corners: [DVec3; 3]) -> (f64, f64) {
         let (x, y) = self.direction.normalize().any_orthonormal_pair();
         let [a, b, c] = corners.map(|p| DVec2::new(p.dot(x), p.dot(y)));

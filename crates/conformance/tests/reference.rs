@@ -12,7 +12,7 @@ use geom::{Aabb, Animation, Point, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Returns three key frames of separate triangles, of which the first `moving` move.
+/// Returns three key frames of `all` separate triangles. The first `moving` triangles move.
 fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
     let mut rng = Rng::with_seed(5);
     let mut point = || -> Point { std::array::from_fn(|_| 1.0 + 99.0 * rng.f32()) };

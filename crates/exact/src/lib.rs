@@ -56,8 +56,8 @@ impl Line {
 
     /// Returns the intersection of a perturbed line with the triangle, at any `t`.
     ///
-    /// The perturbation is infinitesimal and the same for all triangles. A line through an edge or a vertex of a closed
-    /// surface is therefore counted as often as a line through the interior of a triangle.
+    /// The perturbation is infinitesimal and the same for all triangles. So a line through an edge or a vertex of a
+    /// closed surface is counted like a line through the interior of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
     pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
@@ -204,7 +204,7 @@ impl Crossing {
 }
 
 /// Returns the smallest exponent of a nonzero coordinate, with mantissas as integers. All coordinates are integer
-/// multiples of that power of two.
+/// multiples of 2 to this exponent.
 fn unit(points: &[Point]) -> i32 {
     let parts = points.iter().flatten().map(|x| x.integer_decode());
     let exponents = parts.filter(|part| part.0 != 0).map(|part| part.1);

@@ -39,7 +39,7 @@ impl Animation {
     /// Checks that the parts are consistent, and finds triangles that are inactive in some key frames.
     ///
     /// # Errors
-    /// There is no key frame, key frames have different numbers of vertices, a triangle names a vertex that does not
+    /// There is no key frame, or key frames have different numbers of vertices. A triangle names a vertex that does not
     /// exist, or there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         let keys: Vec<KeyFrame> = keys.into_iter().map(|k| Arc::new(k.into())).collect();
@@ -52,10 +52,10 @@ impl Animation {
         Self::over(Arc::clone(first), KeyFrames::Held(keys), triangles)
     }
 
-    /// Creates an animation of `keys` key frames that holds at most `window` in memory and reads the others during
-    /// playback.
+    /// Creates an animation of `keys` key frames that reads them during playback.
     ///
-    /// Reads every key frame once, to find the facts that hold for all.
+    /// At most `window` key frames are in memory, but at least four, in addition to the first. Reads every key frame
+    /// once, to find the facts that hold for all.
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
@@ -92,8 +92,8 @@ impl Animation {
     /// the first key frame or after the last.
     ///
     /// # Errors
-    /// The number of times differs from the number of key frames, the times do not increase or leave `0..=end`, or
-    /// `end` is not finite.
+    /// The number of times differs from the number of key frames, or `end` is not finite. Times do not increase, or are
+    /// outside `0..=end`.
     pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, KeyFrameError> {
         let rising = keys.is_sorted_by(|a, b| a < b);
         let within = keys.iter().all(|t| (0.0..=end).contains(t));
@@ -137,7 +137,7 @@ impl Animation {
     /// The key frame cannot be read. Key frames held in memory never fail.
     ///
     /// # Panics
-    /// If `key` is not less than the number of key frames. Key frames that [arrive](Self::push) do not panic.
+    /// If all key frames are in memory and `key` is not less than their number.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         match &self.keys {
             KeyFrames::Held(all) => Ok(Arc::clone(&all[key])),
@@ -264,10 +264,10 @@ impl Animation {
         }
     }
 
-    /// Returns the box that a tree uses for `triangle` while the triangle is inactive: its box in the first key frame
-    /// that has it active. Returns [`Aabb::EMPTY`] if no key frame has it active.
+    /// Returns the box that a tree uses for `triangle` while the triangle is inactive.
     ///
-    /// Rays never hit an inactive triangle, but the tree needs a leaf for the time when the triangle is active again.
+    /// This is its box in the first key frame that has it active, or [`Aabb::EMPTY`] if no key frame has. Rays never
+    /// hit an inactive triangle, but the tree needs a leaf for the time when the triangle is active again.
     pub fn fallback_corner(&self, triangle: u32) -> Aabb {
         let others = &self.survey.fallback_corners;
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {

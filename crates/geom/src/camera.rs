@@ -30,8 +30,11 @@ pub struct Camera {
 impl Camera {
     /// Creates a camera at `eye` that looks at `target`. `fov_degrees` is the vertical field of view.
     ///
-    /// Returns `None` if no image is defined: `eye` equals `target`, `up` is parallel to the line of sight, the field
-    /// of view is outside `0..180`, the image has no pixels, or a number is not finite.
+    /// Returns `None` if no image is defined:
+    ///
+    /// - `eye` equals `target`, or `up` is parallel to the line of sight;
+    /// - the field of view is outside `0..180`, or the image has no pixels;
+    /// - a number is not finite.
     #[must_use]
     pub fn look_at(
         eye: Point,

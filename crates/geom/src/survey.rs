@@ -93,7 +93,7 @@ impl Survey {
     ) {
         let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
         let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
-        // Usually there is none. The search stops after `never_active` triangles.
+        // Usually no triangle is inactive. The search stops after `never_active` triangles.
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
         let absent = absent.take(self.never_active as usize);

@@ -56,8 +56,7 @@ pub fn normal_signs(corners: &Triangle) -> [i32; 3] {
 
 /// Returns the exact side of an active triangle's plane for a finite point.
 ///
-/// The result is 1 on the side to which the normal `(b - a) x (c - a)` points, -1 on the other side, and 0 in the
-/// plane.
+/// The result is 1 on the side of the normal `(b - a) x (c - a)`, -1 on the other side, and 0 in the plane.
 #[must_use]
 pub fn side_of(corners: &Triangle, point: Point) -> i32 {
     let at = |p: Point| {

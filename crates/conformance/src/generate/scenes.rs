@@ -7,7 +7,7 @@ use geom::Point;
 use std::ops::Range;
 
 backend::named! {
-    /// Contents of a scene. Kinds rotate, so that a few cases contain all of them.
+    /// Contents of a scene. Kinds rotate, so that a few cases contain every kind.
     pub(crate) enum SceneKind {
         /// Separate triangles.
         Soup = "soup",
@@ -160,7 +160,8 @@ fn grown((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
 
 /// Makes all triangles static except the first few, up to three of sixteen.
 ///
-/// Static triangles stay as in the first key frame. Some of them get special values or are degenerate.
+/// Static triangles stay as in the first key frame. Some static vertices get special values, and some triangles are
+/// degenerate.
 fn resting((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
     let moving = triangles.len() * rng.usize(..4) / 16;
     let still = 3 * moving..keys[0].len();

@@ -8,7 +8,7 @@ use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use std::sync::Arc;
 
-/// Distances of the stray triangle from the origin. At each of them the scene keeps its units.
+/// Distances of the stray triangle from the origin. Scenes keep their units at each distance.
 const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 
 /// Tests that a scene with a stray triangle has the closer hit of the scene and the triangle, each traced alone, bit

@@ -154,7 +154,7 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Returns times at which a stream is played: half of them forward, the others random.
+/// Returns the times of playback: the first half forward, the others random.
 fn times(chance: u64) -> Vec<f64> {
     let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
     let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);

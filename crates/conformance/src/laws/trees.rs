@@ -1,6 +1,6 @@
 //! Changes of the tree, which must not change any result.
 //!
-//! Properties of trees made on the device hold trivially for a backend that makes none.
+//! Properties of trees made on the device hold trivially for backends without such trees.
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts};

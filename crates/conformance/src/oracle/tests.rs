@@ -59,7 +59,7 @@ fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
     assert_eq!(naive::all(&ray, &corners).len(), 2);
 }
 
-/// Returns scenes of every kind with few triangles, one of which is duplicated, and some rays of every kind.
+/// Returns scenes of every kind with few triangles, the first of which is duplicated, and some rays of every kind.
 fn cases() -> impl Iterator<Item = (Vec<Triangle>, Vec<Ray>)> {
     let few = (0..200).map(|i| nth_case(9, i));
     few.filter(|case| (1..=40).contains(&case.animation.triangle_count()))

@@ -13,10 +13,10 @@
 //!   product.
 //! - Up to `2^-98 / |N|` is lost in addition, as tilt and as height, where products count as zero.
 //!
-//! A point whose height exceeds its error is on a certain side of the plane. If the light or else the eye is, the start
-//! is moved at least as high as the offset minus the first of these errors. The shadow ray is straight, so the least
-//! heights of its ends determine the earliest point at which it may cross the plane. The triangle blocks it only if it
-//! extends to that point.
+//! A point whose height exceeds its error is on a certain side of the plane. If the light or else the eye is on a
+//! certain side, the start moves off the plane. It moves by at least the offset minus the first of these errors. The
+//! shadow ray is straight, so the least heights of its ends determine the earliest point at which it may cross the
+//! plane. The triangle blocks it only if it extends to that point.
 
 use super::{distance_to_triangle, largest, longest_edge, ulp};
 use glam::DVec3;

@@ -1,9 +1,11 @@
 //! Counts of a stress test, compared with bounds that allow for chance.
 //!
-//! Let `p` be the true rate. The rate observed in `n` independent rays is `q` or farther from `p`, on either side, with
-//! a probability of at most `exp(-n KL(q, p))` (Chernoff 1952; `KL` is the divergence of two coins). Rays of one scene
-//! are not independent. So `n` is divided by the spread: the variance of the rate among seeds over that of as many
-//! independent rays. The true rate is known from a baseline, within the same limits.
+//! Let `p` be the true rate and `q` any other rate. In `n` independent rays, chance yields a rate as far from `p` as
+//! `q` is, on the same side, with a probability of at most `exp(-n KL(q, p))`. Here `KL` is the divergence of two coins
+//! (Chernoff 1952).
+//!
+//! Rays of one scene are not independent. So `n` is divided by the spread: the variance of the rate among seeds over
+//! that of as many independent rays. The true rate is known from a baseline, within the same limits.
 
 use crate::stress::Family;
 use crate::stress::baseline::{RateEntry, is_never, known};

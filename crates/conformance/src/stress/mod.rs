@@ -1,12 +1,14 @@
 //! Measures how often each intersector is wrong where arithmetic is hardest.
 //!
 //! A [`Family`] generates scenes and rays that are hard in one way. A [`StressTest`] traces them on a backend and
-//! counts answers that differ from the [exact answer](crate::oracle), and on closed bodies also leaks and double hits.
-//! Robust intersectors must have none. Rates of the others must match the measured ones ([`baseline`]), within chance.
-//! A rate above its bounds is a fault. A rate below them is a fault too, because then an intersector is not the one it
-//! is named after.
+//! counts answers that differ from the [exact answer](crate::oracle). On closed bodies it also counts leaks and double
+//! hits.
 //!
-//! An [`audit::Audit`] traces millions of rays in scenes of all kinds, of which `exact` must get all right.
+//! Robust intersectors must have zero counts. The rates of other intersectors must match the measured ones
+//! ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because then an
+//! intersector is not the one it is named after.
+//!
+//! An [`audit::Audit`] traces millions of rays in scenes of all kinds. With `exact`, no answer may be wrong.
 
 pub mod audit;
 pub mod baseline;
