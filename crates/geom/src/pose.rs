@@ -44,8 +44,7 @@ impl Pose {
         Self::between(key, alpha)
     }
 
-    /// Returns a pose after the last of at least two key frames. It extrapolates the last two, so the weight is above
-    /// 1.
+    /// Returns a pose after the last of at least two key frames. It extrapolates the last two by a weight above 1.
     pub(crate) fn beyond(time: f64, last: usize) -> Self {
         Self {
             key: last as u32 - 1,

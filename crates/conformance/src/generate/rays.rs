@@ -27,7 +27,7 @@ backend::named! {
         Random = "random",
         /// From around the scene, or from within it, to a target.
         Aimed = "aimed",
-        /// From around the scene to a target, with coordinates that allow the ray to pass exactly through it.
+        /// From a grid point in or around the scene to a target, so that the ray can pass exactly through it.
         Exactly = "exactly",
         /// In the plane of a triangle, towards it.
         InPlane = "in-plane",
