@@ -26,7 +26,7 @@ impl<T> Default for Spares<T> {
 }
 
 impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
-    /// Takes memory that was returned.
+    /// Returns memory that a reader has finished with, if any.
     #[must_use]
     pub fn pop(&self) -> Option<T> {
         lock(&self.0).pop()

@@ -48,7 +48,7 @@
 //!
 //! [`Backend::evaluate`] refits a tree that is not current yet at the positions of the recorded frame. The tree has its
 //! own buffers. The submission's report contains the costs of both trees. A candidate that is adopted later keeps its
-//! buffers, so adopting it costs no further work.
+//! buffers, so adopting it requires no further work.
 //!
 //! # Trees built on the device
 //!
@@ -132,21 +132,23 @@ use geom::{Aabb, Animation, Point, PointBuffer, Pose};
 use std::any::Any;
 use std::sync::Arc;
 
-/// Writes a tree into memory that the device reads, on any thread. See [`Backend::tree_writer`].
+/// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
-/// Creates a backend, on any thread.
+/// Function that creates a backend, on any thread.
 pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Backend>> + Send>;
 
 /// A device that deforms, refits and traces one scene.
 ///
-/// The crate documentation states the contract. Every method may fail with the general errors of [`BackendError`].
+/// The crate documentation states the contract. `# Errors` sections list only errors specific to a method;
+/// [`BackendError`] lists all.
 pub trait Backend: Send + Any {
     /// Returns the device's name, kind and driver, as shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 
     /// Returns a function that creates a backend for another scene on the same device. Both scenes can be loaded and
-    /// traced at the same time. Returns `None` if the device would have to be opened again.
+    /// traced at the same time. Returns `None` if the device would have to be opened again, which may block other
+    /// scenes.
     fn another(&self) -> Option<Opener> {
         None
     }
@@ -185,8 +187,8 @@ pub trait Backend: Send + Any {
         Ok(None)
     }
 
-    /// Starts the upload of a tree, unless it has started, while frames run. Returns whether the tree has arrived.
-    /// Never blocks.
+    /// Starts the upload of a tree concurrently with frames, unless it was started before. Returns whether the tree has
+    /// arrived. Never blocks.
     fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }

@@ -74,7 +74,7 @@ impl QueryKind {
     }
 }
 
-/// A batch of rays and the result to compute for each.
+/// Rays and the result to compute for each.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'a> {
     /// The rays.

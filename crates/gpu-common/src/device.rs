@@ -102,7 +102,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     ///
     /// # Errors
     /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low
-    /// for any scene. This and every other method may also fail with the general errors of [`backend::BackendError`].
+    /// for any scene. `# Errors` sections list only errors specific to a method; [`backend::BackendError`] lists all.
     fn open(options: &Options) -> Result<Self>;
 
     /// Opens the device of `maker` for another scene, which is traced in addition to its other scenes.

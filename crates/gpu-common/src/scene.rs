@@ -84,7 +84,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         match name {
             BufferName::Earlier => self.keys.get(key),
             BufferName::Later => self.keys.get(key.saturating_add(1)),
-            // Kernels that accept both kinds of rays bind a buffer but do not read it if no rays are given.
+            // Kernels that accept both kinds of rays bind some buffer, which they do not read for camera rays.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => self.others.get(other).or_else(|| self.palette.get(other)),
         }

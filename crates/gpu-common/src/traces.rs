@@ -170,8 +170,8 @@ impl<D: GpuDevice> Trace<D> {
         Ok(())
     }
 
-    /// Copies one element per ray. Uses several threads, because a single one takes as long as the trace. Without a
-    /// tree every ray misses.
+    /// Copies one element per ray. Uses several threads, because a single thread would take as long as the trace
+    /// itself. Without a tree every ray misses.
     fn fetch_each<T: Pod + Sync, U: Copy + Send>(
         &self,
         gpu: &mut D,
