@@ -17,9 +17,9 @@
 //! finished.
 //!
 //! Only `submit`, [`Backend::wait`] and the methods that return results block. The report and the hits of a submission
-//! stay available until [`FRAMES_IN_FLIGHT`] later submissions with a trace were made, or the number set by
-//! [`Backend::keep`]. Until then they can be read any number of times. [`Backend::release`] drops the traces of one
-//! submission earlier. That submission then no longer counts as one with a trace, and its report stays available for
+//! stay available for [`FRAMES_IN_FLIGHT`] further submissions that contain a trace. [`Backend::keep`] can raise this
+//! number. Until then they can be read any number of times. [`Backend::release`] drops the traces of one submission
+//! earlier. It then no longer counts as a submission that contains a trace. Its report stays available for
 //! `FRAMES_IN_FLIGHT` further submissions of any kind.
 //!
 //! # Stage order
@@ -324,8 +324,8 @@ pub trait Backend: Send + Any {
     /// for at most the number of traces that [`Backend::keep`] sets.
     fn release(&mut self, _ticket: Ticket) {}
 
-    /// Sets how long traces are kept: until `traces` later submissions with a trace were made, at least
-    /// [`FRAMES_IN_FLIGHT`]. Frees released traces beyond that number. Applies until another scene is loaded.
+    /// Keeps each trace for `traces` further submissions that contain a trace, or for [`FRAMES_IN_FLIGHT`] if that is
+    /// more. Frees released traces beyond that number. Applies until another scene is loaded.
     fn keep(&mut self, traces: usize);
 
     /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns

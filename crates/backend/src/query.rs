@@ -88,8 +88,8 @@ pub struct Query<'a> {
 pub struct Palette {
     /// sRGB of each triangle: red in the lowest byte, then green and blue.
     pub colours: Vec<u32>,
-    /// Linear light of each 8-bit sRGB level, as the bits of an f32, followed by the sRGB level of each step of linear
-    /// light. 4096 steps make 1.
+    /// Linear light of each 8-bit sRGB level, as the bits of an f32. Then the sRGB level of each step of linear light,
+    /// where 4096 steps make 1.
     pub tones: Vec<u32>,
 }
 

@@ -5,7 +5,7 @@ use backend::{BackendError, Result};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Returns the parts of `runs` that are in none of `others`. Both lists must be sorted.
+/// Returns the parts of `runs` that `others` does not cover. Both lists must be sorted.
 #[must_use]
 pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
     let rest = runs.iter().flat_map(|run| {

@@ -83,8 +83,8 @@ pub struct PointsCopy<B> {
 /// A device that runs the kernels of one scene. It has one owner, so only state that several scenes share needs a lock.
 ///
 /// Only `upload`, `end_read`, `finish`, `unload`, `wait_idle` and the methods that reuse buffers (`has_ended`,
-/// `staging`, `send_key`) may block, and only for work of this scene. Submissions run in order, and recorded work reads
-/// the results of work recorded earlier. If copies run on queues of their own, the device orders them with the
+/// `staging`, `send_key`) may block. They wait only for work of this scene. Submissions run in order, and recorded work
+/// reads the results of work recorded earlier. If copies run on queues of their own, the device orders them with the
 /// submissions that need them. Methods with an empty default body are for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
     /// A buffer. Dropping it need not wait for the device: see [`GpuDevice::discard`].

@@ -24,7 +24,7 @@ pub struct Frames<D: GpuDevice> {
     pub pending: Vec<Trace<D>>,
     /// Traces of a batch that failed in part. Recorded commands still use their buffers.
     refused: Vec<Trace<D>>,
-    /// Number of later submissions with a trace after which a submission is forgotten.
+    /// Number of further submissions that contain a trace for which a submission is remembered.
     kept: usize,
     /// Remembered submissions, oldest first.
     ledger: VecDeque<Submission<D>>,
@@ -259,7 +259,7 @@ impl<D: GpuDevice> Frames<D> {
     }
 
     /// Submits the recording with the requested positions. Waits for the oldest submission if too many are unfinished.
-    /// The submission is remembered until enough later ones with a trace were made.
+    /// The submission is remembered for `kept` further submissions that contain a trace.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,

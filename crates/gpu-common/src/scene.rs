@@ -16,8 +16,8 @@ pub struct SceneBuffers<D: GpuDevice> {
     /// One position buffer, and a second one from the first copy of positions to the host: the next frame writes it
     /// during the copy. If only moving rows are written, both contain the static vertices from the start.
     pub positions: Vec<D::Buffer>,
-    /// Vertex indices of triangles, rows of positions that contain moving vertices if listing them pays off, and the
-    /// range of the coordinates of pushed key frames.
+    /// Vertex indices of triangles, and the coordinate range of pushed key frames. Also the rows of positions with
+    /// moving vertices, if listing them pays off.
     others: BufferTable<D>,
     pub(crate) moving_row_count: Option<usize>,
     /// Colour tables; empty until a palette is loaded.

@@ -24,7 +24,7 @@ pub struct Host {
 
 /// The instances without and with the validation layer, kept until the process ends. When the last instance is
 /// destroyed, the loader unloads the drivers. NVIDIA's driver registers a destructor in every thread that destroyed a
-/// device; the destructor runs when the thread ends and needs the driver's code.
+/// device. It runs when the thread ends and needs the driver's code.
 static HOSTS: Mutex<[Option<Arc<Host>>; 2]> = Mutex::new([None, None]);
 
 impl Host {
@@ -175,7 +175,7 @@ const INTERFACE: u32 = 2;
 
 type Negotiate = unsafe extern "system" fn(*mut u32) -> vk::Result;
 
-/// Opens the system's loader, or else a driver directly. The error says why the loader cannot be opened.
+/// Opens the system's loader, or else a driver directly. The error states why the loader cannot be opened.
 ///
 /// Containers in data centres often contain NVIDIA's driver without a loader. Its library exports
 /// `vk_icdGetInstanceProcAddr`, as the [interface between loader and drivers] requires.

@@ -12,7 +12,7 @@ pub(crate) struct QueueIndex {
 }
 
 /// Queues by purpose. Uploads and readbacks use transfer-only queues if the device has them, otherwise spare queues of
-/// the compute family. If there are none, they share the compute queue.
+/// the compute family. If it has neither, they share the compute queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QueueSet<Q> {
     pub(crate) compute: Q,

@@ -61,8 +61,8 @@ impl Slot {
         }
     }
 
-    /// Binds a ray tracing pipeline to parameters, to a driver's tree, and to the buffers that `find` returns for the
-    /// names in the shaders.
+    /// Binds a ray tracing pipeline to parameters, a driver's tree and buffers. `find` returns the buffer for a name in
+    /// the shaders.
     pub fn bind_rays<'a>(
         &mut self,
         (pipeline, layouts): (vk::Pipeline, &Layouts),
@@ -120,8 +120,8 @@ impl GpuSlot<VulkanDevice> for Slot {
         self.marks.begin(self.commands.vk())
     }
 
-    /// Records a barrier before each kernel, unless the kernel reads no results of the previous ones. Records none
-    /// after the last kernel.
+    /// Records a barrier before each kernel, unless the kernel reads no results of the previous ones. There is no
+    /// barrier after the last kernel.
     fn dispatch(
         &mut self,
         all: &[Dispatch<'_, VulkanDevice>],

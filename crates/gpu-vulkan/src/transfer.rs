@@ -9,8 +9,8 @@ use backend::Result;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes per region of a copy. One large copy across the bus nearly doubles the time of kernels that read memory at the
-/// same time; pieces of this size do not slow them down.
+/// Bytes per region of a copy. One large copy across the bus nearly doubles the time of kernels that read memory
+/// meanwhile. Copies in regions of this size do not slow them down.
 const PIECE: u64 = 256 << 10;
 
 /// Copies on one queue, which start in order and have a timeline of their own.

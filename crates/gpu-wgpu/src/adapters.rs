@@ -84,7 +84,8 @@ pub(crate) fn instance(validation: bool) -> wgpu::Instance {
 /// Creates a Vulkan instance without the window system extensions that wgpu enables by default. Returns `None` if
 /// Vulkan is not available.
 ///
-/// With Wayland's extension, a layer of Mesa tries to connect to a compositor and prints an error if there is none.
+/// With Wayland's extension, a layer of Mesa tries to connect to a compositor and prints an error if it finds no
+/// compositor.
 #[cfg(target_os = "linux")]
 #[expect(
     unsafe_code,

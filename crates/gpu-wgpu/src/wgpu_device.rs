@@ -141,8 +141,8 @@ impl GpuDevice for WgpuDevice {
         self.gpu.buffers_made()
     }
 
-    /// wgpu reports the layer's errors only in builds with debug assertions, and for the whole process. If the layer is
-    /// not installed, it reports none.
+    /// wgpu reports the layer's errors only in builds with debug assertions, and for the whole process. Without the
+    /// layer there are no messages.
     fn complaints(&self) -> Vec<String> {
         let mut messages = self.gpu.faults.messages();
         if self.gpu.is_validated {
