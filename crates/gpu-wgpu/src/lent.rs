@@ -153,8 +153,8 @@ impl WgpuDevice {
 /// Parameters, nodes of the tree, triangle records, and range of the coordinates.
 pub type TracedScene = [Buffer; 4];
 
-/// Returns the scene's buffers as the last submission leaves them. Returns `None` if they are not up to date, or with a
-/// method other than the default.
+/// Returns the scene's buffers as the last submission leaves them. Returns `None` if they are not up to date, or unless
+/// the method is `watertight` with layout `fast`.
 pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
     let Some((params, others)) = backend.traced_scene() else {
         return Ok(None);

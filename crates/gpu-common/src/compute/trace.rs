@@ -63,8 +63,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` with
-    /// another method, or while boxes are stale.
+    /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` while
+    /// boxes are stale, or unless the method is `watertight` with layout `fast`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
         let usual = Method {
             intersector: Intersector::Watertight,
