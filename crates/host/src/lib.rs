@@ -98,8 +98,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads a whole regular file.
 ///
 /// # Errors
-/// Returns errors of [`open`] and [`refuse_pointer`], and [`ErrorKind::OutOfMemory`] if the file does not fit into
-/// memory.
+/// Returns errors of [`open`] and [`refuse_pointer`], and [`ErrorKind::OutOfMemory`] if memory is insufficient.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
@@ -285,8 +284,7 @@ mod linux {
         groups.lines().filter_map(one).min()
     }
 
-    /// Returns the limit minus the usage of a group. Inactive file cache counts as free, because the kernel reclaims
-    /// it.
+    /// Returns the limit minus the usage of a group. Inactive file cache counts as free, since the kernel reclaims it.
     fn left_in(group: &Path, [limit, used, cache]: [&str; 3]) -> Option<u64> {
         let number = |name: &str| read_to_string(group.join(name)).ok()?.trim().parse().ok();
         let (limit, used): (u64, u64) = (number(limit)?, number(used)?);

@@ -44,8 +44,7 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     lock(&UNFINISHED)
 }
 
-/// Removes all temporary files of this process, which is about to exit. No new ones can be created while the result is
-/// held.
+/// Removes all temporary files of this process, which is about to exit. Holding the result prevents new ones.
 #[must_use]
 pub fn remove_unfinished() -> impl Sized {
     let files = unfinished();
@@ -153,8 +152,8 @@ pub fn check_dir(dir: &Path) -> Result<(), OutputError> {
     check().map_err(|e| OutputError::writing(dir, e))
 }
 
-/// Creates the directory `dir` with its parents, and checks that files can be created in it. Removes temporary files of
-/// killed runs in it.
+/// Creates the directory `dir` with its parents, and checks that files can be created in it. Removes temporary files
+/// that killed runs left in it.
 pub fn prepare_dir(dir: &Path) -> Result<(), OutputError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
@@ -174,8 +173,7 @@ fn is_pipe(_: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Returns the existing or new regular file at a path, after following links. Returns `None` for a device, a pipe or a
-/// socket.
+/// Returns the regular file, existing or new, that a path leads to. Returns `None` for a device, a pipe or a socket.
 fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Some(path.to_owned())),
@@ -214,8 +212,7 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes a link, a pipe or a device at `path`, so that the following write creates a regular file instead of writing
-/// to its target.
+/// Removes a link, a pipe or a device at `path`. A following write then creates a regular file there.
 pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
     match fs::symlink_metadata(path) {
         Ok(about) if !about.is_file() && !about.is_dir() => {

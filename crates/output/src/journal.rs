@@ -4,9 +4,7 @@
 //! one line per finished frame, with the digests of its files.
 //!
 //! A line is written after the files that it lists have their final names. If a frame has several lines, the last one
-//! counts. Each shard has its own journal, so that several shards can fill one folder at once. The writer of a journal
-//! holds its lock.
-//! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
+//! counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
 
 use crate::{FrameStats, OutputError, remove_special_file, write_json};
 use rayon::prelude::*;

@@ -1,4 +1,4 @@
-//! Ray files: `.npy` arrays of f32 or f64, with shape (N, 6) for `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max`
+//! Ray files: `.npy` arrays of f32 or f64. The shape is (N, 6) for `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max`
 //! appended.
 
 use crate::atomic::{OutputError, write_with};

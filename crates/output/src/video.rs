@@ -47,7 +47,7 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(
 
 /// Writes videos on a separate thread from frames `F` that contain [`Planes`].
 ///
-/// Dropping an unfinished video removes its file. The drop waits for the thread.
+/// Dropping an unfinished video waits for the thread and discards the unfinished files.
 #[derive(Debug)]
 pub struct Video<F> {
     /// Queue of frames with their indices. `None` marks the end.
@@ -93,8 +93,7 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
         }))
     }
 
-    /// Queues the frame with index `place` of the run. Frames may arrive in any order. Each is dropped once it is
-    /// written.
+    /// Queues the frame with index `place` of the run. Frames may arrive in any order. They are dropped once written.
     pub fn take(&self, place: usize, frame: F) {
         self.send(Some((place, frame)));
     }
@@ -222,8 +221,7 @@ impl Sink {
     }
 }
 
-/// Returns whether the path contains a non-empty regular file. The encoder may have replaced the file that it was
-/// given.
+/// Returns whether the path contains a non-empty regular file. The encoder may have replaced the given file.
 fn holds_any(file: &UnfinishedFile) -> bool {
     let about = fs::symlink_metadata(file.path());
     about.is_ok_and(|about| about.is_file() && about.len() > 0)

@@ -23,8 +23,7 @@ pub(crate) struct Input<'a> {
     pub(crate) place: Option<Placement>,
 }
 
-/// Maps a point `p` to `p * scale + at`. Each operation rounds once. The addition turns -0 into +0, also for the
-/// identity.
+/// Maps a point `p` to `p * scale + at`. Each operation rounds once. Even for the identity, -0 becomes +0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     at: Position,

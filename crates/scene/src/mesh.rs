@@ -13,7 +13,7 @@ pub(crate) struct Mesh {
     pub(crate) topology: Topology,
     pub(crate) paint: Paint,
     pub(crate) notes: Vec<String>,
-    /// Bytes that later key frames repeat. `None` if the format cannot be compared without parsing.
+    /// Bytes that later key frames repeat. `None` if the file cannot be compared without parsing.
     pub(crate) pattern: Option<Pattern>,
 }
 

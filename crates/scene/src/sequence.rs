@@ -25,11 +25,9 @@ fn read(path: &Path) -> Result<Mesh> {
     }
 }
 
-/// Opens `files` as the key frames of one animation. `files` is not empty, and all have the same extension, `obj` or
-/// `ply`.
+/// Opens `files` as the key frames of one animation. There is at least one file, and all are `.obj` or all `.ply`.
 ///
-/// The first key frame determines the triangulation of polygons. The others have the same faces, and so the same
-/// triangles.
+/// The first key frame determines the triangulation of polygons. Later ones have equal faces, so equal triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = files[0].as_path();
     let mesh = read(path)?;

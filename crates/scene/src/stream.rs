@@ -48,8 +48,7 @@ pub(crate) fn animation(
         return Ok(Animation::streamed(source, [keys, window], triangles)?);
     }
     let read = (0..keys).into_par_iter().map(source);
-    // Collects all results before checking them, so that the first failing key frame is reported in every thread
-    // schedule.
+    // Collects all results before checking them. Otherwise the reported key frame would depend on thread timing.
     let read: Vec<_> = read.collect();
     let keys = read.into_iter().collect::<Result<_, _>>()?;
     Ok(Animation::new(keys, triangles)?)

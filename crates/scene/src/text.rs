@@ -49,8 +49,7 @@ fn not_finite(word: &str) -> Option<&'static str> {
     (head.eq_ignore_ascii_case("nan(") && bare.ends_with(')')).then_some("nan")
 }
 
-/// Returns whether `name` can follow `1.#` in Visual C++ output, which pads names with digits or an exponent, or
-/// truncates them.
+/// Returns whether `name` can follow `1.#` in Visual C++ output. Names are padded by digits or exponents, or cut.
 fn is_msvc_name(name: &str) -> bool {
     let letters = name.trim_end_matches(|c: char| c.is_ascii_digit() || "e+-".contains(c));
     !letters.is_empty() && letters.bytes().all(|b| b.is_ascii_uppercase())

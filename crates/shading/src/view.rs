@@ -46,8 +46,7 @@ pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
 /// Chooses a camera whose picture contains every finite vertex of every key frame. It looks from the front, the side
 /// and slightly above. For paged key frames, the picture contains their bounding boxes instead.
 ///
-/// The lamp is above and to the side, outside the bounds. Any animation is valid, including flat, single-point and
-/// empty ones.
+/// The lamp is above and to the side, outside the bounds. Animations may be flat, single points or empty.
 #[must_use]
 pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {
     let bounds = animation.bounds();

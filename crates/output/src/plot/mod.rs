@@ -28,7 +28,7 @@ use std::fmt;
 /// Result of drawing or formatting. Callers need not distinguish errors, so they are boxed.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Number of rays per unit of an error rate.
+/// Error rates are given per this number of rays.
 const PER: f64 = 1e6;
 /// Quantile of the normal distribution for two-sided 95 % intervals.
 const Z: f64 = 1.959_964;
@@ -153,8 +153,7 @@ pub struct TError {
     pub worst: Option<f64>,
 }
 
-/// Results of rays whose closest hit is hardest to determine, compared with exact arithmetic. Counted separately from
-/// all other rays.
+/// Results of the rays whose closest hit is hardest to determine, against exact arithmetic. Counted separately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Aimed {
     pub rays: u64,

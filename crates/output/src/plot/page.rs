@@ -21,8 +21,7 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
     table { border-collapse: collapse; white-space: nowrap }\n\
     th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #ddd; text-align: left }\n";
 
-/// Returns the chart as an SVG picture, 1000 pixels wide, on white. Hovering over a mark of a scatter plot shows its
-/// numbers.
+/// Returns the chart as an SVG picture, 1000 pixels wide, on white. Marks of scatter plots have tooltips.
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = planes(chart);
     panels.extend(side_panels(chart));
@@ -174,8 +173,7 @@ fn side_panels(chart: &Chart) -> Vec<Panel> {
     all.into_iter().filter_map(panel).collect()
 }
 
-/// Returns a panel, or `None` if no point has data. Marks have a horizontal offset, so that equal values do not
-/// overlap.
+/// Returns a panel, or `None` if no point has data. Horizontal offsets keep marks of equal values apart.
 fn side_panel(
     title: &str,
     [x, y]: [&'static str; 2],

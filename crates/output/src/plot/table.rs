@@ -18,8 +18,7 @@ pub fn json(chart: &Chart) -> Result<String> {
     Ok(serde_json::to_string_pretty(&File { schema, chart })? + "\n")
 }
 
-/// Returns the points as CSV with one row each, in the order of the chart, followed by the failures. Unknown cells are
-/// empty.
+/// Returns the points as CSV with one row each, in chart order, followed by the failures. Unknown cells are empty.
 ///
 /// The fixed columns are followed by `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for each
 /// measured offset `X`. Last are `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.

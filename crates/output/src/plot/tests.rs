@@ -4,8 +4,8 @@ use super::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
 
-/// Names of backends, layouts, intersectors and updates, with relative costs. Intersectors also have wrong answers per
-/// million.
+/// Names of backends, layouts, intersectors and updates with relative costs. Intersectors also have wrong answers per
+/// million rays.
 const BACKENDS: [(&str, f64); 3] = [("cpu", 60.0), ("vulkan", 1.1), ("wgpu", 1.5)];
 const LAYOUTS: [(&str, f64); 2] = [("bvh2", 1.0), ("fast", 0.62)];
 const INTERSECTORS: [(&str, f64, u64); 4] = [
@@ -151,8 +151,7 @@ fn places(picture: &str) -> Vec<(i32, i32)> {
 
 #[test]
 fn rates_have_their_intervals() {
-    // For 0 of a million, the rule of three applies. For 10 of 100, Wilson's interval is 0.0552 to 0.1744 by its
-    // formula.
+    // For 0 of a million, the rule of three applies. For 10 of 100, Wilson's formula gives 0.0552 to 0.1744.
     for (wrong, tested, expected) in [
         (0, 1_000_000, [0.0, 0.0, 3.0]),
         (0, 2, [0.0, 0.0, 1e6]),

@@ -98,8 +98,7 @@ fn clip_name(file: &File, clip: usize) -> String {
     name.unwrap_or_else(|| clip.to_string())
 }
 
-/// Returns the index of the requested clip, which is matched by name first and then by index. The default is the first
-/// clip.
+/// Returns the index of the requested clip, matched by name and then by index. The default is the first clip.
 fn choose(file: &File, options: &Options, notes: &mut Vec<String>) -> Result<Option<usize>> {
     let clips = 0..file.document.animations.len();
     let all: Vec<_> = clips.clone().map(|i| clip_name(file, i)).collect();

@@ -279,8 +279,7 @@ impl Part {
 struct Skin {
     /// Node and inverse bind matrix of each joint.
     joints: Vec<(usize, DMat4)>,
-    /// Joints and weights of each vertex. The weights add up to 1. An empty list means that the vertex follows its
-    /// node.
+    /// Joints and weights of each vertex. The weights add up to 1. Without weights, the vertex follows its node.
     holds: Vec<Vec<(usize, f64)>>,
 }
 
@@ -315,8 +314,7 @@ impl Skin {
         Ok(Self { joints, holds })
     }
 
-    /// Transforms each vertex by its joints. The transform of the skinned node itself does not apply (glTF 2.0,
-    /// 3.7.3.3).
+    /// Transforms each vertex by its joints, but not by the skinned node itself (glTF 2.0, 3.7.3.3).
     fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
         let joints = self.joints.iter().map(|&(node, bind)| pose[node] * bind);
         let joints: Vec<_> = joints.collect();

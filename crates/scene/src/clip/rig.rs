@@ -75,8 +75,7 @@ impl Rig {
         })
     }
 
-    /// Returns the nodes of the default scene. Without a default, uses the first scene. Without scenes, returns all
-    /// nodes.
+    /// Returns the nodes of the default scene, else of the first scene. Without scenes, returns all nodes.
     pub(super) fn visible(&self, file: &File) -> Result<Vec<usize>> {
         let document = &file.document;
         if document.scenes.is_empty() && document.scene.is_none() {

@@ -141,8 +141,7 @@ fn wobble(time: f64) -> DMat3 {
     DMat3::from_diagonal(DVec3::new(stretch, thin, thin))
 }
 
-/// Creates a closed splinter. It is hidden in its body until contact, and then flies outward from the rim of the
-/// contact.
+/// Creates a closed splinter. It is hidden in its body until contact, then flies outward from the contact's rim.
 fn splinter(index: u64) -> Part {
     let which = (index % 2) as usize;
     let owner = BODIES[which];

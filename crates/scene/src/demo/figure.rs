@@ -25,7 +25,7 @@ pub(super) struct Step {
     pub(super) phase: f64,
 }
 
-/// Kind of limb. In the code below, `side` is -1 for the left limb, 1 for the right, and 0 for a single one.
+/// Kind of limb, attached at a joint. `side` is -1 for a left limb, 1 for a right one, and 0 for a single one.
 #[derive(Clone, Copy)]
 enum Limb {
     Pelvis,
@@ -56,8 +56,8 @@ const PAIRED: [Look; 5] = [
     (Limb::Foot, 0.05, 0.15, [0.05, 0.044], SHOES),
 ];
 
-/// Returns the limbs of a figure with about `budget` triangles that walks along `walk`. Returns no limbs if the budget
-/// is too small.
+/// Returns the limbs of a figure with about `budget` triangles that walks along `walk`. Returns no limbs if `budget` is
+/// too small.
 pub(super) fn figure(
     budget: usize,
     walk: impl Fn(f64) -> Step + Copy + Send + Sync + 'static,

@@ -118,7 +118,7 @@ fn add_blade(mesh: &mut Mesh, blade: u64, x: f64, z: f64) {
     mesh.add(points, [[0, 1, 3], [0, 3, 2], [2, 3, 4]]);
 }
 
-/// Creates a trunk and a crown. Trees are arranged in a spiral around the clearing, away from the path.
+/// Creates a trunk and a crown. Trees are arranged in a golden-angle spiral, away from the path.
 fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
     let golden = 0.618_033_988_749_895 * index as f64;
     let reach = HALF * 0.9 * ((index as f64 + 1.2) / (count as f64 + 0.7)).sqrt();

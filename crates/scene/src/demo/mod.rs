@@ -18,14 +18,13 @@ use glam::DVec3;
 use stage::{Part, assemble};
 use std::sync::Arc;
 
-/// Maximum number of triangles of a demo. The key frames of this size already exceed 10 GB.
+/// Maximum number of triangles of a demo. Beyond it, key frames alone exceed about 10 GB.
 const MOST_TRIANGLES: usize = 100_000_000;
 
 /// Lower bound of the bytes per triangle in all key frames, for every demo.
 const LEAST_BYTES: u64 = 96;
 
-/// Demo: its name, the function that builds its parts from a triangle count, the default count, and the number of key
-/// frames.
+/// Demo: name, function from a triangle count to parts, default triangle count, and number of key frames.
 type Demo = (&'static str, fn(usize) -> Vec<Part>, usize, u32);
 
 const DEMOS: [Demo; 5] = [

@@ -41,8 +41,8 @@ impl Mesh {
     }
 }
 
-/// Creates an open sheet of `2 * columns * rows` triangles over the unit square. It faces up if `at` maps (u, v) to (x,
-/// z).
+/// Creates an open sheet of `2 * columns * rows` triangles over the unit square. If `at` maps (u, v) to (x, z), the
+/// sheet faces up.
 pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=rows {
@@ -148,8 +148,7 @@ pub(super) fn onto_ball(p: DVec3) -> DVec3 {
 
 /// Creates a closed body of revolution about the y axis with `2 * sides * rings` triangles.
 ///
-/// `profile` maps `0.0..=1.0`, from the upper pole to the lower, to (radius, height). The radius at the poles is
-/// treated as 0.
+/// `profile` maps `0.0..=1.0`, from the upper pole to the lower, to (radius, height). Radii at the poles count as 0.
 pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) -> Mesh {
     let mut mesh = Mesh::default();
     mesh.points.push(DVec3::new(0.0, profile(0.0).y, 0.0));

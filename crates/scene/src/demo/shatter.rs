@@ -42,8 +42,7 @@ fn cells_along(budget: usize) -> u32 {
     libm::round(ideal).min(most).max(1.0) as u32
 }
 
-/// Returns the squares along a piece's edge. Pieces have one of two successive sizes, mixed so that their total meets
-/// the budget.
+/// Returns the squares along a piece's edge. Two successive sizes are mixed so that their total meets the budget.
 fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     let small = (budget / (12 * pieces)).isqrt().max(1);
     let missing = budget.saturating_sub(12 * pieces * small * small);
@@ -53,8 +52,7 @@ fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     (small + u64::from(rises)) as u32
 }
 
-/// Creates one closed piece: a cell of the cube's lattice, bent consistently with its neighbours and mapped to the
-/// ball.
+/// Creates one closed piece: a cell of the cube's lattice, bent together with its neighbours, mapped to the ball.
 fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     let n = u64::from(cells);
     let cell = DVec3::new(

@@ -1,8 +1,8 @@
 //! Diffuse colours from material libraries (MTL), parsed by `tobj`.
 //!
 //! A missing or malformed library only costs colours: it adds a remark, and the scene still opens. `tobj` receives only
-//! `newmtl` and well-formed `Kd` lines. Otherwise one bad line would fail the whole library, and a short `Kd` would
-//! panic.
+//! `newmtl` and well-formed `Kd` lines. With other lines, `tobj` may refuse the library, or panic on a
+//! short `Kd`.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};

@@ -256,8 +256,7 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Refuses text whose mesh would not fit into memory. The constants include spare capacity, because lists grow by
-/// doubling.
+/// Refuses text whose mesh would not fit into memory. Sizes include spare capacity, since lists grow by doubling.
 fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
     /// Bytes of a position and a colour.
     const VERTEX: usize = 84;

@@ -1,5 +1,5 @@
-//! Body of an ascii file: a stream of numbers. Writers usually put each element on its own line, but readers must not
-//! rely on it.
+//! Body of an ascii file: a stream of numbers. Writers usually put each element on its own line, but this is not
+//! required.
 
 use super::element::{Element, is_plain, push_number};
 use ply_rs_bw::parser::Parser;
@@ -65,8 +65,7 @@ impl<'a> Body<'a> {
         read.map_err(|_| self.bad(of, index, &cause(&self.text)))
     }
 
-    /// Reads an element that is a whole line in the parser's grammar, without copying its words. This is the usual
-    /// case.
+    /// Reads an element that is a whole line in the parser's grammar, the usual case, without copying its words.
     fn whole_line(&mut self, of: &ElementDef) -> Option<Element> {
         // Avoids quadratic time: a long line with many elements is searched for its end only once.
         if self.last_line == self.line {

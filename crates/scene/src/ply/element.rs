@@ -84,8 +84,7 @@ fn indices(property: &Property) -> Option<Vec<u32>> {
     }
 }
 
-/// Appends a number in the parser's grammar. That grammar lacks `nan`, `inf`, `.5` and `5.`, which other programs
-/// write.
+/// Appends a number in the parser's grammar, which lacks the common forms `nan`, `inf`, `.5` and `5.`.
 ///
 /// NaN and infinities become numbers that overflow every type. In both cases the vertex counts as absent. Words that
 /// are not numbers are unchanged, and the parser refuses them.

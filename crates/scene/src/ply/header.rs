@@ -63,8 +63,7 @@ impl Header {
     }
 }
 
-/// Returns the length of the header in bytes, including the last line end. Returns `None` without a complete
-/// `end_header` line.
+/// Returns the length of the header in bytes, including the last line end. `None` without a full `end_header` line.
 ///
 /// If lines end in a carriage return only, a line feed after the header belongs to the data.
 fn length(bytes: &[u8]) -> Option<usize> {

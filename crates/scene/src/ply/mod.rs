@@ -173,8 +173,7 @@ impl<'a> File<'a> {
         SceneError::malformed(self.path, place, cause)
     }
 
-    /// Checks that the header declares vertices with coordinates, and faces or strips with lists of integers, each
-    /// once.
+    /// Checks that vertices with coordinates, and faces or strips with lists of integers, are each declared once.
     fn check_header(&self) -> Result<()> {
         let wrong = |cause: &str| Err(self.wrong(None, cause));
         for name in ["vertex", "face", STRIPS] {
@@ -220,8 +219,7 @@ impl<'a> File<'a> {
     }
 
     fn element(&mut self, definition: &ElementDef) -> Result<()> {
-        // Elements without properties occupy no bytes, so their count is unbounded. All others occupy at least one
-        // byte.
+        // Elements without properties occupy no bytes, so their count is unbounded. Others occupy at least one byte.
         if definition.properties.is_empty() {
             return Ok(());
         }

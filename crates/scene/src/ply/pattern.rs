@@ -74,8 +74,7 @@ impl Pattern {
 }
 
 impl Floats {
-    /// Returns the layout if all vertex properties are scalars and x, y and z are 32-bit floats. Returns `None`
-    /// otherwise.
+    /// Returns the layout if all vertex properties are scalars, and x, y and z are 32-bit floats. Otherwise `None`.
     fn of(header: &Header) -> Option<Self> {
         let vertex = header.element("vertex")?;
         let (mut row, mut xyz) = (0, [None; 3]);

@@ -20,8 +20,7 @@ fn ascii(vertices: &str, faces: &str) -> String {
     )
 }
 
-/// Returns a binary file with double coordinates, an unused property, 16-bit indices with 32-bit list lengths, and
-/// colours.
+/// Returns a binary file with double coordinates, an unused property, 16-bit indices, 32-bit list lengths and colours.
 fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
     let order = if big { "big" } else { "little" };
     let mut bytes = format!(

@@ -109,8 +109,7 @@ const NORMALIZED: &str = r#","normalized":true"#;
 
 const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// Returns a triangle on a moving node. Its parent rotates in steps within a shorter time span, and the grandparent
-/// mirrors x.
+/// Returns a triangle on a moving node. Its parent rotates in steps over a shorter time. The grandparent mirrors x.
 fn moving() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
@@ -141,8 +140,7 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
     close(keys[0][1], [-1.0, 0.0, 0.0]);
     close(keys[1][0], [-1.0, 0.0, 0.0]);
     close(keys[1][1], [-2.0, 0.0, 0.0]);
-    // The point is rotated by 90 degrees about z and then mirrored. (3, 0) maps to (0, 3); (2, 1) maps to (-1, 2), then
-    // to (1, 2).
+    // Rotation by 90 degrees about z, then mirroring: (3, 0) to (0, 3); (2, 1) to (-1, 2) to (1, 2).
     close(keys[2][1], [0.0, 3.0, 0.0]);
     close(keys[2][2], [1.0, 2.0, 0.0]);
     assert_eq!(scene.animation.triangles(), [[0, 1, 2]]);
@@ -199,8 +197,7 @@ fn skinned() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0], "VEC3");
     let joints = bin.shorts(&[0, 9, 9, 9, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4");
-    // Weights of three vertices: the first joint, the second joint, and both. They are bytes with sums of 255, 255 and
-    // 254.
+    // Weights of three vertices as bytes: the first joint, the second, and both. The last sum is 254, not 255.
     let weights = [255, 0, 0, 0, 255, 0, 0, 0, 127, 127, 0, 0];
     let weights = bin.add(&weights, 5121, "VEC4", 3, NORMALIZED);
     let mut binds = [0.0; 32];

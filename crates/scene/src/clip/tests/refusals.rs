@@ -36,8 +36,7 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
     }
 }
 
-/// Checks that each change fails. A line contains: old text, new text, part of the message. `HUGE` is replaced by 2^64
-/// - 1.
+/// Checks that each change fails. Lines contain: old text, new text, part of the message. `HUGE` means 2^64 - 1.
 pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
     for change in changes.trim().lines() {
         let mut parts = change.split(" | ").map(str::trim);
