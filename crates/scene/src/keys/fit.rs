@@ -114,7 +114,7 @@ fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64
     worst
 }
 
-/// Returns the largest squared error of a block at one frame. The blend weight is that of its time between both.
+/// Returns the largest squared error of a block at one frame, which is blended from `from` and `to` by its time.
 fn off(keys: &[KeyFrame], [from, to, frame]: [usize; 3], block: &Range<usize>) -> f64 {
     let [a, b, wanted] = [from, to, frame].map(|key| &keys[key][block.clone()]);
     let alpha = match from == to {

@@ -1,8 +1,7 @@
 //! Diffuse colours from material libraries (MTL), parsed by `tobj`.
 //!
 //! A missing or malformed library only costs colours: it adds a remark, and the scene still opens. `tobj` receives only
-//! `newmtl` and well-formed `Kd` lines. With other lines, `tobj` may refuse the library, or panic on a
-//! short `Kd`.
+//! `newmtl` and well-formed `Kd` lines. Other lines could make it refuse the library, or panic on a short `Kd`.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};
