@@ -102,7 +102,7 @@ impl Topology {
     }
 }
 
-/// Concatenates the triangles of several meshes. Each mesh is given with its number of vertices.
+/// Concatenates the triangles of several meshes. Each mesh has its number of vertices as the second value.
 pub(crate) fn joined_triangles<'a>(
     meshes: impl Iterator<Item = (&'a [[u32; 3]], usize)>,
 ) -> Vec<[u32; 3]> {

@@ -28,7 +28,7 @@ use std::fmt;
 /// Result of drawing or formatting. Callers need not distinguish errors, so they are boxed.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Error rates are given per this number of rays.
+/// Number of rays that error rates refer to.
 const PER: f64 = 1e6;
 /// Quantile of the normal distribution for two-sided 95 % intervals.
 const Z: f64 = 1.959_964;

@@ -26,7 +26,7 @@ const LEAST_DECADES: f64 = 1.0;
 const FEW_DECADES: f64 = 3.5;
 const MOST_DECADES: f64 = 9.0;
 
-/// Page or a part of it.
+/// Drawing area: a page or part of a page.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Axis whose positions are decimal logarithms, or indices of names.

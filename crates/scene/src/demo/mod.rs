@@ -1,6 +1,6 @@
 //! Built-in scenes that need no files: `demo:NAME[:TRIANGLES]`.
 //!
-//! Scenes are bit-identical on all machines. All numbers come from `libm` or from single IEEE operations in double
+//! Scenes are bit-identical on all machines. All numbers are results of `libm` or of single IEEE operations in double
 //! precision. Random numbers are hashes of seeds and indices. No result depends on the order in which threads finish.
 
 mod collide;
