@@ -100,15 +100,15 @@ impl Policy {
 }
 
 crate::named! {
-    /// How a ray is tested against a triangle. In the order of the manual.
+    /// Algorithm of the ray-triangle test. In the order of the manual.
     pub enum Intersector {
         /// Möller, Trumbore 1997, in single precision.
         MollerTrumbore = "moller-trumbore",
-        /// Woop 2004: an affine transform a triangle, preprocessed each frame. The paper's.
+        /// Woop 2004: one affine transform per triangle, computed each frame. The paper uses this one.
         Woop = "woop",
-        /// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: no leak, no double hit.
+        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
         Watertight = "watertight",
-        /// The answer of exact arithmetic for every ray.
+        /// The result of exact arithmetic for every ray.
         Exact = "exact",
     }
 }
