@@ -1,13 +1,13 @@
-//! When a tree may be requested again after others were rejected.
+//! Pauses requests after trees were rejected.
 //!
-//! A build takes cores and memory bandwidth from the frames. Where motion comes back to where it was, as to and fro, the current
-//! tree may be as good as any other, and builds are in vain. So each further rejection doubles the pause before the next
-//! request, in units of the time that the build took. A tree that is adopted ends that, and so does a current tree that comes to
-//! cost more than ever before.
+//! Builds take cores and memory bandwidth from frames. If motion is periodic, the current tree may be as good as any
+//! other, so that builds gain nothing. Each further rejection therefore doubles the pause before the next request. The
+//! unit is the time from request to rejection. The pause ends when a tree is adopted, or when the current tree's cost
+//! exceeds its previous maximum by [`DEARER`].
 
-/// Rejections in a row after which pauses grow no longer. Builds then take a thirty-second of the time.
+/// Number of rejections in a row after which pauses stop growing. Builds then take a thirty-second of the time.
 const MOST: u32 = 6;
-/// A current tree costs more than ever before if it does by this factor.
+/// Factor by which a cost must exceed the previous maximum to end the pause.
 const DEARER: f64 = 1.1;
 
 /// Counts rejections and sets the pause.
@@ -15,26 +15,26 @@ const DEARER: f64 = 1.1;
 pub(super) struct Patience {
     /// Trees rejected since the last one was adopted.
     rejections: u32,
-    /// The frame from which on a tree may be requested.
+    /// Frame from which on trees may be requested.
     until: u64,
-    /// The largest cost of the current tree so far.
+    /// Largest cost of the current tree since a tree was last adopted.
     dearest: f64,
 }
 
 impl Patience {
-    /// A tree whose request, build and evaluation took `frames` frames is rejected in frame `now`.
+    /// Records that frame `now` rejects a tree. Its request, build and evaluation took `frames` frames.
     pub(super) fn rejected(&mut self, now: u64, frames: u64) {
         let pause = (1 << self.rejections) - 1;
         self.rejections = (self.rejections + 1).min(MOST - 1);
         self.until = now + pause * frames;
     }
 
-    /// A tree is adopted.
+    /// Resets the pause because a tree was adopted.
     pub(super) fn adopted(&mut self) {
         *self = Self::default();
     }
 
-    /// The current tree costs that much in a frame.
+    /// Records the cost of the current tree in a frame.
     pub(super) fn observe(&mut self, cost: f64) {
         if cost > DEARER * self.dearest && self.dearest > 0.0 {
             (self.rejections, self.until) = (0, 0);
@@ -42,7 +42,7 @@ impl Patience {
         self.dearest = self.dearest.max(cost);
     }
 
-    /// Whether a tree may be requested in frame `now`.
+    /// Returns whether a tree may be requested in frame `now`.
     pub(super) fn is_over(&self, now: u64) -> bool {
         now >= self.until
     }
@@ -52,7 +52,7 @@ impl Patience {
 mod tests {
     use super::*;
 
-    /// Frames until the next request may come, after each of `count` rejections.
+    /// Returns the number of frames until the next request, after each of `count` rejections.
     fn pauses(patience: &mut Patience, count: usize) -> Vec<u64> {
         let pause = |_| {
             patience.rejected(100, 10);

@@ -1,32 +1,33 @@
-//! The tree that the current one has replaced. It stays on the device until another tree is evaluated.
+//! The tree that the current one replaced. It stays on the device until another tree is evaluated.
 //!
-//! A tree is adopted because it costs less at one moment. Where the motion is unknown, it may cost several times more a few
-//! frames later, for example while vertices move to and fro. So the replaced tree is evaluated again whenever the current tree's
-//! cost has risen, and returns if it costs less.
+//! A tree is adopted because it costs less at one time. If the motion is unknown, it may cost several times more a few
+//! frames later, for example when motion reverses. So the replaced tree is evaluated again when the current tree's cost
+//! has risen, and becomes current again if it costs less.
 
 use super::trees::Tree;
 use backend::{FrameReport, Ticket};
 
-/// The replaced tree is evaluated once the current tree costs this many times its lowest cost since the last comparison.
+/// Ratio of the current tree's cost to its lowest cost since the last comparison, above which the replaced tree is
+/// evaluated.
 const RISE: f64 = 1.05;
 
 /// A replaced tree and its comparison with the current one.
 pub(super) struct Retained {
     tree: Tree,
     state: State,
-    /// The current tree's lowest cost since the last comparison.
+    /// Lowest cost of the current tree since the last comparison.
     lowest: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
-    /// The current tree costs no more than before.
+    /// The current tree's cost has not risen.
     Kept,
     /// The next frame evaluates it.
     Due,
     /// A frame evaluates it; `None` until the frame is submitted.
     Evaluating(Option<Ticket>),
-    /// It costs less than the current tree and returns at the next frame boundary.
+    /// It costs less than the current tree and becomes current at the next frame boundary.
     Cheaper,
 }
 
@@ -39,7 +40,7 @@ impl Retained {
         }
     }
 
-    /// Takes in the report of a frame that was traced with the current tree.
+    /// Processes the report of a frame that was traced with the current tree.
     pub(super) fn observe(&mut self, ticket: Ticket, report: &FrameReport) {
         let Some(current) = report.sah_cost else {
             return;
@@ -60,24 +61,24 @@ impl Retained {
         }
     }
 
-    /// Returns whether the frame that is recorded is to evaluate it.
+    /// Returns whether the current frame must evaluate it.
     pub(super) fn is_due(&self) -> bool {
         self.state == State::Due
     }
 
-    /// Notes that the frame that is recorded evaluates it.
+    /// Notes that the current frame evaluates it.
     pub(super) fn recorded(&mut self) {
         self.state = State::Evaluating(None);
     }
 
-    /// Notes the ticket of the frame that evaluates it.
+    /// Sets the ticket of the frame that evaluates it.
     pub(super) fn submitted(&mut self, ticket: Ticket) {
         if self.state == State::Evaluating(None) {
             self.state = State::Evaluating(Some(ticket));
         }
     }
 
-    /// Has the evaluation be recorded again, because its frame was not submitted.
+    /// Schedules the evaluation again, because its frame was not submitted.
     pub(super) fn abandoned(&mut self) {
         if self.state == State::Evaluating(None) {
             self.state = State::Due;
@@ -111,7 +112,7 @@ mod tests {
         })
     }
 
-    /// A report of the costs of the current tree and, in an evaluation, of the replaced one.
+    /// Returns a report with the costs of the current tree and, in an evaluation, of the replaced tree.
     fn report(current: f64, replaced: Option<f64>) -> FrameReport {
         FrameReport {
             sah_cost: Some(current),
