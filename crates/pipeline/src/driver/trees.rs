@@ -209,8 +209,8 @@ impl Driver {
         }
     }
 
-    /// Returns whether trees may be requested. Where trees are adopted by cost, this requires a latency estimate and no
-    /// pause after rejections.
+    /// Returns whether trees may be requested. If trees are adopted by cost, this requires a latency estimate. A pause
+    /// after rejections then prevents requests, unless the scene is at rest.
     pub(super) fn may_ask(&self) -> bool {
         let is_patient = self.predictor.is_at_rest() || self.patience.is_over(self.frames);
         (self.predictor.has_ground() && is_patient) || !self.weighs()
