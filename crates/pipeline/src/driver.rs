@@ -50,8 +50,7 @@ pub struct DriverOptions {
     /// Policy that updates trees as vertices move.
     pub update: Update,
     /// First and last time to render, in key frames. Predicted times stay within this range, and [`Update::TSah`]
-    /// builds
-    /// its tree for it.
+    /// builds its tree for it.
     pub time_range: [f64; 2],
     /// With [`Update::Async`]: build each tree from key frames, for the middle of the time in which it will be used.
     /// Otherwise trees are built from the positions of the frame that requests them, read back from the backend.
@@ -225,9 +224,8 @@ impl Driver {
         self.candidate.is_some()
     }
 
-    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend
-    /// [traces together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish
-    /// the
+    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend [traces
+    /// together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish the
     /// previous frame first: such a frame takes two submissions.
     ///
     /// # Errors

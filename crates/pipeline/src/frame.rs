@@ -22,12 +22,10 @@ pub struct FrameRecord {
     /// Report of the backend.
     pub report: FrameReport,
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
-    /// its
-    /// results.
+    /// its results.
     pub wall_ms: f64,
     /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first if builds
-    /// are
-    /// free-running, and with `refit`.
+    /// are free-running, and with `refit`.
     pub build_wait_ms: f64,
     /// Generation of the tree that the frame was traced with.
     pub tree_generation: Generation,
@@ -43,8 +41,7 @@ pub struct FrameRecord {
     /// Whether the backend built the tree within this frame.
     pub made: bool,
     /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
-    /// a
-    /// newer tree would arrive before its time of use.
+    /// a newer tree would arrive before its time of use.
     pub rejected: Option<Generation>,
     /// Refitted cost over the cost of a fresh tree at the same time where that
     /// is known, else over the cost when it was built (with
@@ -94,9 +91,8 @@ impl FrameRecord {
     }
 
     /// Completes the statistics after the driver has waited for the frame and read its results. A report that is
-    /// already
-    /// present is that of the submission that read back vertices for the frame's own tree. It counts as part of the
-    /// frame.
+    /// already present is that of the submission that read back vertices for the frame's own tree. It counts as part of
+    /// the frame.
     pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
         (self.traced.seen, self.traced.times) = (seen, report.times);
         let (times, fetched) = (&mut report.times, &self.report.times);

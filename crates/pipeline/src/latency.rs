@@ -2,10 +2,8 @@
 //!
 //! Key frames are known before they are reached, so a tree can be built for the time at which it will be used. The
 //! prediction assumes that time continues by its last step. It also assumes that a build takes as many frames as
-//! earlier
-//! builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and the
-//! rate
-//! of the first frames.
+//! earlier builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and
+//! the rate of the first frames.
 
 use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};
@@ -87,8 +85,7 @@ impl LatencyPredictor {
     }
 
     /// Records that a tree arrived `frames` frames after its request. A shorter latency than before is used at once,
-    /// because
-    /// early builds still allocate memory. A longer latency is averaged with the value before.
+    /// because early builds still allocate memory. A longer latency is averaged with the value before.
     pub(crate) fn observe_latency(&mut self, frames: u64, strategy: BuildStrategy) {
         let seen = &mut self.seen[strategy as usize];
         let frames = frames as f64;
@@ -107,8 +104,7 @@ impl LatencyPredictor {
     }
 
     /// Returns whether a tree for the time `new` should replace one for the time `last`: `new` is at least as near as
-    /// `last`,
-    /// or time does not approach `new`.
+    /// `last`, or time does not approach `new`.
     pub(crate) fn should_adopt(&self, last: f64, new: f64) -> bool {
         let nearer = |left| left <= (last - self.time).abs();
         self.approach(new).is_none_or(nearer)
@@ -121,8 +117,7 @@ impl LatencyPredictor {
     }
 
     /// Returns whether a tree for the time `new` should be evaluated. It should be evaluated again if the distance is
-    /// at
-    /// most half of the last one, at which it cost too much, or if time does not approach `new`.
+    /// at most half of the last one, at which it cost too much, or if time does not approach `new`.
     pub(crate) fn is_nearer(&self, new: f64, dearer_at: Option<f64>) -> bool {
         match self.approach(new).zip(dearer_at) {
             Some((left, before)) => left <= 0.5 * before,
@@ -137,8 +132,7 @@ impl LatencyPredictor {
     }
 
     /// Returns the middle of the time in which a tree requested now is used. Assumes that the next tree is requested
-    /// when
-    /// this one is adopted, and that its build takes as long.
+    /// when this one is adopted, and that its build takes as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
         self.in_use(0.5)
     }
@@ -155,8 +149,7 @@ impl LatencyPredictor {
     }
 
     /// Returns the middles of both halves of the time that the first tree is built for, because its actual time of use
-    /// is
-    /// unknown. Returns `None` at the end of the range.
+    /// is unknown. Returns `None` at the end of the range.
     pub(crate) fn halves_of_first_use(&self) -> Option<[f64; 2]> {
         let left = FIRST_USE.min(self.range[1] - self.time);
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))

@@ -118,8 +118,7 @@ impl TreeBuilder {
     }
 
     /// Builds and converts a tree from vertices. With two poses, it is built over boxes that contain each triangle at
-    /// both.
-    /// In either case, its cost refers to the vertices.
+    /// both. In either case, its cost refers to the vertices.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
@@ -169,10 +168,9 @@ impl TreeBuilder {
     /// Builds a tree from `input` and converts it.
     ///
     /// If `weighed` is set, the tree is built from subtrees of the last one, which is faster. It is built from scratch
-    /// if
-    /// trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
-    /// that
-    /// contain each triangle at both halves of its use. The tree then separates triangles that move apart in that time.
+    /// if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
+    /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart in that
+    /// time.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
@@ -241,10 +239,8 @@ impl TreeBuilder {
     }
 
     /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
-    /// boxes are
-    /// those of the vertices. A build from subtrees computes no boxes if none are needed, and leaves the old ones.
-    /// Returns
-    /// the costs at the vertices if the build computed them.
+    /// boxes are those of the vertices. A build from subtrees computes no boxes if none are needed, and leaves the old
+    /// ones. Returns the costs at the vertices if the build computed them.
     fn make(
         &mut self,
         moments: &Moments<'_>,

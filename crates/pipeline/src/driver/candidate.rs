@@ -58,8 +58,7 @@ pub(super) enum State {
     /// It is adopted at the next frame boundary.
     Accepted(Built),
     /// It is dropped at the next frame boundary. Contains the pose at which it cost more than the current tree, if that
-    /// is
-    /// the reason.
+    /// is the reason.
     Rejected(Option<Pose>),
 }
 

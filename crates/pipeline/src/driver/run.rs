@@ -42,10 +42,8 @@ pub struct Answers {
 
 impl Driver {
     /// Renders `frames` in order, with as many in flight as the backend allows. Passes each finished frame to
-    /// `on_frame`,
-    /// with the results selected by `wanted`. `on_frame` may swap the memory of the results for other memory, which
-    /// later
-    /// frames then use.
+    /// `on_frame`, with the results selected by `wanted`. `on_frame` may swap the memory of the results for other
+    /// memory, which later frames then use.
     ///
     /// # Errors
     /// Those of the backend and of `on_frame`.
@@ -78,8 +76,7 @@ impl Driver {
     }
 
     /// Waits for the oldest frame in flight and writes the results selected by `wanted` to `answers`. The backend
-    /// reuses the
-    /// previous memory of `answers`. Returns `None` if no frame is in flight.
+    /// reuses the previous memory of `answers`. Returns `None` if no frame is in flight.
     ///
     /// # Errors
     /// Those of the backend.

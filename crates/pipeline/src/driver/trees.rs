@@ -75,8 +75,7 @@ impl Driver {
     }
 
     /// Decides about a candidate that has arrived on the device. It is evaluated once the time is nearer to the middle
-    /// of
-    /// its use than to that of the current tree. It is dropped if a newer tree would arrive before that.
+    /// of its use than to that of the current tree. It is dropped if a newer tree would arrive before that.
     fn review_candidate(&mut self) {
         let (builds_ahead, weighs) = (self.builds_ahead(), self.weighs());
         let (frames, last) = (self.frames, self.tree.as_ref().map(|tree| tree.middle));
@@ -367,8 +366,7 @@ impl Driver {
     }
 
     /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `halves`, the tree
-    /// is
-    /// built over boxes that contain each triangle at both poses.
+    /// is built over boxes that contain each triangle at both poses.
     fn build_now(
         &mut self,
         request: &mut Request,

@@ -1,9 +1,8 @@
 //! Uncounted frames after the first one, because an idle device runs at a low clock and takes long to raise it.
 //!
 //! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
-//! The
-//! first frame of a run waits for all of that. Uncounted traces of that frame follow, for a fixed time and then until
-//! frame times are steady. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
+//! The first frame of a run waits for all of that. Uncounted traces of that frame follow, for a fixed time and then
+//! until frame times are steady. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
@@ -48,8 +47,7 @@ fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
 }
 
 /// Renders the first frame and then warms the device up, if it needs that. `asked` sets the duration in seconds.
-/// Returns
-/// the result of the warm-up, if any, and the remaining frames.
+/// Returns the result of the warm-up, if any, and the remaining frames.
 ///
 /// # Errors
 /// Those of the backend and of `on_frame`.
@@ -90,8 +88,7 @@ pub fn warm_up<'a, E: From<PipelineError>>(
 type Moment = (f64, f64);
 
 /// Returns whether the last window's frames took as long as those of the window before. Single frames cannot be
-/// compared:
-/// the clock rises in steps, so neighbouring frames always agree.
+/// compared: the clock rises in steps, so neighbouring frames always agree.
 fn is_steady(seen: &[Moment]) -> bool {
     let (earlier, last) = window(seen);
     let (_, before) = window(earlier);
@@ -120,8 +117,7 @@ impl Driver {
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
     /// continues; after the first frame there is none. If builds are free-running, the builder first makes and drops a
-    /// tree, so
-    /// that later builds find their memory allocated: see `TreeBuilder::warm_up`.
+    /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// Those of the backend.

@@ -26,8 +26,7 @@ impl DegradationMonitor {
     /// Cost ratio above which trees no longer hold.
     const FADED: f64 = 1.2;
     /// Cost ratio up to which trees start to hold. Cost grows with the square of time, so such trees remain good for
-    /// more than
-    /// twice as long. Trees that are built from scratch also cost less.
+    /// more than twice as long. Trees that are built from scratch also cost less.
     const HOLDS: f64 = 1.01;
 
     /// Returns how to build a tree that is compared with the current one.

@@ -2,9 +2,8 @@
 //!
 //! If vertices arrive while frames are traced, a tree for a future time is built from positions that are extrapolated
 //! from the last two. That helps only if the motion continues unchanged. The positions of the next build show whether
-//! it
-//! did. Extrapolation stops if its positions were farther from them than the last observed positions were. It resumes
-//! when it is closer again.
+//! it did. Extrapolation stops if its positions were farther from them than the last observed positions were. It
+//! resumes when it is closer again.
 
 use crate::motion::distance;
 use geom::Point;
