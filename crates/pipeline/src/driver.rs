@@ -224,9 +224,9 @@ impl Driver {
         self.candidate.is_some()
     }
 
-    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend [traces
-    /// together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish the
-    /// previous frame first: such a frame takes two submissions.
+    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend
+    /// [traces together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish
+    /// the previous frame first: such a frame takes two submissions.
     ///
     /// # Errors
     /// Those of the backend, and [`PipelineError::FirstTree`] if the first tree cannot be built.

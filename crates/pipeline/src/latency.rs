@@ -116,8 +116,8 @@ impl LatencyPredictor {
         comes_nearer.then_some((new - self.time).abs())
     }
 
-    /// Returns whether a tree for the time `new` should be evaluated. It should be evaluated again if the distance is
-    /// at most half of the last one, at which it cost too much, or if time does not approach `new`.
+    /// Returns whether a tree for the time `new` should be evaluated: for the first time, or again because the distance
+    /// has halved since `dearer_at`, where it cost too much, or because time does not approach `new`.
     pub(crate) fn is_nearer(&self, new: f64, dearer_at: Option<f64>) -> bool {
         match self.approach(new).zip(dearer_at) {
             Some((left, before)) => left <= 0.5 * before,

@@ -208,8 +208,7 @@ impl TreeBuilder {
         })
     }
 
-    /// Replaces extrapolated positions by the last observed ones if extrapolation failed before. Returns whether it did
-    /// so.
+    /// If extrapolation failed before, replaces extrapolated positions by the last observed ones and returns `true`.
     fn check_extrapolation(
         &mut self,
         moments: &Moments<'_>,
@@ -231,8 +230,7 @@ impl TreeBuilder {
         Ok(true)
     }
 
-    /// Returns whether the last tree contains all live triangles of the animation, so that the next can be built from
-    /// it.
+    /// Returns whether the last tree contains all live triangles, so that the next one can be built from its subtrees.
     fn holds_all_of(&self, animation: &Animation) -> bool {
         let leaves = self.in_use.leaf_count();
         leaves > 0 && leaves == animation.live_count()
@@ -263,8 +261,7 @@ impl TreeBuilder {
         self.build_over_boxes(strategy, cancel)
     }
 
-    /// Builds a tree from subtrees of the last one. The build reads each box once, so boxes are computed but not
-    /// stored.
+    /// Builds a tree from subtrees of the last one. Each box is read once, so boxes are computed but not stored.
     fn rebuild_subtrees_at(
         &mut self,
         moments: &Moments<'_>,

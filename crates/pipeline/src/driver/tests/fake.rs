@@ -1,4 +1,4 @@
-//! A backend that does nothing but check the contract, and vertices that keep a builder waiting.
+//! A backend that only checks the contract, and vertices that block a builder.
 
 use backend::{
     Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
@@ -12,14 +12,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Holds whoever looks at vertices until so many frames more were rendered, each of which sends a word.
+/// Blocks readers of vertices until `frames` more frames are rendered. Each frame sends a message.
 pub(in crate::driver) struct Gate {
     pub(in crate::driver) frames: u64,
     pub(in crate::driver) rendered: Mutex<Receiver<()>>,
 }
 
 impl Gate {
-    /// After long enough without frames, what waits fails. Where nobody is left to render any, everybody is let through.
+    /// Waits for the messages. Fails after ten seconds without one. Returns at once if no renderer is left.
     fn pass(&self) {
         let rendered = self.rendered.lock().unwrap();
         rendered.try_iter().for_each(drop);
@@ -31,7 +31,7 @@ impl Gate {
     }
 }
 
-/// Positions behind a gate.
+/// Positions that block readers at a gate.
 struct Vertices {
     positions: Vec<Point>,
     gate: Option<Arc<Gate>>,
@@ -47,7 +47,7 @@ impl Deref for Vertices {
     }
 }
 
-/// What the fake saw, shared with the test.
+/// Calls that the fake received, shared with the test.
 #[derive(Default)]
 pub(in crate::driver) struct Log {
     pub(in crate::driver) interpolated: usize,
@@ -57,15 +57,15 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) trees: Vec<Vec<u32>>,
     pub(in crate::driver) made: Vec<Generation>,
     pub(in crate::driver) requested: usize,
-    /// Generations that were evaluated, and the costs of both trees at these positions: the candidate's first.
+    /// Evaluated generations, and the costs of both trees at the positions of the frame, the candidate's first.
     pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
-    /// The same of replaced trees.
+    /// The same for replaced trees.
     pub(in crate::driver) compared: Vec<(Generation, [f64; 2])>,
     /// Replaced trees that became current again.
     pub(in crate::driver) returned: Vec<Generation>,
 }
 
-/// Checks the order of calls; positions reach the host after some polls, or never.
+/// Checks the order of calls. Requested positions arrive after `polls` polls, or never.
 #[derive(Default)]
 pub(in crate::driver) struct Fake {
     pub(in crate::driver) log: Arc<Mutex<Log>>,
@@ -74,10 +74,10 @@ pub(in crate::driver) struct Fake {
     generation: Generation,
     fresh: (bool, bool),
     ticket: u64,
-    /// In their order.
+    /// In the order of the requests.
     requested: VecDeque<(u32, Ticket, Pose)>,
     record_request: bool,
-    /// Whether anything was.
+    /// Whether any query was traced.
     traced: bool,
     polls: Option<u32>,
     pub(in crate::driver) gate: Option<Arc<Gate>>,
@@ -85,16 +85,16 @@ pub(in crate::driver) struct Fake {
     own_trees: bool,
     /// Whether it measures costs.
     pub(in crate::driver) measures: bool,
-    /// The current tree, where costs are measured.
+    /// The current tree, if costs are measured.
     tree: Option<Topology>,
-    /// The generation that was evaluated last.
+    /// The last evaluated generation.
     candidate: Generation,
-    /// The tree that the current one has replaced.
+    /// The tree that the current one replaced.
     retained: Option<(Generation, Topology)>,
-    /// Costs of a candidate in the recording, and of both trees in submissions.
+    /// Cost of the candidate in the current recording. `costs` contains those of both trees in submissions.
     recorded: Option<f64>,
     costs: HashMap<Ticket, (Option<f64>, f64)>,
-    /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
+    /// Snapshots that were allocated in advance. With these, the fake allocates no memory, so it logs nothing.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
 
@@ -113,7 +113,7 @@ impl Fake {
         }
     }
 
-    /// The cost of a tree at the pose of the recording.
+    /// Returns the cost of a tree at the recorded pose.
     fn cost_of(&self, tree: &Topology) -> f64 {
         let moment = self.animation.as_ref().unwrap().moment(self.pose.unwrap());
         let (moment, ranks) = (moment.unwrap(), tree.ranks());
