@@ -3,7 +3,7 @@
 //! The two clocks have different zeros. But no part of a submission ran before the host submitted it, or after the host
 //! saw that it was finished. So each submission bounds the offset between the clocks from both sides. All submissions
 //! together bound the offset to an interval, whose length is the minimum latency of submission plus the minimum latency
-//! of notification. The middle of the interval is used, so the error is at most half of that.
+//! of notification. The middle of the interval is used, so the error is at most half its length.
 //!
 //! Clocks also drift, by some microseconds per second. If bounds contradict each other, the run is split in two, and
 //! each half has its own offset.

@@ -85,7 +85,7 @@ pub struct Driver {
     retained: Option<Retained>,
     /// Generation of the last requested tree. Generations only increase.
     newest: Generation,
-    /// Pauses requests after trees were rejected.
+    /// Pause between requests after trees were rejected.
     patience: Patience,
     /// Memory of the last adopted topology, for reuse by the next build.
     spare: Spare,

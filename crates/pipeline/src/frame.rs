@@ -90,9 +90,8 @@ impl FrameRecord {
         }
     }
 
-    /// Completes the statistics after the driver has waited for the frame and read its results. A report that is
-    /// already present is that of the submission that read back vertices for the frame's own tree. It counts as part of
-    /// the frame.
+    /// Completes the statistics after the driver has waited for the frame and read its results. An earlier
+    /// report is that of the submission that read back vertices for the frame's own tree, and counts for the frame.
     pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
         (self.traced.seen, self.traced.times) = (seen, report.times);
         let (times, fetched) = (&mut report.times, &self.report.times);

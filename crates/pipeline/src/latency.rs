@@ -137,12 +137,12 @@ impl LatencyPredictor {
         self.in_use(0.5)
     }
 
-    /// Returns the middles of the first and the second half of that time.
+    /// Returns the middles of both halves of the time in which a tree requested now is used.
     pub(crate) fn halves_of_use(&self) -> [f64; 2] {
         [0.25, 0.75].map(|share| self.in_use(share))
     }
 
-    /// Returns the time at which `share` of that use has passed.
+    /// Returns the time at which a tree requested now has been used for `share` of its frames.
     fn in_use(&self, share: f64) -> f64 {
         let latency = self.expected();
         self.ahead(latency + share * (latency - 1.0).max(0.0))

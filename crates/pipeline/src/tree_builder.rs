@@ -169,8 +169,7 @@ impl TreeBuilder {
     ///
     /// If `weighed` is set, the tree is built from subtrees of the last one, which is faster. It is built from scratch
     /// if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
-    /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart in that
-    /// time.
+    /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,

@@ -29,7 +29,7 @@ pub(super) struct Request {
     pub(super) pose: Pose,
     /// Middle of the expected time of use, in key frames.
     pub(super) middle: f64,
-    /// Middles of the first and the second half of that time.
+    /// Middles of both halves of the expected time of use, in key frames.
     pub(super) halves: [f64; 2],
     pub(super) requested: Instant,
     /// Number of frames that the build took, once it is finished.

@@ -179,8 +179,7 @@ fn lockstep_swaps_k_frames_after_asking() {
     for k in [1_u64, 3, 7] {
         let r = run(30, 24, Update::Async(Pace::Lockstep(k as u32)), Some(5));
         for (n, f) in (0..).zip(&r.records) {
-            // The first frame builds its own tree. The next one requests a tree, and further requests follow every k
-            // frames.
+            // The first frame builds its own tree. From the next frame on, a tree is requested every k frames.
             let expected = match u64::saturating_sub(n, 1) / k {
                 0 => (1, n),
                 cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
@@ -280,7 +279,7 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
         }
         assert!(found.len() > 4, "{}", found.len());
     }
-    // Trees for other rays are ordered for no light.
+    // Trees for other rays are not ordered for a light.
     for kind in [QueryKind::Closest, QueryKind::Any] {
         let found = trees_for((Update::Rebuild, false), |_| kind);
         assert_eq!(found[3], tree_at(&animation, 3.0, None));

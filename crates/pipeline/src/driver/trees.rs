@@ -415,8 +415,7 @@ impl Driver {
             cost: built.cost,
             returned: false,
         });
-        // A tree that returned once may return again. So pauses between requests end only if the replaced tree never
-        // returned.
+        // A tree that returned once may return again, so replacing it does not end the pauses between requests.
         if replaced.as_ref().is_none_or(|tree| !tree.returned) {
             self.patience.adopted();
         }

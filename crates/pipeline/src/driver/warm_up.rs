@@ -23,7 +23,7 @@ const WINDOW: f64 = 0.1;
 const FEWEST: usize = 3;
 /// Largest relative difference between medians that are considered equal.
 const AGREE: f64 = 0.03;
-/// Seconds after which a warm-up ends even if the medians still differ.
+/// Maximum additional seconds of warm-up while the medians differ.
 const PATIENCE: f64 = 0.5;
 
 /// Result of a warm-up.

@@ -23,9 +23,9 @@ pub(super) struct DegradationMonitor {
 
 impl DegradationMonitor {
     const PARTS: f64 = 1.5;
-    /// Cost ratio above which trees no longer hold.
+    /// Cost ratio above which `holds` becomes false.
     const FADED: f64 = 1.2;
-    /// Cost ratio up to which trees start to hold. Cost grows with the square of time, so such trees remain good for
+    /// Cost ratio up to which `holds` becomes true. Cost grows with the square of time, so such trees remain good for
     /// more than twice as long. Trees that are built from scratch also cost less.
     const HOLDS: f64 = 1.01;
 

@@ -114,12 +114,12 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // At the same time, the last tree costs as little as the new one. So trees hold.
+    // At the same time, the last tree costs as little as the new one, so `holds` becomes true.
     course.next(1.0);
     course.next(1.0);
     let [_, tree] = course.next(1.0);
     assert_eq!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // Trees hold until one has degraded.
+    // It stays true until a tree has degraded.
     let [_, tree] = course.next(2.0);
     assert_eq!(tree, BinaryTree::over(&course.boxes(2.0)[..]));
     let [last, tree] = course.next(3.0);
