@@ -49,8 +49,8 @@ pub struct DriverOptions {
     pub method: Method,
     /// Policy that updates trees as vertices move.
     pub update: Update,
-    /// First and last time to render, in key frames. Predicted times stay within this range, and [`Update::TSah`]
-    /// builds its tree for it.
+    /// First and last time that will be rendered, in key frames: what
+    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
     pub time_range: [f64; 2],
     /// With [`Update::Async`]: build each tree from key frames, for the middle of the time in which it will be used.
     /// Otherwise trees are built from the positions of the frame that requests them, read back from the backend.

@@ -152,7 +152,7 @@ pub struct Adopted {
     pub snapshot_bytes: u64,
     /// Number of triangles.
     pub triangles: usize,
-    /// Pose that it was built for.
+    /// Where the motion stands that it was built for: of [`Update::TSah`](crate::Update::TSah), the first frame.
     pub built_for: Pose,
     /// Times of the steps from the request to the adoption.
     pub moments: TreeMoments,

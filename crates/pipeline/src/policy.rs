@@ -146,7 +146,7 @@ impl RunFacts {
 const TREE_SHARE: f64 = 0.5;
 /// A tree for the whole time range takes as long as so many others.
 const TSAH_BUILDS: f64 = 9.0;
-/// Milliseconds per triangle on one thread: first build, conversion, and transfer to a GPU.
+/// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
 /// On an H100: milliseconds per frame and per triangle, then the same for a build on the device.
 const GPU_FRAME: f64 = 0.2;

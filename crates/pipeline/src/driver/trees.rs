@@ -383,7 +383,7 @@ impl Driver {
         )
     }
 
-    /// Builds while the frame waits, from `read_back` bytes of positions.
+    /// Builds while the frame waits, from so many bytes that were read back.
     fn build_waiting(
         &mut self,
         request: &mut Request,

@@ -59,7 +59,7 @@ pub fn warm_up<'a, E: From<PipelineError>>(
     mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
 ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
     let seconds = seconds(asked, driver.backend().device().kind);
-    // A single frame gains nothing, because no frame follows the warm-up.
+    // Nothing comes after a single frame that could gain by it.
     if seconds <= 0.0 || frames.len() < 2 {
         return Ok((None, frames));
     }

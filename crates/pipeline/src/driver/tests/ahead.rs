@@ -313,7 +313,7 @@ fn a_tree_for_all_times_is_built_once_without_the_device() {
     assert_ne!(run.log.trees, refitted.log.trees);
 }
 
-/// Renders frames of a scene whose positions only the backend has. It moves in the first `moving` frames.
+/// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     unknown_by(FREE, frames, moving)
 }

@@ -113,7 +113,7 @@ impl Fake {
         }
     }
 
-    /// Returns the cost of a tree at the recorded pose.
+    /// The cost of a tree at the pose of the recording.
     fn cost_of(&self, tree: &Topology) -> f64 {
         let moment = self.animation.as_ref().unwrap().moment(self.pose.unwrap());
         let (moment, ranks) = (moment.unwrap(), tree.ranks());
