@@ -12,6 +12,8 @@ pub(super) struct Candidate {
     pub(super) state: State,
     /// How far its moment was away, in key frames, when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
+    /// Its cost divided by the current tree's, by the evaluation that accepted it.
+    pub(super) share: Option<f64>,
 }
 
 /// Which tree was requested, when, and what for.
@@ -101,6 +103,7 @@ impl Candidate {
             request,
             state: State::Building,
             dearer_at: None,
+            share: None,
         }
     }
 

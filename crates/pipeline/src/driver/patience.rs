@@ -1,12 +1,14 @@
 //! When a tree may be requested again after others were rejected.
 //!
-//! A build takes cores and memory bandwidth from the frames. Where motion comes back to where it was, as to and fro, the current
-//! tree may be as good as any other, and builds are in vain. So each further rejection doubles the pause before the next
-//! request, in units of the time that the build took. A tree that is adopted ends that, and so does a current tree that comes to
-//! cost more than ever before.
+//! A build takes cores and memory bandwidth from the frames. While vertices move to and fro, the current tree may be about as good
+//! as any other, so builds gain nothing. Each further rejection therefore doubles the pause before the next request, in units of
+//! the time that the build took. An adopted tree that saves little counts as a rejection. A tree that saves more ends the pauses,
+//! and so does a current tree that costs more than ever before.
 
 /// Rejections in a row after which pauses grow no longer. Builds then take a thirty-second of the time.
 const MOST: u32 = 6;
+/// An adopted tree ends the pauses if it costs at most this share of the cost of the tree that it replaces.
+const WORTHWHILE: f64 = 0.9;
 /// A current tree costs more than ever before if it does by this factor.
 const DEARER: f64 = 1.1;
 
@@ -29,9 +31,14 @@ impl Patience {
         self.until = now + pause * frames;
     }
 
-    /// A tree is adopted.
-    pub(super) fn adopted(&mut self) {
-        *self = Self::default();
+    /// A tree whose request, build and evaluation took `frames` frames is adopted in frame `now`. It costs `share` of the
+    /// replaced tree's cost at the same positions.
+    pub(super) fn adopted(&mut self, now: u64, frames: u64, share: f64) {
+        if share > WORTHWHILE {
+            self.rejected(now, frames);
+        } else {
+            *self = Self::default();
+        }
     }
 
     /// The current tree costs that much in a frame.
@@ -66,12 +73,20 @@ mod tests {
         let mut patience = Patience::default();
         let all = [0, 10, 30, 70, 150, 310, 310];
         assert_eq!(pauses(&mut patience, 7), all);
-        patience.adopted();
+        patience.adopted(100, 10, 0.9);
         assert_eq!(pauses(&mut patience, 2), all[..2]);
         for (cost, is_over) in [(2.0, false), (1.0, false), (2.1, false), (2.4, true)] {
             patience.observe(cost);
             assert_eq!(patience.is_over(101), is_over, "{cost}");
         }
         assert_eq!(pauses(&mut patience, 2), all[..2]);
+    }
+
+    #[test]
+    fn a_tree_that_saves_less_than_a_tenth_counts_as_rejected() {
+        let mut patience = Patience::default();
+        pauses(&mut patience, 2);
+        patience.adopted(100, 10, 0.91);
+        assert!(!patience.is_over(129) && patience.is_over(130));
     }
 }

@@ -1,7 +1,6 @@
 //! Requests trees, hands vertices to the builder, and evaluates and adopts the trees that it makes.
 
 use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
-use super::retained::Retained;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
@@ -26,8 +25,6 @@ pub(super) struct Tree {
     /// The moment that it is best used at.
     pub(super) middle: f64,
     pub(super) cost: f64,
-    /// Whether it replaced a newer tree that came to cost more.
-    pub(super) returned: bool,
 }
 
 impl Driver {
@@ -123,13 +120,11 @@ impl Driver {
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
         let builds_ahead = self.builds_ahead();
         let (Some(candidate), Some(pose)) = (&mut self.candidate, self.pose) else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
         let State::Due(built) = &candidate.state else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
-        // The candidate takes its place on the device.
-        self.retained = None;
         let (tree, generation) = (&built.topology, candidate.request.generation);
         let approach = self.predictor.approach(candidate.request.middle);
         let evaluation = Evaluation {
@@ -145,46 +140,10 @@ impl Driver {
         Ok(())
     }
 
-    /// Records the evaluation of the replaced tree if it is due.
-    fn record_evaluation_of_retained(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.as_mut().filter(|retained| retained.is_due()) else {
-            return Ok(());
-        };
-        match self.backend.evaluate_retained()? {
-            true => retained.recorded(),
-            false => self.retained = None,
-        }
-        Ok(())
-    }
-
-    /// Makes the replaced tree current again if it costs less than the one that replaced it.
-    pub(super) fn return_cheaper(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.take_if(|retained| retained.is_cheaper()) else {
-            return Ok(());
-        };
-        self.backend.adopt_retained()?;
-        self.record.returned = true;
-        let mut tree = retained.into_tree();
-        tree.returned = true;
-        let middle = self.record.frame.time;
-        let replaced = self.tree.replace(Tree { middle, ..tree });
-        // A scene at rest needs no further tree for its pose.
-        let built_for = replaced.as_ref().map(|newer| newer.pose);
-        self.has_best_for = built_for.filter(|_| built_for == self.pose);
-        self.retained = replaced.map(Retained::new);
-        // The newer tree was built in vain.
-        let frames = self.predictor.frames_of_use();
-        self.patience.rejected(self.frames, frames);
-        Ok(())
-    }
-
     /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
-        }
-        if let Some(retained) = &mut self.retained {
-            retained.observe(ticket, report);
         }
         let Some(candidate) = &mut self.candidate else {
             return;
@@ -195,7 +154,11 @@ impl Driver {
         self.predictor
             .observe_evaluation(self.frames - evaluation.frame);
         match Verdict::of(report, evaluation.approach.is_some()) {
-            Verdict::Accept => candidate.advance(State::Accepted),
+            Verdict::Accept => {
+                let costs = report.candidate_cost.zip(report.sah_cost);
+                candidate.share = costs.map(|(candidate, current)| candidate / current);
+                candidate.advance(State::Accepted);
+            }
             Verdict::Wait => {
                 candidate.dearer_at = evaluation.approach;
                 candidate.advance(State::Arrived);
@@ -342,10 +305,16 @@ impl Driver {
             self.has_best_for = dearer_at.filter(|&pose| pose == candidate.request.pose);
             return Ok(());
         }
-        match candidate.take() {
-            Some(built) => self.adopt(built, &candidate.request),
-            None => Ok(()),
-        }
+        let Some(built) = candidate.take() else {
+            return Ok(());
+        };
+        self.adopt(built, &candidate.request)?;
+        // A tree from known key frames is built for the time of its use, so small gains add up.
+        let share = candidate.share.filter(|_| !self.predicts());
+        let frames = self.frames - candidate.request.frame;
+        self.patience
+            .adopted(self.frames, frames, share.unwrap_or(0.0));
+        Ok(())
     }
 
     /// Blocks until the candidate is finished or given up. Only lockstep comes here.
@@ -405,20 +374,13 @@ impl Driver {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, request.generation)?;
         let (adopted, moments) = (Instant::now(), built.moments);
-        let replaced = self.tree.replace(Tree {
+        self.tree = Some(Tree {
             generation: request.generation,
             frame: request.frame,
             pose: request.pose,
             middle: request.middle,
             cost: built.cost,
-            returned: false,
         });
-        // A tree that returned may return again: only one that stayed ends the pauses between requests.
-        if replaced.as_ref().is_none_or(|tree| !tree.returned) {
-            self.patience.adopted();
-        }
-        let may_return = self.weighs() && !self.predicts();
-        self.retained = replaced.filter(|_| may_return).map(Retained::new);
         let (arrived, snapshot_bytes) = request
             .vertices_arrived
             .expect("a tree is built from vertices");
