@@ -117,15 +117,17 @@ macro_rules! named {
     };
 }
 
+mod axes;
 mod device;
 mod error;
 mod frame;
 mod query;
 
+pub use axes::{Intersector, Policy};
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
-pub use query::{Hits, HitsPool, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
+pub use query::{Hits, HitsPool, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};

@@ -10,10 +10,11 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Update};
+use crate::schedule::plan;
 use crate::tree_builder::Forms;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
+    Ticket,
 };
 use bvh_layout::Spare;
 use candidate::Candidate;
@@ -46,11 +47,10 @@ pub struct DriverOptions {
     /// How the backend traces.
     pub method: Method,
     /// How trees follow the motion.
-    pub update: Update,
-    /// First and last time that will be rendered, in key frames: what
-    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    pub update: Policy,
+    /// First and last time that will be rendered, in key frames. No tree is built for a time beyond them.
     pub time_range: [f64; 2],
-    /// With [`Update::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
+    /// With [`Policy::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
     /// instead of for the frame that asks, from the backend's vertices.
     pub predict: bool,
 }
@@ -114,7 +114,7 @@ impl Driver {
     ) -> Result<Self, PipelineError> {
         admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
-        if options.update == Update::DeviceRebuild {
+        if options.update.builds_on_device() {
             backend.check_rebuild()?;
         }
         let forms = Forms {
@@ -128,10 +128,7 @@ impl Driver {
                 builder_pool.with(|builder| builder.carry_out(&animation, job, cancel))
             })
         };
-        let agreed = match options.update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        };
+        let agreed = options.update.lockstep();
         Ok(Self {
             backend,
             animation,
@@ -325,7 +322,7 @@ impl Driver {
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        let plan = self.options.update.plan(self.frames, in_flight, outdated);
+        let plan = plan(self.options.update, self.frames, in_flight, outdated);
         self.follow(plan, wanted)
     }
 
@@ -345,7 +342,7 @@ impl Driver {
 
     /// Whether the backend makes the trees.
     fn makes_trees(&self) -> bool {
-        let asked = self.options.update == Update::DeviceRebuild;
+        let asked = self.options.update.builds_on_device();
         asked || self.backend.makes_own_trees()
     }
 
@@ -353,7 +350,7 @@ impl Driver {
     /// tree of them; says whether a refit must follow.
     fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
-        let anew = matches!(self.options.update, Update::Rebuild | Update::DeviceRebuild);
+        let anew = self.options.update.rebuilds_every_frame();
         let generation = match &self.tree {
             None => FIRST,
             Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
@@ -373,9 +370,8 @@ impl Driver {
 }
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
-fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
-    if !takes_trees || !backend.makes_own_trees() {
+fn admit(backend: &dyn Backend, update: Policy) -> Result<(), BackendError> {
+    if !update.builds_beside_frames() || !backend.makes_own_trees() {
         return Ok(());
     }
     let policy = update.name();

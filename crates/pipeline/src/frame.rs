@@ -40,9 +40,8 @@ pub struct FrameRecord {
     /// The tree this frame could have swapped to, but that it was no better than the one in use, or built for a moment
     /// that is further off than the next tree.
     pub rejected: Option<Generation>,
-    /// Refitted cost over the cost of a fresh tree at the same time where that
-    /// is known, else over the cost when it was built (with
-    /// [`Update::TSah`](crate::Update::TSah), over that of a fresh tree at the first frame). `None` where the backend measures no cost.
+    /// Refitted cost over the cost of a fresh tree at the same time where that is known, else over the cost when it was
+    /// built. `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory the backend held when the frame was done, where it can tell.
     pub device_bytes: Option<DeviceBytes>,
@@ -148,7 +147,7 @@ pub struct Adopted {
     pub snapshot_bytes: u64,
     /// Triangles it holds.
     pub triangles: usize,
-    /// Where the motion stands that it was built for: of [`Update::TSah`](crate::Update::TSah), the first frame.
+    /// Where the motion stands that it was built for.
     pub built_for: Pose,
     /// How it came about.
     pub moments: TreeMoments,

@@ -4,12 +4,11 @@ use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
-use crate::schedule::{FramePlan, InFlight, Pace, Update};
-use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::schedule::{FramePlan, InFlight};
+use crate::tree_builder::{Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
-use bvh_build::{BuildError, Cancel};
-use geom::{Animation, Point, Pose};
+use bvh_build::Cancel;
+use geom::{Point, Pose};
 use std::time::Instant;
 
 /// The generation of the tree that the first frame builds.
@@ -179,7 +178,7 @@ impl Driver {
 
     /// Whether trees are adopted by their cost. In lockstep each is, whatever it costs.
     fn weighs(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free)
+        self.options.update.adopts_by_cost()
     }
 
     fn predicts(&self) -> bool {
@@ -188,7 +187,7 @@ impl Driver {
 
     /// Whether trees are for moments to come.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.options.update.waits_at_once()
+        self.options.predict && !self.options.update.waits_for_tree()
     }
 
     /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
@@ -201,7 +200,7 @@ impl Driver {
         }
         self.newest.0 += 1;
         let mut request = self.ask(self.newest, pose);
-        if self.options.update.waits_at_once() {
+        if self.options.update.waits_for_tree() {
             let built = self.build_now(&mut request, None)?;
             return built.map_or(Ok(()), |built| self.adopt(built, &request));
         }
@@ -215,19 +214,11 @@ impl Driver {
     /// Builds the first tree, while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.ask(FIRST, pose);
-        let built = if self.options.update == Update::TSah {
-            let range = self.options.time_range;
-            self.build_waiting(&mut request, 0, |builder, animation| {
-                let samples = samples(animation, range)?;
-                builder.build_for_all(animation, &samples, pose, &Cancel::new())
-            })
-        } else {
-            // Built ahead, it is built for more than the frame.
-            let ahead = self.predicts() && self.weighs();
-            let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-            request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(&mut request, halves.map(|times| self.poses(times)))?
-        };
+        // Built ahead, it is built for more than the frame.
+        let ahead = self.predicts() && self.weighs();
+        let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
+        request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
+        let built = self.build_now(&mut request, halves.map(|times| self.poses(times)))?;
         let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
@@ -341,33 +332,18 @@ impl Driver {
     ) -> Result<BuildResult<Built>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.pose = Some(request.pose);
-        let read_back = bytes(positions.len());
-        let from = (Vertices::ReadBack(positions), halves);
-        Ok(
-            self.build_waiting(request, read_back, |builder, animation| {
-                builder.build(animation, from, &Cancel::new())
-            }),
-        )
-    }
-
-    /// Builds while the frame waits, from so many bytes that were read back.
-    fn build_waiting(
-        &mut self,
-        request: &mut Request,
-        read_back: u64,
-        build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
-    ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        request.vertices_arrived = Some((arrived, read_back));
+        request.vertices_arrived = Some((arrived, bytes(positions.len())));
+        let from = (Vertices::ReadBack(positions), halves);
         let (animation, light) = (&self.animation, self.light);
         let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            build(builder, animation)
+            builder.build(animation, from, &Cancel::new())
         });
         self.record.build_wait_ms += ms(arrived.elapsed());
-        built
+        Ok(built)
     }
 
     fn adopt(&mut self, built: Built, request: &Request) -> Result<(), PipelineError> {

@@ -6,7 +6,6 @@
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
-use crate::schedule::{Pace, Update};
 use crate::tree_builder::TreeBuilder;
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Query};
 use bvh_build::Cancel;
@@ -150,7 +149,7 @@ impl Driver {
 
     /// Warms the builder up, if one is to run free and has nothing to do.
     fn warm_up_builder(&self) {
-        let runs_free = self.options.update == Update::Async(Pace::Free);
+        let runs_free = self.options.update.adopts_by_cost();
         if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
             // Nothing comes of it either way; the first tree that counts will tell what is wrong.
             let animation = &self.animation;
@@ -164,12 +163,12 @@ impl Driver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::tests::{Policy, drifting, driver, fake::Fake, fake::Log, query, read};
-    use backend::QueryKind;
+    use crate::driver::tests::{Config, drifting, driver, fake::Fake, fake::Log, query, read};
+    use backend::{Policy, QueryKind};
     use std::sync::Arc;
 
     /// Runs frames, after the first of which so many traces are done uncounted.
-    fn run(by: Policy, mut left: usize) -> (Vec<FrameRecord>, Log) {
+    fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
         let fake = Fake::new(Some(0));
         let log = Arc::clone(&fake.log);
         let mut driver = driver(fake, &drifting(30), by).unwrap();
@@ -202,13 +201,8 @@ mod tests {
         // One more is under way when there are enough.
         const ASKED: usize = 50;
         const DONE: usize = ASKED + 1;
-        let lockstep = Update::Async(Pace::Lockstep(3));
-        let others = [
-            Update::Rebuild,
-            Update::Refit,
-            Update::TSah,
-            Update::DeviceRebuild,
-        ];
+        let lockstep = Policy::Lockstep(3);
+        let others = [Policy::Rebuild, Policy::Refit, Policy::DeviceRebuild];
         let others = others.map(|update| (update, false));
         for by in [(lockstep, true), (lockstep, false)]
             .into_iter()
