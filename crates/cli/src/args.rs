@@ -2,7 +2,7 @@
 
 use crate::stop::Stop;
 use crate::{talk, values};
-use clap::builder::ArgPredicate;
+use backend::{Intersector, Policy};
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
@@ -80,6 +80,9 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
         let _ = e.print();
         return Stop::Shown;
     }
+    if let Some(removed) = removed::find(e) {
+        return Stop::bad(removed);
+    }
     // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
     let spelt = args
         .iter()
@@ -125,11 +128,9 @@ pub(crate) struct TraceArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
-    /// --time; t-sah does so with a tree for all times. Hits are the same, only the speed differs
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    /// --time. Hits are the same, only the speed differs
+    #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,
     /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
@@ -153,8 +154,6 @@ pub(crate) struct InspectArgs {
     /// Directory for those key frames, as .ply files, and times.json with the time of each
     #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) reduced_out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// JSON to standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -226,17 +225,16 @@ pub(crate) struct DeviceArgs {
 
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
-    /// How a ray is tested against a triangle [with --tolerance: auto]
-    #[arg(long, value_name = "NAME", default_value = "watertight")]
-    #[arg(default_value_if("tolerance", ArgPredicate::IsPresent, "auto"))]
-    pub(crate) intersector: IntersectorName,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
+    pub(crate) intersector: Intersector,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) layout: LayoutName,
 }
 
 impl MethodArgs {
-    pub(crate) fn of(intersector: IntersectorName, layout: LayoutName) -> Self {
+    pub(crate) fn of(intersector: Intersector, layout: LayoutName) -> Self {
         Self {
             intersector,
             layout,
@@ -262,34 +260,12 @@ pub(crate) enum BackendName {
     VulkanRtFastTrace,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpdateName {
-    /// Whichever is expected to finish the run first
-    Auto,
-    /// A new tree for every frame, which waits for it
-    Rebuild,
-    /// The first tree, refitted
-    Refit,
-    /// The newest finished tree, refitted, while the next one is built
-    Async,
-    /// One tree built for the whole time range, refitted (Bittner, Meister 2015)
-    TSah,
-    /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
-    DeviceRebuild,
-}
+/// An update policy; `None` leaves the choice to `auto`.
+pub(crate) type UpdateName = Option<Policy>;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum IntersectorName {
-    /// The cheapest within the tolerance
-    Auto,
-    /// Möller, Trumbore 1997
-    MollerTrumbore,
-    /// Woop 2004: an affine transform a triangle
-    Woop,
-    /// Woop, Benthin, Wald 2013, with exact ties
-    Watertight,
-    /// The answer of exact arithmetic
-    Exact,
+/// Returns the name of a policy on the command line.
+pub(crate) fn update_name(update: UpdateName) -> &'static str {
+    update.map_or(values::AUTO, Policy::name)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -300,22 +276,6 @@ pub(crate) enum LayoutName {
     Bvh2,
     /// Whatever measured fastest
     Fast,
-}
-
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct ToleranceArgs {
-    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
-    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
-    #[arg(long, value_name = "PPM", value_parser = values::number(|rate: f64| (0.0..=1e6).contains(&rate),
-        "a tolerance is a number of rays a million, from 0 to 1000000"))]
-    pub(crate) tolerance: Option<f64>,
-}
-
-impl ToleranceArgs {
-    /// What is tolerated of what is left to `auto`.
-    pub(crate) fn ppm(self) -> f64 {
-        self.tolerance.unwrap_or(0.0)
-    }
 }
 
 /// How far a vertex may be from where it was.
@@ -346,6 +306,7 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 
 mod idle;
 mod measure;
+mod removed;
 mod render;
 #[cfg(test)]
 mod tests;

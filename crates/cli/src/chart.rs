@@ -16,7 +16,7 @@ mod plan;
 
 use crate::args::{BackendName, ChartArgs, RaysName};
 use crate::bench::{self, Combination, Row};
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::session;
 use crate::stop::{self, Stop};
@@ -50,7 +50,7 @@ struct Measured {
 
 impl Measured {
     fn intersector(&self) -> Intersector {
-        choose::intersector(self.way.method.intersector).0
+        self.way.method.intersector
     }
 
     /// Whether two ways answer alike.

@@ -1,14 +1,13 @@
 //! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes. `--reduce-keys`: how few key
 //! frames stand for all of them.
 
-use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Tolerance, UpdateName,
-};
+use crate::args::{BackendName, InspectArgs, LayoutName, MethodArgs, Tolerance};
 use crate::bench::FOV;
 use crate::choose::Ask;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::{frames, session, talk};
+use backend::Intersector;
 use geom::{Animation, Point};
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
@@ -66,9 +65,8 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
-    let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
-    let mut ask = Ask::of(BackendName::Auto, method, UpdateName::Auto);
-    ask.tolerance = args.tolerance.ppm();
+    let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
+    let mut ask = Ask::of(BackendName::Auto, method, None);
     if let Some(camera) = &camera {
         ask = ask.over(&frames, shading::query((camera, view.light)));
     }

@@ -137,7 +137,6 @@ fn ask(args: &RenderArgs) -> Ask<'_> {
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
         lockstep: args.lockstep,
-        tolerance: args.tolerance.ppm(),
         rays: values::pixels(args.size),
         predict: args.predict,
         ..Ask::of(args.device.backend, args.method, args.update)

@@ -174,9 +174,8 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
 }
 
 fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
-    let intersector = word(&args.method.intersector);
     // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = matches!(&*intersector, "watertight" | "exact");
+    let is_robust = args.method.intersector.is_equal_across_backends();
     let mut all = BTreeMap::from([
         ("size", json!(args.size)),
         ("eye", json!(args.eye)),
@@ -189,7 +188,7 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
         // How the default view frames the scene follows from it.
         ("key-memory", json!(args.source.key_memory)),
         ("frames", frames_value(args, key_times)),
-        ("intersector", json!(intersector)),
+        ("intersector", json!(args.method.intersector.name())),
     ]);
     if args.source.recentre {
         all.insert("recentre", json!(true));
@@ -197,7 +196,6 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     if !is_robust || has_own_trees(args.device.backend) {
         all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
-        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
     all.into_iter().map(owned).collect()

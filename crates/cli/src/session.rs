@@ -1,19 +1,18 @@
 //! A tracer set up as asked, ready for its first frame; to measure, the library's own driver.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::args::{BackendName, LayoutName, MethodArgs};
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Intersector, Method, Policy, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
 use output::Taken;
 use pipeline::{
-    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update, Wanted,
-    trees_bytes,
+    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Wanted, trees_bytes,
 };
 use scene::Scene;
 use serde::Serialize;
@@ -92,16 +91,8 @@ pub(crate) fn start_driver_on(
 
 /// The library's words for what a driver is to do.
 fn builder(options: DriverOptions) -> Builder {
-    let update = match options.update {
-        Update::Rebuild => abvh::Update::Rebuild,
-        Update::Refit => abvh::Update::Refit,
-        Update::Async(Pace::Free) => abvh::Update::Async,
-        Update::Async(Pace::Lockstep(frames)) => abvh::Update::Lockstep(frames),
-        Update::TSah => abvh::Update::TSah,
-        Update::DeviceRebuild => abvh::Update::DeviceRebuild,
-    };
     Tracer::builder()
-        .update(update)
+        .update(options.update)
         .intersector(options.method.intersector)
         .layout(options.method.layout)
         .time_range(options.time_range)
@@ -118,7 +109,7 @@ fn start_by<T>(
     check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
-        let (backend, (method, update, why)) = choose::settle(backend, animation, ask)?;
+        let (method, update, why) = choose::settle(backend.as_ref(), animation, ask)?;
         let taking = take(backend, animation, ask, (method, update))?;
         let device = taking.0.device().clone();
         Ok((load(taking)?, device, method, update, why))
@@ -130,7 +121,8 @@ fn start_by<T>(
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
     let (traces, device, method, update, reasons) = opened;
-    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let [why_update, mut why_layout] = reasons;
+    let mut why_intersector = None;
     let threads = ask.share(device.kind, update);
     let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
     if open::has_own_trees(ask.backend) {
@@ -151,11 +143,8 @@ fn start_by<T>(
         threads: threads.render,
         builder_threads: threads.build,
         update: update.name(),
-        lockstep: match update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        },
-        predict: matches!(update, Update::Async(_)).then_some(ask.predict),
+        lockstep: update.lockstep(),
+        predict: update.builds_beside_frames().then_some(ask.predict),
         intersector,
         layout,
         auto: taken.into_iter().flatten().collect(),
@@ -183,7 +172,7 @@ pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     Ok(Ask {
         run: None,
         rays: ask.rays(),
-        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
+        method: MethodArgs::of(Intersector::Watertight, LayoutName::Auto),
         ..*ask
     })
 }
@@ -230,10 +219,7 @@ pub(crate) fn trace_lists<'a>(
 /// A backend that has room for the scene, what a driver is to do with it, and threads that build.
 type Taking = (Box<dyn Backend>, DriverOptions, usize);
 
-pub(crate) fn driver(
-    animation: &Arc<Animation>,
-    (backend, options, threads): Taking,
-) -> Result<Driver, Stop> {
+fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Result<Driver, Stop> {
     let threads = BuilderThreads::new(threads)?;
     let animation = Arc::clone(animation);
     Ok(Driver::new(backend, animation, options, threads)?)
@@ -241,11 +227,11 @@ pub(crate) fn driver(
 
 /// What a driver takes that traces by a method and follows the motion by a policy, as a run of its own would have it. Of a
 /// backend that computes on other threads, another of its kind is opened.
-pub(crate) fn take(
+fn take(
     backend: Box<dyn Backend>,
     animation: &Animation,
     ask: &Ask<'_>,
-    (method, update): (Method, Update),
+    (method, update): (Method, Policy),
 ) -> Result<Taking, Stop> {
     let device = backend.device().clone();
     let threads = ask.share(device.kind, update);
@@ -278,7 +264,7 @@ pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
 fn check_device(
     backend: &dyn Backend,
     animation: &Animation,
-    how: (Method, Update),
+    how: (Method, Policy),
     rays: usize,
 ) -> Result<(), Stop> {
     let kind = backend.device().kind;

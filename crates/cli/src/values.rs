@@ -1,8 +1,9 @@
 //! Values of options: points, sizes, ranges. Each rejection says what is wanted.
 
+use backend::{Intersector, Policy};
 use clap::builder::{
-    OsStringValueParser, PathBufValueParser, PossibleValuesParser, RangedU64ValueParser,
-    TypedValueParser,
+    OsStringValueParser, PathBufValueParser, PossibleValue, PossibleValuesParser,
+    RangedU64ValueParser, TypedValueParser,
 };
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -30,6 +31,29 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
     OsStringValueParser::new().try_map(|name| match name.is_empty() {
         true => Err("a scene has a name"),
         false => Ok(scene::word(&name)),
+    })
+}
+
+/// Stands for a choice that is left to the program.
+pub(crate) const AUTO: &str = "auto";
+
+/// Parses the name of an intersector, of those that `is_taken` accepts.
+pub(crate) fn intersector(
+    is_taken: fn(Intersector) -> bool,
+) -> impl TypedValueParser<Value = Intersector> {
+    let taken = Intersector::ALL.into_iter().filter(|&i| is_taken(i));
+    let value = |i: Intersector| PossibleValue::new(i.name()).help(i.description());
+    PossibleValuesParser::new(taken.map(value)).try_map(|name| name.parse())
+}
+
+/// Parses the name of an update policy; `auto` is `None`.
+pub(crate) fn update() -> impl TypedValueParser<Value = Option<Policy>> {
+    let auto = PossibleValue::new(AUTO).help("Whichever is expected to finish the run first");
+    let value = |p: Policy| PossibleValue::new(p.name()).help(p.description());
+    let all = Policy::ALL.map(value).into_iter();
+    PossibleValuesParser::new([auto].into_iter().chain(all)).try_map(|name| match &*name {
+        AUTO => Ok(None),
+        name => name.parse().map(Some),
     })
 }
 

@@ -3,7 +3,6 @@
 mod candidate;
 mod patience;
 mod read_back;
-mod retained;
 mod run;
 mod trees;
 mod warm_up;
@@ -11,16 +10,16 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Update};
+use crate::schedule::plan;
 use crate::tree_builder::Forms;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
+    Ticket,
 };
 use bvh_layout::Spare;
 use candidate::Candidate;
 use geom::{Animation, Point, Pose};
 use patience::Patience;
-use retained::Retained;
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -47,13 +46,12 @@ pub enum PipelineError {
 pub struct DriverOptions {
     /// Tracing method of the backend.
     pub method: Method,
-    /// Policy that updates trees as vertices move.
-    pub update: Update,
-    /// First and last time that will be rendered, in key frames: what
-    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    /// How trees follow the motion.
+    pub update: Policy,
+    /// First and last time that will be rendered, in key frames. No tree is built for a time beyond them.
     pub time_range: [f64; 2],
-    /// With [`Update::Async`]: build each tree from key frames, for the middle of the time in which it will be used.
-    /// Otherwise trees are built from the positions of the frame that requests them, read back from the backend.
+    /// With [`Policy::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
+    /// instead of for the frame that asks, from the backend's vertices.
     pub predict: bool,
 }
 
@@ -81,9 +79,7 @@ pub struct Driver {
     tree: Option<Tree>,
     /// Tree that was requested and is neither adopted nor rejected yet.
     candidate: Option<Candidate>,
-    /// Tree that the current one replaced, while it is on the device and future motion is unknown.
-    retained: Option<Retained>,
-    /// Generation of the last requested tree. Generations only increase.
+    /// The last tree that was asked for; generations only rise.
     newest: Generation,
     /// Pause between requests after trees were rejected.
     patience: Patience,
@@ -118,7 +114,7 @@ impl Driver {
     ) -> Result<Self, PipelineError> {
         admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
-        if options.update == Update::DeviceRebuild {
+        if options.update.builds_on_device() {
             backend.check_rebuild()?;
         }
         let forms = Forms {
@@ -132,10 +128,7 @@ impl Driver {
                 builder_pool.with(|builder| builder.carry_out(&animation, job, cancel))
             })
         };
-        let agreed = match options.update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        };
+        let agreed = options.update.lockstep();
         Ok(Self {
             backend,
             animation,
@@ -147,7 +140,6 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             candidate: None,
-            retained: None,
             patience: Patience::default(),
             newest: FIRST,
             spare: Spare::default(),
@@ -206,7 +198,6 @@ impl Driver {
         if let Some(candidate) = &mut self.candidate {
             candidate.advance(candidate::State::Arrived);
         }
-        self.retained = None;
     }
 
     /// Returns the backend, which can load another scene. Cancels a build in progress.
@@ -237,9 +228,6 @@ impl Driver {
             self.pose = None;
             if let Some(candidate) = &mut self.candidate {
                 candidate.abandoned();
-            }
-            if let Some(retained) = &mut self.retained {
-                retained.abandoned();
             }
         }
         begun
@@ -285,9 +273,6 @@ impl Driver {
         if let Some(candidate) = &mut self.candidate {
             candidate.submitted(ticket);
         }
-        if let Some(retained) = &mut self.retained {
-            retained.submitted(ticket);
-        }
         self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
         self.record.tree_generation = tree.generation;
@@ -329,17 +314,15 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let tree_pose = tree.pose;
-        self.return_cheaper()?;
         let newest = self
             .candidate
             .as_ref()
-            .map_or(tree_pose, |c| c.request.pose);
+            .map_or(tree.pose, |c| c.request.pose);
         let in_flight = self.in_flight()?;
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        let plan = self.options.update.plan(self.frames, in_flight, outdated);
+        let plan = plan(self.options.update, self.frames, in_flight, outdated);
         self.follow(plan, wanted)
     }
 
@@ -354,12 +337,12 @@ impl Driver {
         if asked {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.record.adopted.is_some() || self.record.returned)
+        Ok(moved || self.record.adopted.is_some())
     }
 
     /// Whether the backend makes the trees.
     fn makes_trees(&self) -> bool {
-        let asked = self.options.update == Update::DeviceRebuild;
+        let asked = self.options.update.builds_on_device();
         asked || self.backend.makes_own_trees()
     }
 
@@ -367,7 +350,7 @@ impl Driver {
     /// tree of them; says whether a refit must follow.
     fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
-        let anew = matches!(self.options.update, Update::Rebuild | Update::DeviceRebuild);
+        let anew = self.options.update.rebuilds_every_frame();
         let generation = match &self.tree {
             None => FIRST,
             Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
@@ -381,16 +364,14 @@ impl Driver {
             pose,
             middle: f64::NAN,
             cost: 0.0,
-            returned: false,
         });
         Ok(true)
     }
 }
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
-fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
-    if !takes_trees || !backend.makes_own_trees() {
+fn admit(backend: &dyn Backend, update: Policy) -> Result<(), BackendError> {
+    if !update.builds_beside_frames() || !backend.makes_own_trees() {
         return Ok(());
     }
     let policy = update.name();

@@ -36,16 +36,13 @@ pub struct FrameRecord {
     pub asked: Option<Generation>,
     /// Tree that this frame adopted, if any.
     pub adopted: Option<Adopted>,
-    /// Whether the frame made the previous tree current again because it costs less.
-    pub returned: bool,
-    /// Whether the backend built the tree within this frame.
+    /// Whether the backend made the tree within this frame.
     pub made: bool,
     /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
     /// a newer tree would arrive before its time of use.
     pub rejected: Option<Generation>,
-    /// Refitted cost over the cost of a fresh tree at the same time where that
-    /// is known, else over the cost when it was built (with
-    /// [`Update::TSah`](crate::Update::TSah), over that of a fresh tree at the first frame). `None` where the backend measures no cost.
+    /// Refitted cost over the cost of a fresh tree at the same time where that is known, else over the cost when it was
+    /// built. `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,
@@ -69,7 +66,6 @@ impl FrameRecord {
             tree_age_frames: 0,
             asked: None,
             adopted: None,
-            returned: false,
             made: false,
             rejected: None,
             sah_ratio: None,
@@ -152,7 +148,7 @@ pub struct Adopted {
     pub snapshot_bytes: u64,
     /// Number of triangles.
     pub triangles: usize,
-    /// Where the motion stands that it was built for: of [`Update::TSah`](crate::Update::TSah), the first frame.
+    /// Where the motion stands that it was built for.
     pub built_for: Pose,
     /// Times of the steps from the request to the adoption.
     pub moments: TreeMoments,

@@ -1,6 +1,6 @@
 //! Divides cores between rendering and building, and estimates the memory of a run.
 
-use crate::{Pace, Update};
+use backend::Policy;
 use backend::{DeviceKind, Intersector, Method};
 use geom::{Animation, Point};
 use serde::Serialize;
@@ -40,7 +40,7 @@ impl ExpectedMemory {
     pub fn of(
         animation: &Animation,
         device: DeviceKind,
-        (method, update): (Method, Update),
+        (method, update): (Method, Policy),
         rays: usize,
     ) -> Self {
         let keys = keys_bytes(animation);
@@ -58,11 +58,12 @@ impl ExpectedMemory {
     }
 }
 
-/// Returns the bytes of a candidate tree. Only free-running builds have one.
-fn candidate_bytes(animation: &Animation, update: Update) -> u64 {
-    match update {
-        Update::Async(Pace::Free) => animation.live_count() as u64 * CANDIDATE_BYTES,
-        _ => 0,
+/// Only a builder that runs free makes trees that are evaluated.
+fn candidate_bytes(animation: &Animation, update: Policy) -> u64 {
+    if update.adopts_by_cost() {
+        animation.live_count() as u64 * CANDIDATE_BYTES
+    } else {
+        0
     }
 }
 
@@ -78,15 +79,16 @@ pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
     trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
-fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
+fn device_bytes(animation: &Animation, (method, update): (Method, Policy), rays: usize) -> u64 {
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
     // Positions of two frames, the list of moving vertices, and the triangles' indices.
     let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
-    let tree = match update {
-        Update::DeviceRebuild => DEVICE_REBUILD_BYTES,
-        _ => DEVICE_TREE_BYTES,
+    let tree = if update.builds_on_device() {
+        DEVICE_REBUILD_BYTES
+    } else {
+        DEVICE_TREE_BYTES
     };
     // A hit, a shadow and, for `exact`, space for rays to settle.
     let answers = match method.intersector {
@@ -113,11 +115,11 @@ impl Threads {
     pub fn share(
         cores: usize,
         kind: DeviceKind,
-        update: Update,
+        update: Policy,
         [render, build]: [Option<usize>; 2],
     ) -> Self {
         let quarter = |n: usize| (n / 4).max(1);
-        let concurrent = matches!(update, Update::Async(_));
+        let concurrent = update.builds_beside_frames();
         let n = render.unwrap_or(cores);
         let (render, default) = match (concurrent, kind, render) {
             (false, ..) => (n, n),
@@ -140,8 +142,8 @@ mod tests {
     #[test]
     fn cores_are_shared_where_builder_and_renderer_work_at_once() {
         use DeviceKind::{Cpu, Gpu, Software};
-        let (free, refit) = (Update::Async(Pace::Free), Update::Refit);
-        // Cores, requested threads, and expected threads for rendering and for building.
+        let (free, refit) = (Policy::Async, Policy::Refit);
+        // Cores, what was asked for, and threads that render and that build.
         for (kind, update, cores, asked, expected) in [
             (Cpu, free, 16, [None, None], [12, 4]),
             (Software, free, 16, [None, None], [12, 4]),

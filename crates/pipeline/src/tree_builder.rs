@@ -2,8 +2,8 @@
 
 mod degradation;
 mod extrapolation;
-pub(crate) mod for_all;
 mod moments;
+mod warm_up;
 
 use crate::builder_thread::{BuildInput, Job, Observed};
 use backend::Snapshot;
@@ -32,8 +32,7 @@ pub(crate) enum Vertices {
 #[derive(Debug)]
 pub(crate) struct Built {
     pub(crate) topology: Topology,
-    /// Its [`sah_cost`] at the vertices it was built from; of a tree for a whole animation, that of one for the first
-    /// frame alone, there.
+    /// Its [`sah_cost`] at the vertices it was built from.
     pub(crate) cost: f64,
     /// How it was built.
     pub(crate) strategy: BuildStrategy,
@@ -107,7 +106,7 @@ impl TreeBuilder {
         }
     }
 
-    /// From now on trees are made for rays that end at a point: see [`bvh_build::order_toward`].
+    /// From now on trees are made for rays that end at a point: see [`Builder::toward`].
     pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
         self.builder.toward = toward;
     }

@@ -1,9 +1,9 @@
 //! Options of what measures, `bench` and `chart`, and of what judges, `conform` and `stability`.
 
-use super::{BackendName, IntersectorName, LayoutName, SourceArgs, ToleranceArgs, UpdateName};
+use super::{BackendName, LayoutName, SourceArgs, UpdateName};
 use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
-use clap::builder::{ArgPredicate, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
 use clap::{Args, ValueEnum};
 use conformance::stress::Plan;
 use conformance::{LAWS, OWN_TREE_LAWS};
@@ -23,12 +23,12 @@ pub(crate) struct MeasureArgs {
     #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
     /// Update policies
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::update())]
     #[arg(default_value = "rebuild,refit,async")]
     pub(crate) update: Vec<UpdateName>,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub(crate) intersector: Vec<IntersectorName>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector(|_| true))]
+    pub(crate) intersector: Vec<Intersector>,
     /// Frames of each run: N spread evenly over the time range, or those at key times A..B
     #[arg(long, value_name = "N|A..B", value_parser = values::frames)]
     pub(crate) frames: Frames,
@@ -49,8 +49,7 @@ pub(crate) struct MeasureArgs {
 #[command(mut_arg("scenes", |arg| arg.default_values(["demo:grove", "demo:collide"])))]
 #[command(mut_arg("frames", |arg| arg.required(false).default_value("24")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x360")))]
-#[command(mut_arg("intersector", |arg| arg.help("Intersectors [with --tolerance: auto]").default_value("watertight")
-    .default_value_if("tolerance", ArgPredicate::IsPresent, "auto")))]
+#[command(mut_arg("intersector", |arg| arg.default_value("watertight")))]
 pub(crate) struct BenchArgs {
     #[command(flatten)]
     pub(crate) measure: MeasureArgs,
@@ -61,8 +60,6 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[arg(default_value = "auto")]
     pub(crate) layout: Vec<LayoutName>,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// Run that the others are compared with, by words of its row in order, such as 'vulkan-rt refit' [default: the
     /// first of each scene]
     #[arg(long, value_name = "WORDS")]
@@ -104,7 +101,7 @@ pub(crate) struct BenchArgs {
 #[command(mut_arg("backend", |arg| arg.help("Backends; auto is the host's cores and every backend that finds a GPU")))]
 #[command(mut_arg("frames", |arg| arg.required(false).default_value("12")))]
 #[command(mut_arg("size", |arg| arg.default_value("640x400")))]
-#[command(mut_arg("intersector", |arg| arg.default_value("moller-trumbore,woop,watertight,exact")))]
+#[command(mut_arg("intersector", |arg| arg.default_values(Intersector::ALL.map(Intersector::name))))]
 pub(crate) struct ChartArgs {
     #[command(flatten)]
     pub(crate) measure: MeasureArgs,
@@ -178,7 +175,7 @@ pub(crate) struct ConformArgs {
     pub(crate) oracle_batch: Option<u64>,
     /// How those rays are traced [default: exact for --oracle-rays, watertight for --leak-rays]
     #[arg(long, value_name = "INTERSECTOR",
-        value_parser = PossibleValuesParser::new(["watertight", "exact"]).try_map(|name| name.parse::<Intersector>()))]
+        value_parser = values::intersector(Intersector::is_equal_across_backends))]
     pub(crate) intersector: Option<Intersector>,
 }
 
@@ -187,8 +184,8 @@ pub(crate) struct StabilityArgs {
     #[command(flatten)]
     pub(crate) test: TestArgs,
     /// Intersectors
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    #[arg(default_value = "moller-trumbore,woop,watertight,exact")]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::intersector(|_| true))]
+    #[arg(default_values = Intersector::ALL.map(Intersector::name))]
     pub(crate) intersector: Vec<Intersector>,
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value_t = Plan::default().seed)]
@@ -216,13 +213,9 @@ pub(crate) struct StressArgs {
     pub(crate) source: SourceArgs,
     #[command(flatten)]
     pub(crate) test: TestArgs,
-    /// Update policies: async, refit, rebuild
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "async,refit"
-    )]
+    /// Update policies
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::update())]
+    #[arg(default_value = "async,refit")]
     pub(crate) update: Vec<UpdateName>,
     /// Timed steps of each run
     #[arg(long, value_name = "N", default_value = "1000",

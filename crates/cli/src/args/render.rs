@@ -1,6 +1,6 @@
 //! Options of `render`.
 
-use super::{DeviceArgs, MethodArgs, SourceArgs, ToleranceArgs, UpdateName};
+use super::{DeviceArgs, MethodArgs, SourceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
 use clap::{ArgAction, Args};
 use geom::Point;
@@ -21,10 +21,8 @@ pub(crate) struct RenderArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// How trees follow the motion
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,
     /// With async: adopt each tree exactly K frames after it was asked for
     #[arg(long, value_name = "K")]

@@ -3,12 +3,12 @@
 //! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector get more
 //! rays. Intervals are Wilson's, or the rule of three where no answer was wrong ([`Rate`]).
 
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs};
 use crate::bench;
 use crate::choose::Ask;
 use crate::session;
 use crate::stop::Stop;
-use backend::{Hits, Intersector, QueryKind};
+use backend::{Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
@@ -134,8 +134,8 @@ impl<'a> Sampler<'a> {
             });
         }
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
-        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
+        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
+        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild));
         let (mut driver, _) = session::start_driver(self.animation, &ask)?;
         for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
             answered.blocked = self.trace(&mut driver, &answered.sheet)?.blocked;
@@ -394,8 +394,8 @@ mod tests {
     }
 
     fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {
-        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
-        let way = Ask::of(BackendName::Cpu, method, UpdateName::Refit);
+        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
+        let way = Ask::of(BackendName::Cpu, method, Some(Policy::Refit));
         let mut tally = Tally::new(way, intersector, 0);
         (tally.counted.rays_tested, tally.counted.wrong) = (1_000_000, wrong);
         tally.counted.aimed = plot::Aimed {

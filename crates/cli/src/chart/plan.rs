@@ -2,7 +2,7 @@
 
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
@@ -35,7 +35,7 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>),
 /// Returns the number of pairs of a backend and an intersector among `ways`.
 pub(super) fn methods(ways: &[Ask<'_>]) -> usize {
     let method = |way: &Ask<'_>| {
-        let intersector = choose::intersector(way.method.intersector).0;
+        let intersector = way.method.intersector;
         format!("{} {intersector}", word(&way.backend))
     };
     ways.iter().map(method).collect::<BTreeSet<_>>().len()
@@ -47,7 +47,7 @@ pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
         scene: scene.to_owned(),
         backend: word(&way.backend),
         layout: word(&way.method.layout),
-        intersector: choose::intersector(way.method.intersector).0.to_string(),
+        intersector: way.method.intersector.to_string(),
         update: way.update().0.name().to_owned(),
         error: stop.to_string(),
     }
@@ -101,7 +101,7 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
 impl fmt::Display for Ask<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.backend), word(&self.method.layout)];
-        let intersector = choose::intersector(self.method.intersector).0;
+        let intersector = self.method.intersector;
         let update = self.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn what_is_named_twice_is_done_once() {
-        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,auto,exact";
+        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,exact,woop";
         let parsed = parse(words.split(' ').map(Into::into));
         let Ok(Command::Chart(args)) = parsed else {
             panic!("{words}: {parsed:?}");

@@ -12,6 +12,8 @@ pub(super) struct Candidate {
     pub(super) state: State,
     /// Distance in key frames to the middle of its use when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
+    /// Its cost divided by the current tree's, by the evaluation that accepted it.
+    pub(super) share: Option<f64>,
 }
 
 /// Which tree was requested, when, and for what time of use.
@@ -102,6 +104,7 @@ impl Candidate {
             request,
             state: State::Building,
             dearer_at: None,
+            share: None,
         }
     }
 

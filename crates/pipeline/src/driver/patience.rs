@@ -1,13 +1,15 @@
 //! Pauses requests after trees were rejected.
 //!
-//! Builds take cores and memory bandwidth from frames. If motion is periodic, the current tree may be as good as any
-//! other, so that builds gain nothing. Each further rejection therefore doubles the pause before the next request. The
-//! unit is the time from request to rejection. The pause ends when a tree is adopted, or when the current tree's cost
-//! exceeds its previous maximum by [`DEARER`].
+//! A build takes cores and memory bandwidth from the frames. While vertices move to and fro, the current tree may be about as good
+//! as any other, so builds gain nothing. Each further rejection therefore doubles the pause before the next request, in units of
+//! the time that the build took. An adopted tree that saves little counts as a rejection. A tree that saves more ends the pauses,
+//! and so does a current tree that costs more than ever before.
 
 /// Number of rejections in a row after which pauses stop growing. Builds then take a thirty-second of the time.
 const MOST: u32 = 6;
-/// Factor by which a cost must exceed the previous maximum to end the pause.
+/// An adopted tree ends the pauses if it costs at most this share of the cost of the tree that it replaces.
+const WORTHWHILE: f64 = 0.9;
+/// A current tree costs more than ever before if it does by this factor.
 const DEARER: f64 = 1.1;
 
 /// Counts rejections and sets the pause.
@@ -29,9 +31,14 @@ impl Patience {
         self.until = now + pause * frames;
     }
 
-    /// Resets the pause because a tree was adopted.
-    pub(super) fn adopted(&mut self) {
-        *self = Self::default();
+    /// A tree whose request, build and evaluation took `frames` frames is adopted in frame `now`. It costs `share` of the
+    /// replaced tree's cost at the same positions.
+    pub(super) fn adopted(&mut self, now: u64, frames: u64, share: f64) {
+        if share > WORTHWHILE {
+            self.rejected(now, frames);
+        } else {
+            *self = Self::default();
+        }
     }
 
     /// Records the cost of the current tree in a frame.
@@ -66,12 +73,20 @@ mod tests {
         let mut patience = Patience::default();
         let all = [0, 10, 30, 70, 150, 310, 310];
         assert_eq!(pauses(&mut patience, 7), all);
-        patience.adopted();
+        patience.adopted(100, 10, 0.9);
         assert_eq!(pauses(&mut patience, 2), all[..2]);
         for (cost, is_over) in [(2.0, false), (1.0, false), (2.1, false), (2.4, true)] {
             patience.observe(cost);
             assert_eq!(patience.is_over(101), is_over, "{cost}");
         }
         assert_eq!(pauses(&mut patience, 2), all[..2]);
+    }
+
+    #[test]
+    fn a_tree_that_saves_less_than_a_tenth_counts_as_rejected() {
+        let mut patience = Patience::default();
+        pauses(&mut patience, 2);
+        patience.adopted(100, 10, 0.91);
+        assert!(!patience.is_over(129) && patience.is_over(130));
     }
 }

@@ -6,7 +6,6 @@ use super::trees::bytes;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, Observed};
 use crate::frame::Submission;
-use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Vertices, pose_between};
 use backend::{Query, Snapshot};
 use geom::Pose;
@@ -18,7 +17,7 @@ const AT_REST: u64 = 32;
 impl Driver {
     /// Returns whether a build uses the positions of two frames. In lockstep a tree may be due before the second frame.
     fn observes(&self) -> bool {
-        let is_free = self.options.update == Update::Async(Pace::Free);
+        let is_free = self.options.update.adopts_by_cost();
         is_free && !self.knows_key_frames && self.builds_ahead()
     }
 

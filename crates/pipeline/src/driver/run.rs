@@ -108,7 +108,7 @@ impl Driver {
     /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
     pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so none may be left open before it.
-        let waits_for_tree = self.options.update.waits_at_once() && !self.makes_trees();
+        let waits_for_tree = self.options.update.waits_for_tree() && !self.makes_trees();
         match waits_for_tree || self.needs_look(queries) {
             true => 1,
             false => FRAMES_IN_FLIGHT,

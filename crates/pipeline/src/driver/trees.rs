@@ -1,16 +1,14 @@
 //! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
-use super::retained::Retained;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
-use crate::schedule::{FramePlan, InFlight, Pace, Update};
-use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::schedule::{FramePlan, InFlight};
+use crate::tree_builder::{Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
-use bvh_build::{BuildError, Cancel};
-use geom::{Animation, Point, Pose};
+use bvh_build::Cancel;
+use geom::{Point, Pose};
 use std::time::Instant;
 
 /// Generation of the first frame's tree.
@@ -26,8 +24,6 @@ pub(super) struct Tree {
     /// Middle of its expected time of use, in key frames.
     pub(super) middle: f64,
     pub(super) cost: f64,
-    /// Whether the driver returned to this tree because a newer one cost more.
-    pub(super) returned: bool,
 }
 
 impl Driver {
@@ -123,13 +119,11 @@ impl Driver {
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
         let builds_ahead = self.builds_ahead();
         let (Some(candidate), Some(pose)) = (&mut self.candidate, self.pose) else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
         let State::Due(built) = &candidate.state else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
-        // The backend drops the retained tree when it evaluates a candidate.
-        self.retained = None;
         let (tree, generation) = (&built.topology, candidate.request.generation);
         let approach = self.predictor.approach(candidate.request.middle);
         let evaluation = Evaluation {
@@ -145,46 +139,10 @@ impl Driver {
         Ok(())
     }
 
-    /// Records the evaluation of the replaced tree if it is due.
-    fn record_evaluation_of_retained(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.as_mut().filter(|retained| retained.is_due()) else {
-            return Ok(());
-        };
-        match self.backend.evaluate_retained()? {
-            true => retained.recorded(),
-            false => self.retained = None,
-        }
-        Ok(())
-    }
-
-    /// Makes the replaced tree current again if it costs less than the one that replaced it.
-    pub(super) fn return_cheaper(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.take_if(|retained| retained.is_cheaper()) else {
-            return Ok(());
-        };
-        self.backend.adopt_retained()?;
-        self.record.returned = true;
-        let mut tree = retained.into_tree();
-        tree.returned = true;
-        let middle = self.record.frame.time;
-        let replaced = self.tree.replace(Tree { middle, ..tree });
-        // If the scene is at rest, its pose needs no further tree.
-        let built_for = replaced.as_ref().map(|newer| newer.pose);
-        self.has_best_for = built_for.filter(|_| built_for == self.pose);
-        self.retained = replaced.map(Retained::new);
-        // This counts as a rejection of the newer tree.
-        let frames = self.predictor.frames_of_use();
-        self.patience.rejected(self.frames, frames);
-        Ok(())
-    }
-
-    /// Processes the costs in a finished frame's report, for the current, the retained and the candidate tree.
+    /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
-        }
-        if let Some(retained) = &mut self.retained {
-            retained.observe(ticket, report);
         }
         let Some(candidate) = &mut self.candidate else {
             return;
@@ -195,7 +153,11 @@ impl Driver {
         self.predictor
             .observe_evaluation(self.frames - evaluation.frame);
         match Verdict::of(report, evaluation.approach.is_some()) {
-            Verdict::Accept => candidate.advance(State::Accepted),
+            Verdict::Accept => {
+                let costs = report.candidate_cost.zip(report.sah_cost);
+                candidate.share = costs.map(|(candidate, current)| candidate / current);
+                candidate.advance(State::Accepted);
+            }
             Verdict::Wait => {
                 candidate.dearer_at = evaluation.approach;
                 candidate.advance(State::Arrived);
@@ -217,7 +179,7 @@ impl Driver {
 
     /// Returns whether trees are adopted only if they cost less than the current tree. Lockstep adopts every tree.
     fn weighs(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free)
+        self.options.update.adopts_by_cost()
     }
 
     fn predicts(&self) -> bool {
@@ -226,7 +188,7 @@ impl Driver {
 
     /// Returns whether trees are built for a future time.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.options.update.waits_at_once()
+        self.options.predict && !self.options.update.waits_for_tree()
     }
 
     /// Carries out the plan before the frame is traced. A requested tree is built for `pose`.
@@ -239,7 +201,7 @@ impl Driver {
         }
         self.newest.0 += 1;
         let mut request = self.ask(self.newest, pose);
-        if self.options.update.waits_at_once() {
+        if self.options.update.waits_for_tree() {
             let built = self.build_now(&mut request, None)?;
             return built.map_or(Ok(()), |built| self.adopt(built, &request));
         }
@@ -253,19 +215,11 @@ impl Driver {
     /// Builds the first tree while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.ask(FIRST, pose);
-        let built = if self.options.update == Update::TSah {
-            let range = self.options.time_range;
-            self.build_waiting(&mut request, 0, |builder, animation| {
-                let samples = samples(animation, range)?;
-                builder.build_for_all(animation, &samples, pose, &Cancel::new())
-            })
-        } else {
-            // Built ahead, it is built for more than the frame.
-            let ahead = self.predicts() && self.weighs();
-            let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-            request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(&mut request, halves.map(|times| self.poses(times)))?
-        };
+        // Built ahead, it is built for more than the frame.
+        let ahead = self.predicts() && self.weighs();
+        let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
+        request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
+        let built = self.build_now(&mut request, halves.map(|times| self.poses(times)))?;
         let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
@@ -343,10 +297,16 @@ impl Driver {
             self.has_best_for = dearer_at.filter(|&pose| pose == candidate.request.pose);
             return Ok(());
         }
-        match candidate.take() {
-            Some(built) => self.adopt(built, &candidate.request),
-            None => Ok(()),
-        }
+        let Some(built) = candidate.take() else {
+            return Ok(());
+        };
+        self.adopt(built, &candidate.request)?;
+        // A tree from known key frames is built for the time of its use, so small gains add up.
+        let share = candidate.share.filter(|_| !self.predicts());
+        let frames = self.frames - candidate.request.frame;
+        self.patience
+            .adopted(self.frames, frames, share.unwrap_or(0.0));
+        Ok(())
     }
 
     /// Blocks until the candidate is built or its build fails. Only lockstep calls this.
@@ -374,53 +334,31 @@ impl Driver {
     ) -> Result<BuildResult<Built>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.pose = Some(request.pose);
-        let read_back = bytes(positions.len());
-        let from = (Vertices::ReadBack(positions), halves);
-        Ok(
-            self.build_waiting(request, read_back, |builder, animation| {
-                builder.build(animation, from, &Cancel::new())
-            }),
-        )
-    }
-
-    /// Builds while the frame waits, from so many bytes that were read back.
-    fn build_waiting(
-        &mut self,
-        request: &mut Request,
-        read_back: u64,
-        build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
-    ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        request.vertices_arrived = Some((arrived, read_back));
+        request.vertices_arrived = Some((arrived, bytes(positions.len())));
+        let from = (Vertices::ReadBack(positions), halves);
         let (animation, light) = (&self.animation, self.light);
         let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            build(builder, animation)
+            builder.build(animation, from, &Cancel::new())
         });
         self.record.build_wait_ms += ms(arrived.elapsed());
-        built
+        Ok(built)
     }
 
     fn adopt(&mut self, built: Built, request: &Request) -> Result<(), PipelineError> {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, request.generation)?;
         let (adopted, moments) = (Instant::now(), built.moments);
-        let replaced = self.tree.replace(Tree {
+        self.tree = Some(Tree {
             generation: request.generation,
             frame: request.frame,
             pose: request.pose,
             middle: request.middle,
             cost: built.cost,
-            returned: false,
         });
-        // A tree that returned once may return again, so replacing it does not end the pauses between requests.
-        if replaced.as_ref().is_none_or(|tree| !tree.returned) {
-            self.patience.adopted();
-        }
-        let may_return = self.weighs() && !self.predicts();
-        self.retained = replaced.filter(|_| may_return).map(Retained::new);
         let (arrived, snapshot_bytes) = request
             .vertices_arrived
             .expect("a tree is built from vertices");

@@ -6,7 +6,6 @@
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
-use crate::schedule::{Pace, Update};
 use crate::tree_builder::TreeBuilder;
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Query};
 use bvh_build::Cancel;
@@ -149,7 +148,7 @@ impl Driver {
 
     /// Warms the builder up, if it is free-running and idle.
     fn warm_up_builder(&self) {
-        let runs_free = self.options.update == Update::Async(Pace::Free);
+        let runs_free = self.options.update.adopts_by_cost();
         if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
             // The tree is dropped, so an error does not matter. The next build reports it again.
             let animation = &self.animation;
@@ -163,12 +162,12 @@ impl Driver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::tests::{Policy, drifting, driver, fake::Fake, fake::Log, query, read};
-    use backend::QueryKind;
+    use crate::driver::tests::{Config, drifting, driver, fake::Fake, fake::Log, query, read};
+    use backend::{Policy, QueryKind};
     use std::sync::Arc;
 
-    /// Runs 20 frames, with `left` uncounted traces after the first.
-    fn run(by: Policy, mut left: usize) -> (Vec<FrameRecord>, Log) {
+    /// Runs frames, after the first of which so many traces are done uncounted.
+    fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
         let fake = Fake::new(Some(0));
         let log = Arc::clone(&fake.log);
         let mut driver = driver(fake, &drifting(30), by).unwrap();
@@ -201,13 +200,8 @@ mod tests {
         // One more trace is in flight when enough have finished.
         const ASKED: usize = 50;
         const DONE: usize = ASKED + 1;
-        let lockstep = Update::Async(Pace::Lockstep(3));
-        let others = [
-            Update::Rebuild,
-            Update::Refit,
-            Update::TSah,
-            Update::DeviceRebuild,
-        ];
+        let lockstep = Policy::Lockstep(3);
+        let others = [Policy::Rebuild, Policy::Refit, Policy::DeviceRebuild];
         let others = others.map(|update| (update, false));
         for by in [(lockstep, true), (lockstep, false)]
             .into_iter()

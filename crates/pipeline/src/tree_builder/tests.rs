@@ -1,8 +1,6 @@
 //! Tests with a row of triangles whose order changes.
 
-use super::for_all::{Sample, samples};
 use super::*;
-use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
 /// Returns `count` triangles in a row, each at `place(key, triangle)` in each of `keys` key frames.
@@ -263,24 +261,6 @@ fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
 }
 
 #[test]
-fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
-    let mut course = Course::over(shuffled(), Forms::default());
-    let own = course.build(0, None);
-    let mut samples = samples(&course.animation, [0.0, 2.0]).unwrap();
-    let mut for_all = |samples: &[Sample<'_>]| {
-        let (a, builder) = (&course.animation, &mut course.builder);
-        let built = builder.build_for_all(a, samples, a.pose(0.0), &Cancel::new());
-        built.unwrap()
-    };
-    let tree = for_all(&samples);
-    assert_eq!(tree.cost, own.cost);
-    assert_ne!(tree.topology.words(), own.topology.words());
-    // Where hardly anything but the first frame counts, its own tree is taken.
-    samples[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
-    assert_eq!(for_all(&samples).topology.words(), own.topology.words());
-}
-
-#[test]
 fn a_tree_that_was_never_used_is_taken_back() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), Forms::default()));
     let [mut course, mut other] = courses;
@@ -309,23 +289,6 @@ fn an_old_records_memory_is_used_again() {
         assert_eq!(memory(&course.build(1, None).topology), before);
         assert_eq!(before.1.is_some(), treelets);
     }
-}
-
-#[test]
-fn a_tree_for_all_times_faces_the_light_too() {
-    let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
-    let tree = |toward| {
-        let mut builder = TreeBuilder::default();
-        builder.order_toward(toward);
-        let all = samples(&a, [0.0, 3.0]).unwrap();
-        let built = builder.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
-        built.map(|_| builder.in_use).unwrap()
-    };
-    let plain = tree(None);
-    let mut turned = plain.clone();
-    order_toward(&mut turned, &a.at(0.0).unwrap(), light);
-    assert_ne!(turned, plain);
-    assert_eq!(tree(Some(light)), turned);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::frame::Adopted;
 use crate::tree_builder::BuildStrategy;
 
 /// Positions never arrive, and nobody asks for them but the first frame.
-fn foreseen(update: Update) -> Run {
+fn foreseen(update: Policy) -> Run {
     let run = run_scene(&drifting(60), 50, (update, true), None);
     assert_eq!(run.log.requested, 1);
     run
@@ -35,10 +35,10 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     assert!(run.log.trees.len() > 8);
 }
 
-const FREE: Policy = (Update::Async(Pace::Free), true);
+const FREE: Config = (Policy::Async, true);
 
-fn lockstep(k: u32) -> Update {
-    Update::Async(Pace::Lockstep(k))
+fn lockstep(k: u32) -> Policy {
+    Policy::Lockstep(k)
 }
 
 /// Returns the time that a tree was built for.
@@ -109,7 +109,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
     assert_eq!(first(FREE), swept);
-    let others = [lockstep(2), Update::Rebuild, Update::Refit].map(|update| (update, true));
+    let others = [lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
     for policy in others.into_iter().chain([(FREE.0, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
@@ -137,7 +137,7 @@ fn measuring() -> Fake {
 }
 
 /// Frames of a shuffled row with a fake that measures, whose key frames the driver knows or not.
-fn weighed(by: Policy, frames: u64, knows_key_frames: bool) -> Run {
+fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &animation, by).unwrap();
@@ -184,39 +184,6 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
             }
         }
     }
-}
-
-#[test]
-fn a_replaced_tree_returns_if_it_costs_less_than_the_one_that_replaced_it() {
-    // Vertices reach the builder late, so that the next tree does not arrive at once.
-    let mut fake = Fake::new(Some(12));
-    fake.measures = true;
-    let (animation, log) = (shuffled(40, 64), Arc::clone(&fake.log));
-    let mut driver = driver(fake, &animation, FREE).unwrap();
-    driver.forget_key_frames();
-    // The motion reverses every three key frames.
-    let times = (0..60).map(|frame: i32| f64::from(3 - (frame % 6 - 3).abs()));
-    let mut records = Vec::new();
-    while log.lock().unwrap().returned.is_empty() && records.len() < 20_000 {
-        records.extend(play(&mut driver, times.clone(), |_| 1));
-    }
-    drop(driver);
-    let log = read(log);
-    let returned: Vec<_> = records.iter().filter(|r| r.returned).collect();
-    assert!(!returned.is_empty());
-    let generations: Vec<_> = returned.iter().map(|r| r.tree_generation).collect();
-    assert_eq!(generations, log.returned);
-    for record in &returned {
-        assert!(record.adopted.is_none());
-        let generation = record.tree_generation;
-        let is_cheaper = |(g, [replaced, current]): &(Generation, [f64; 2])| {
-            *g == generation && replaced < current
-        };
-        assert!(log.compared.iter().any(is_cheaper), "{generation:?}");
-    }
-    // With known key frames, no replaced tree returns.
-    let known = weighed(FREE, 199, true);
-    assert!(known.log.returned.is_empty());
 }
 
 #[test]
@@ -299,26 +266,12 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     assert!(left > 0);
 }
 
-#[test]
-fn a_tree_for_all_times_is_built_once_without_the_device() {
-    let animation = shuffled(8, 64);
-    let run = run_scene(&animation, 20, (Update::TSah, true), None);
-    assert!(!run.built && run.log.requested == 0);
-    assert_eq!(run.log.adopted, [Generation(1)]);
-    assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
-    let tree = run.records[0].adopted.unwrap();
-    assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
-    assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
-    let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
-    assert_ne!(run.log.trees, refitted.log.trees);
-}
-
 /// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     unknown_by(FREE, frames, moving)
 }
 
-fn unknown_by(by: Policy, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
+fn unknown_by(by: Config, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     let fake = Fake::new(Some(1));
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(65, 64), by).unwrap();

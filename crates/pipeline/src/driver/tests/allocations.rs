@@ -40,7 +40,7 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 /// How often each frame after the first took memory, and how many trees came meanwhile.
-fn takings(by: Policy) -> (Vec<u64>, usize) {
+fn takings(by: Config) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = shuffled(2, 512);
     let mut fake = Fake::new(Some(0));
@@ -71,14 +71,13 @@ fn frames_take_no_memory_once_the_loop_runs() {
     let before = TAKEN.get();
     drop(std::hint::black_box(vec![0_u8; 9]));
     assert_eq!(TAKEN.get(), before + 1, "nobody counts");
-    let free = Update::Async(Pace::Free);
+    let free = Policy::Async;
     // A thread that waits at a channel is entered there, which takes memory the first time.
     for (update, predict, least, allowed) in [
-        (Update::Refit, true, 1, 0),
-        (Update::TSah, true, 1, 0),
+        (Policy::Refit, true, 1, 0),
         (free, true, 4, 0),
         (free, false, 4, 0),
-        (Update::Async(Pace::Lockstep(3)), true, 100, 4),
+        (Policy::Lockstep(3), true, 100, 4),
     ] {
         let (all, trees) = takings((update, predict));
         assert!(trees >= least, "{update:?} {predict}: {trees} trees");
