@@ -1,4 +1,4 @@
-//! What is left to `auto`: policy and layout by rule; the intersector, where wrong rays are tolerated, by a sample.
+//! Resolves `auto`: policy and layout by rule; the intersector, if wrong rays are tolerated, by a sample.
 //!
 //! Neither policy nor layout changes a hit. The intersector can; it is therefore left to `auto` only by name.
 //! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
@@ -27,16 +27,16 @@ pub(crate) struct Ask<'a> {
     pub(crate) lockstep: Option<u32>,
     /// Wrong rays a million that an intersector left to `auto` may have.
     pub(crate) tolerance: f64,
-    /// What will be done, by which `auto` chooses.
+    /// The run that `auto` chooses for, if it is known.
     pub(crate) run: Option<Run<'a>>,
-    /// Rays of a frame, where no run is known.
+    /// Number of rays of a frame, if no run is known.
     pub(crate) rays: usize,
-    /// Whether trees are built for what comes.
+    /// Whether trees are built for predicted positions.
     pub(crate) predict: bool,
 }
 
 impl<'a> Ask<'a> {
-    /// Leaves all else as it usually is.
+    /// Creates a request with defaults for all other fields.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
             backend,
@@ -53,13 +53,13 @@ impl<'a> Ask<'a> {
         }
     }
 
-    /// Likewise, for a run that is known.
+    /// Sets the run that `auto` chooses for.
     pub(crate) fn over(self, frames: &'a [Frame], query: Query<'a>) -> Self {
         let run = Some(Run { frames, query });
         Self { run, ..self }
     }
 
-    /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
+    /// Returns the update policy. If [`Self::is_open`] and the run is known, [`pipeline::RunFacts`] chooses it instead.
     pub(crate) fn update(&self) -> Choice<Update> {
         let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
         let (update, why) = match self.update {
@@ -78,12 +78,12 @@ impl<'a> Ask<'a> {
         (update, Some(why.to_owned()))
     }
 
-    /// Whether the policy is left to `auto`, which knows more once the backend is open.
+    /// Returns whether `auto` chooses the policy, which it can do better once the backend is open.
     fn is_open(&self) -> bool {
         self.update == UpdateName::Auto && self.lockstep.is_none()
     }
 
-    /// How cores are shared on such a device under a policy.
+    /// Returns how rendering and building share the cores on such a device with a policy.
     pub(crate) fn share(&self, device: DeviceKind, update: Update) -> Threads {
         let asked = [self.threads, self.builder_threads];
         Threads::share(host::cores(), device, update, asked)
@@ -93,7 +93,7 @@ impl<'a> Ask<'a> {
         self.run.map_or(self.rays, |run| run.query.rays.count())
     }
 
-    /// The first and the last time of all frames, in key frames; the whole motion where no run is known.
+    /// Returns the first and the last time of all frames, in key frames. Returns the whole motion if no run is known.
     pub(crate) fn time_range(&self) -> [f64; 2] {
         let Some(run) = self.run else {
             return [0.0, f64::INFINITY];
@@ -104,17 +104,17 @@ impl<'a> Ask<'a> {
     }
 }
 
-/// The run that something is chosen for.
+/// The run that `auto` chooses for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
     frames: &'a [Frame],
     query: Query<'a>,
 }
 
-/// Something taken, and why; `None` if it was asked for by name.
+/// A choice and its reason; `None` if the user named it.
 type Choice<T> = (T, Option<String>);
 
-/// What `auto` took where nothing was asked for by name.
+/// Returns a choice of `auto` with its reason. Returns `None` if the user named it.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: what.to_owned(),
@@ -123,8 +123,8 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-/// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
-/// for the driver's own.
+/// Returns the named policy, intersector or layout that a driver with its own trees lacks. The default intersector
+/// counts as the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
     if update == UpdateName::DeviceRebuild {
         return Some(format!("update policy '{}'", word(&update)));
@@ -195,7 +195,7 @@ fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<L
     all.filter(|&layout| supports(method(layout))).collect()
 }
 
-/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
+/// Method and update policy, and why `auto` chose this policy, this intersector, this layout.
 pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
@@ -205,7 +205,7 @@ const FASTEST_FIRST: [Intersector; 3] = [
     Intersector::Woop,
 ];
 
-/// Settles what `ask` leaves open by what `backend` is and how it traces. It comes back, or another of its kind.
+/// Makes the choices that `ask` leaves to `auto`. Returns `backend`, or another instance of the same kind.
 pub(crate) fn settle(
     backend: Box<dyn Backend>,
     animation: &Arc<Animation>,

@@ -1,4 +1,4 @@
-//! What is settled by rule, and for a small scene on the host.
+//! Choices by rule, and choices for a small scene on the host.
 
 use super::*;
 use crate::open;
@@ -152,7 +152,7 @@ fn frames_last_from_the_earliest_to_the_latest() {
     assert_eq!(range(&[]), [0.0, 0.0]);
 }
 
-/// What is settled for a run of so many frames.
+/// Returns the choices for a run of `count` frames.
 fn settled(
     scene: &Scene,
     (count, query): (u64, Query<'_>),
