@@ -46,7 +46,7 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Report whether a GPU can be used here, and if not, what is missing and how to fix it
+    /// Report whether a GPU can be used here, and if not, the cause and the fix
     Doctor,
 }
 

@@ -29,7 +29,7 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// Checks, before any work on these scenes, that all files can be written and none overwrites another.
+    /// Checks, before any work on these scenes, that all files can be written and no file overwrites another.
     pub(crate) fn check(mut self, scenes: &[String]) -> Result<(), Stop> {
         if self.written.is_empty() && self.folders.is_empty() {
             return Ok(());

@@ -6,7 +6,7 @@ use crate::stop::Stop;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 
-/// An option, whether it has an effect here, and the reason if it has none.
+/// An option, whether it has an effect here, and otherwise the reason.
 type Bond = (&'static str, bool, &'static str);
 
 const ASYNC: &str = "goes only with --update async";

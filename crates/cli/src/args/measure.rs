@@ -88,7 +88,7 @@ pub(crate) struct BenchArgs {
     /// noise
     #[arg(long, num_args = 2, value_names = ["OLD.json", "NEW.json"])]
     pub(crate) compare: Vec<PathBuf>,
-    /// With --compare: exit with 1 if a frame takes more than PCT percent longer, after allowing for noise
+    /// With --compare: exit with 1 if frames take more than PCT percent longer, and by more than noise
     #[arg(long, value_name = "PCT", value_parser = values::number(|p: f64| p >= 0.0, "per cent are a number from 0"))]
     pub(crate) fail_above: Option<f64>,
     /// JSON file for the results of every frame
@@ -112,8 +112,7 @@ pub(crate) struct ChartArgs {
     #[arg(long, value_name = "DIR", default_value = "abvh-chart", value_parser = values::file())]
     pub(crate) out: PathBuf,
     /// Maximum number of rays per scene that are compared with exact arithmetic: half from a camera, half random. A
-    /// quarter as many again are aimed at edges and vertices. Fewer rays are traced if they suffice to rank the
-    /// intersectors
+    /// quarter as many again are aimed at edges and vertices. Fewer are traced if the intersectors' rates differ clearly
     #[arg(long, value_name = "N", default_value = "2000000", value_parser = values::rays())]
     pub(crate) rays: usize,
 }
