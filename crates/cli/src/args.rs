@@ -284,11 +284,11 @@ pub(crate) enum IntersectorName {
     Auto,
     /// Möller, Trumbore 1997
     MollerTrumbore,
-    /// Woop 2004: one affine transform per triangle
+    /// Woop 2004: an affine transform a triangle
     Woop,
     /// Woop, Benthin, Wald 2013, with exact ties
     Watertight,
-    /// Exact arithmetic
+    /// The answer of exact arithmetic
     Exact,
 }
 

@@ -169,7 +169,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     (sound, skipped)
 }
 
-/// Returns the reason why a combination is meaningless.
+/// What is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
     let (name, policy) = (word(&backend), word(&update));
     if update == UpdateName::DeviceRebuild && !makes_trees(backend) {

@@ -1,4 +1,4 @@
-//! Resolves `auto`: policy and layout by rule; the intersector, if wrong rays are tolerated, by a sample.
+//! What is left to `auto`: policy and layout by rule; the intersector, where wrong rays are tolerated, by a sample.
 //!
 //! Neither policy nor layout changes a hit. The intersector can; it is therefore left to `auto` only by name.
 //! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
@@ -123,8 +123,8 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-/// Returns the named policy, intersector or layout that a driver with its own trees lacks. The default intersector
-/// counts as the driver's own.
+/// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
+/// for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
     if update == UpdateName::DeviceRebuild {
         return Some(format!("update policy '{}'", word(&update)));
@@ -195,7 +195,7 @@ fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<L
     all.filter(|&layout| supports(method(layout))).collect()
 }
 
-/// Method and update policy, and why `auto` chose this policy, this intersector, this layout.
+/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
 pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
 
 /// Intersectors that may be wrong, the fastest first (docs/measured.md).
@@ -205,7 +205,7 @@ const FASTEST_FIRST: [Intersector; 3] = [
     Intersector::Woop,
 ];
 
-/// Makes the choices that `ask` leaves to `auto`. Returns `backend`, or another instance of the same kind.
+/// Settles what `ask` leaves open by what `backend` is and how it traces. It comes back, or another of its kind.
 pub(crate) fn settle(
     backend: Box<dyn Backend>,
     animation: &Arc<Animation>,

@@ -109,7 +109,7 @@ pub(crate) struct Presence {
     pub(crate) adapters: Vec<AdapterInfo>,
     pub(crate) intersectors: Vec<&'static str>,
     pub(crate) layouts: Vec<&'static str>,
-    /// Whether the backend builds and traces trees by its own methods.
+    /// Whether it makes and traces trees in ways of its own.
     pub(crate) own_trees: bool,
 }
 
@@ -144,7 +144,7 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
     })
 }
 
-/// Returns whether a backend builds and traces trees by its own methods. The backend need not be available.
+/// Whether a backend makes and traces trees in ways of its own. It need not be present.
 pub(crate) fn has_own_trees(backend: BackendName) -> bool {
     known(&word(&backend)).is_some_and(|known| known.has_own_trees)
 }
@@ -154,7 +154,7 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
     backend != BackendName::Cpu
 }
 
-/// Name that is reported as intersector and layout of a backend with its own trees.
+/// What stands for the intersector and the layout of such a backend.
 pub(crate) const DRIVERS: &str = "driver";
 
 /// A backend under test.
@@ -216,8 +216,8 @@ impl Tested {
     }
 }
 
-/// Opens the named backends, or with `auto` every available one. `auto` leaves out backends whose driver decides what a
-/// ray hits, unless `drivers` is set.
+/// Opens what was named, or whatever is present.
+/// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
 pub(crate) fn open_all(args: &TestArgs, drivers: bool) -> Result<(Vec<Subject>, Tested), Stop> {
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
     let takes_all = args.backend.contains(&BackendName::Auto);

@@ -166,10 +166,10 @@ fn start_by<T>(
     Ok((traces, setup))
 }
 
-/// Returns the request as the backend takes it. A backend that builds its own trees leaves nothing to choose.
+/// Returns the request as the backend takes it. A backend that makes its trees itself leaves nothing to choose.
 ///
 /// # Errors
-/// The backend builds its own trees, and lacks a method or policy that was named.
+/// The backend makes its trees itself, and does not have what is named.
 pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     if !open::has_own_trees(ask.backend) {
         return Ok(*ask);

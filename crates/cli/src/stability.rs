@@ -63,7 +63,7 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
     talk::print(&format!("{rates} rates of {}\n", found.ground))
 }
 
-/// Tests all families on all backends. Skips intersectors that a backend does not support.
+/// Leaves out what a backend does not support.
 fn ask(
     args: &StabilityArgs,
     asked: &[Intersector],

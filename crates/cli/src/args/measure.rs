@@ -127,7 +127,7 @@ pub(crate) enum RaysName {
 
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
-    /// Backends; auto is every available backend, except vulkan-rt for stability
+    /// Backends; auto is all that are present, for stability but vulkan-rt
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,

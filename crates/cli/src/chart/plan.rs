@@ -12,7 +12,8 @@ use output::plot::Failure;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// Returns all combinations that the backends support, without duplicates, and remarks on what is skipped.
+/// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
+/// once.
 pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>), Stop> {
     let (mut ways, mut skipped) = (Vec::new(), Vec::new());
     for backend in backends(args, &mut skipped) {

@@ -152,7 +152,7 @@ fn frames_last_from_the_earliest_to_the_latest() {
     assert_eq!(range(&[]), [0.0, 0.0]);
 }
 
-/// Returns the choices for a run of `count` frames.
+/// What is settled for a run of so many frames.
 fn settled(
     scene: &Scene,
     (count, query): (u64, Query<'_>),

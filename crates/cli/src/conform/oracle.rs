@@ -33,7 +33,7 @@ pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
     args.scene.iter().map(given).collect()
 }
 
-/// Compares every backend that traces our trees with exact answers, if requested.
+/// Holds every subject that traces our trees to the exact answers, if that was asked for.
 pub(super) fn hold(
     args: &ConformArgs,
     given: Vec<Given>,
