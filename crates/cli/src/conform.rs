@@ -190,7 +190,7 @@ fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
 }
 
 impl Report {
-    /// Returns the number of failed properties, leaking sorts of rays, and meshes with answers other than the oracle's.
+    /// Returns the number of failed properties, leaking sorts of rays, and kinds of meshes with wrong answers.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
         let leaks = |r: &&Value| r["leaks"] != 0 || r["miscounts"] != 0;

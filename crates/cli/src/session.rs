@@ -249,7 +249,7 @@ pub(crate) fn take(
 ) -> Result<Taking, Stop> {
     let device = backend.device().clone();
     let threads = ask.share(device.kind, update);
-    // A backend that computes on a GPU has 0 threads.
+    // 0 threads means that the device computes.
     let backend = if [0, threads.render].contains(&device.threads) {
         backend
     } else {

@@ -147,7 +147,7 @@ pub(crate) struct ConformArgs {
     /// Scenes for --oracle-rays, in addition to the meshes generated from the seed
     #[arg(value_name = "SCENE", value_parser = values::scene())]
     pub(crate) scene: Vec<String>,
-    /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
+    /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     pub(crate) allow_outside: bool,
     #[command(flatten)]

@@ -34,7 +34,7 @@ pub(crate) struct Row {
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
     medians: BTreeMap<&'static str, Option<f64>>,
-    /// Million primary and shadow rays per second of tracing.
+    /// Millions of rays per second, from primary and shadow rays and the time of both.
     pub(crate) mrays_per_s: Option<f64>,
     pub(super) build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
