@@ -206,22 +206,6 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Records: refits the tree that the current one replaced, as [`Backend::evaluate`] does with a new tree. Returns `false`
-    /// if that tree is no longer on the device: it is kept if the current tree was evaluated before its adoption, until
-    /// another tree is evaluated.
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        Ok(false)
-    }
-
-    /// Makes the tree current that [`Backend::evaluate_retained`] evaluated, with its old generation. The tree that it
-    /// replaces is then retained.
-    ///
-    /// # Errors
-    /// No tree is retained.
-    fn adopt_retained(&mut self) -> Result<()> {
-        Err(BackendError::WrongTree("no tree is retained".to_owned()))
-    }
-
     /// Returns whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) with the loaded method.
     /// Builders then add treelets ahead of time; `adopt` accepts a tree without treelets, but takes longer.
     fn wants_treelets(&self) -> bool {

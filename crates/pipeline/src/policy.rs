@@ -1,46 +1,46 @@
-//! Which update policy suits a run: a pure function of what is known before its first frame.
+//! Chooses the update policy of a run: a pure function of facts that are known before the first frame.
 //!
-//! The time of a whole run is estimated for each policy, from the first build to the last frame, by a model
-//! of a few terms that was fitted to measurements (the table in this file's tests). The least estimate wins.
+//! The duration of a whole run, from the first build to the last frame, is estimated for each policy. The model has a
+//! few terms and was fitted to measurements (the tables in this file's tests). The lowest estimate wins.
 
 use crate::latency::LATER_BUILD;
 use crate::motion::RefitDecay;
 use backend::DeviceKind;
 use backend::Policy;
 
-/// What a policy is chosen by.
+/// Facts that determine the policy of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunFacts {
-    /// Frames to come.
+    /// Number of frames.
     pub frames: usize,
-    /// Key frames from one frame to the next, in the mean.
+    /// Mean step from one frame to the next, in key frames.
     pub step: f64,
     /// Whether any vertex moves.
     pub moves: bool,
-    /// Triangles of the scene.
+    /// Number of triangles in the scene.
     pub triangles: usize,
-    /// Primary rays of a frame.
+    /// Number of primary rays per frame.
     pub rays: usize,
-    /// What refitting does to the first tree.
+    /// Cost of the first tree, refitted, relative to fresh trees.
     pub decay: RefitDecay,
-    /// Who traces.
+    /// Kind of the device that traces.
     pub device: DeviceKind,
     /// Bytes of the device's memory where it builds trees itself ([`Policy::DeviceRebuild`]), if it can.
     pub rebuild_bytes: Option<u64>,
-    /// Threads of the host that trace, where it does.
+    /// Number of host threads that trace, if the host does.
     pub threads: usize,
-    /// Threads that build.
+    /// Number of threads that build.
     pub builder_threads: usize,
 }
 
-/// Key frames between frames from which on the tree of an earlier frame is of no use.
+/// Step in key frames from which on the tree of an earlier frame is of no use.
 const FAR_APART: f64 = 2.0;
-/// The first tree is as good as a fresh one up to so many times its cost.
+/// Cost ratio up to which the first tree is as good as a fresh one.
 const LASTS: f64 = 1.05;
-/// An estimate this many times the least is as good.
+/// Ratio to the lowest estimate up to which estimates count as equal. The first of these policies wins.
 const TIE: f64 = 1.05;
-/// Bytes of a device's memory from which on less memory is worth more than the seconds that trees built there save: what
-/// common GPUs have left beside a desktop.
+/// Bytes of device memory from which on trees are not built on the device, because the memory is worth more than the
+/// time saved. Common GPUs have this much free while they also drive a desktop.
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
@@ -113,8 +113,8 @@ impl RunFacts {
         all
     }
 
-    /// Milliseconds of a build, of a frame and of a tree made on the device; and how many times as long frames take while the
-    /// host builds.
+    /// Returns the milliseconds of a host build, of a frame and of a build on the device. The last value is the factor
+    /// by which frames take longer while the host builds.
     fn times(&self) -> [f64; 4] {
         let (triangles, rays) = (self.triangles as f64, self.rays as f64);
         let builders = self.builder_threads.max(1) as f64;
@@ -138,21 +138,22 @@ impl RunFacts {
     }
 }
 
-/// Share of a frame that grows with its tree's cost.
+/// Share of a frame's time that is proportional to its tree's cost.
 const TREE_SHARE: f64 = 0.5;
 /// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
-/// Of an H100: milliseconds of any frame, and more a triangle; then of a tree made on the device.
+/// On an H100: milliseconds per frame and per triangle, then the same for a build on the device.
 const GPU_FRAME: f64 = 0.2;
 const GPU_TRIANGLE: f64 = 0.25e-6;
 const GPU_FRAME_BUILD: f64 = 0.4;
 const GPU_TRIANGLE_BUILD: f64 = 0.28e-6;
-/// Milliseconds of one thread of the host: a build a triangle, a primary ray with its shadow, a triangle's refit.
+/// Milliseconds on one host thread: per triangle of a build, per primary ray with its shadow ray, per refitted
+/// triangle.
 const HOST_BUILD: f64 = 0.8e-3;
 const HOST_RAY: f64 = 70e-6;
 const HOST_TRIANGLE: f64 = 40e-6;
 
-/// The rule, held against measured runs.
+/// Compares the choice with measured runs.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -171,8 +172,9 @@ mod tests {
     const SHATTER: Scene = ("shatter", 1_599_900, 15.01);
     const SMALL_SHATTER: Scene = ("shatter:70000", 69_924, 13.01);
 
-    /// `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, sums of `wall_ms`, one run each,
-    /// commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200; a tree a frame by `device-rebuild`.
+    /// Sums of `wall_ms` of `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, one run
+    /// each, commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200. Last column:
+    /// `device-rebuild`.
     const H100: [Measured; 12] = [
         (GROVE, 48, [0.05, 0.06, 0.29]),
         (COLLIDE, 48, [0.05, 0.05, 0.04]),
@@ -188,13 +190,13 @@ mod tests {
         (LARGE_TWIST, 240, [0.34, 0.38, 0.37]),
     ];
 
-    /// The same machine, `taskset -c 0,1`.
+    /// The same machine, limited to two cores by `taskset -c 0,1`.
     const H100_TWO_CORES: [Measured; 2] = [
         (SHATTER, 240, [f64::INFINITY, 2.70, 0.36]),
         (COLLIDE, 240, [f64::INFINITY, 0.21, 0.20]),
     ];
 
-    /// The same machine, `cpu` on its 16 cores, 960x600; a tree a frame by `rebuild`.
+    /// The same machine, `cpu` on its 16 cores, 960x600. Last column: `rebuild`.
     const SIXTEEN_CORES: [Measured; 6] = [
         (GROVE, 48, [0.84, 0.88, 1.61]),
         (COLLIDE, 48, [0.62, 0.67, 1.71]),
@@ -204,7 +206,7 @@ mod tests {
         (LARGE_TWIST, 48, [0.83, 1.51, 6.27]),
     ];
 
-    /// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360; a tree a frame by `rebuild`.
+    /// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360. Last column: `rebuild`.
     const TWO_CORES: [Measured; 6] = [
         (GROVE, 48, [1.01, 1.69, 2.52]),
         (COLLIDE, 48, [0.81, 1.03, 2.67]),
@@ -263,7 +265,7 @@ mod tests {
                 let best = seconds.into_iter().fold(f64::INFINITY, f64::min);
                 let about =
                     format!("{name} on {cores} cores of a {device:?}: {taken} s for {best}: {why}");
-                // Times have two places.
+                // Measured times have two decimal places.
                 assert!(taken <= 1.34 * best + 0.01, "{about}");
             }
         }
@@ -284,7 +286,7 @@ mod tests {
         };
         let [mut still, mut one, mut lasting] = [moving; 3];
         (still.moves, one.frames, lasting.decay) = (false, 1, RefitDecay::NONE);
-        // Of trees that fade.
+        // A long run of a scene whose trees degrade fast.
         let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
         long.frames = 20_000;
         let huge = facts(&(HUGE_TWIST, 120, [0.0; 3]), Gpu, 16, 1920 * 1200);

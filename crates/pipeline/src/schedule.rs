@@ -1,24 +1,24 @@
-//! When to ask for a tree and when to swap: a pure function, without a thread or a clock.
+//! Decides when trees are requested and swapped in: a pure function, without threads or clocks.
 
 use backend::Policy;
 
-/// A build in flight, as far as the schedule needs to know it.
+/// A build in flight, as seen by the schedule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InFlight {
-    /// The frame that asked for it.
+    /// Number of the frame that requested it.
     pub(crate) asked_at: u64,
-    /// Whether its tree is finished and may be used from now on.
+    /// Whether its tree is finished and may be adopted.
     pub(crate) is_adoptable: bool,
 }
 
-/// What a frame has to do about trees.
+/// Steps of a frame that concern trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FramePlan {
-    /// Swap to the tree in flight before anything else.
+    /// Swap to the tree in flight before any other step.
     pub(crate) swap: bool,
-    /// That tree may still be under way, so that the driver has to wait for it.
+    /// The tree may be unfinished, so the driver must wait for it.
     pub(crate) wait: bool,
-    /// Ask for a tree, to be built from this frame's vertices.
+    /// Request a tree for this frame.
     pub(crate) ask: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The driver against a backend that does nothing but check the contract.
+//! Tests of the driver with a backend that only checks the contract.
 
 mod ahead;
 mod allocations;
@@ -19,13 +19,13 @@ pub(super) fn drifting(keys: usize) -> Arc<Animation> {
     Arc::new(row(2, keys, |k, i| (k as u32 * i) as f32))
 }
 
-/// So many triangles in a row, a power of two, whose order is another in every key frame.
+/// Returns `n` triangles in a row, in another order in each key frame. `n` is a power of two.
 fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
     let odd = |k: usize| 2 * (k * k * 7 % 29) as u32 + 1;
     Arc::new(row(n, keys, |k, i| (i * odd(k) % n) as f32))
 }
 
-/// The record of a tree for one moment, for rays that end at a point.
+/// Returns the words of a tree for one time, for rays that end at `toward`.
 fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Vec<u32> {
     let mut builder = TreeBuilder::default();
     builder.order_toward(toward);
@@ -43,7 +43,7 @@ fn words(built: Result<Built, BuildError>) -> Vec<u32> {
 /// How trees follow the motion, and whether they are built ahead.
 pub(super) type Config = (Policy, bool);
 
-/// A driver of `animation` by the fake, with one thread that builds.
+/// Creates a driver of `animation` with the fake backend and one builder thread.
 pub(super) fn driver(
     fake: Fake,
     animation: &Arc<Animation>,
@@ -59,7 +59,7 @@ pub(super) fn driver(
     Driver::new(Box::new(fake), Arc::clone(animation), options, threads)
 }
 
-/// A query of four pixels: what they see, the fake makes up.
+/// Returns a query of four pixels.
 pub(super) fn query(kind: QueryKind) -> Query<'static> {
     static CAMERA: LazyLock<Camera> = LazyLock::new(|| {
         Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
@@ -68,7 +68,7 @@ pub(super) fn query(kind: QueryKind) -> Query<'static> {
     Query { rays, kind }
 }
 
-/// What a fake wrote that is gone with its driver.
+/// Returns the log of a fake that was dropped with its driver.
 pub(super) fn read(log: Arc<Mutex<Log>>) -> Log {
     Arc::into_inner(log).unwrap().into_inner().unwrap()
 }
@@ -90,13 +90,13 @@ fn run_scene(animation: &Arc<Animation>, frames: u64, by: Config, polls: Option<
     render(Fake::new(polls), (animation, by), times, |_| 1)
 }
 
-/// Times of so many frames.
+/// Returns the times of `frames` frames, evenly distributed over the animation.
 fn evenly(frames: u64, animation: &Animation) -> impl Iterator<Item = f64> + use<> {
     let step = animation.end() / frames as f64;
     (0..frames).map(move |index| index as f64 * step)
 }
 
-/// Frames at these times, each followed by a rest of so many milliseconds.
+/// Renders frames at these times, and sleeps for `rest` milliseconds after each.
 fn render(
     fake: Fake,
     (animation, by): (&Arc<Animation>, Config),
@@ -126,7 +126,7 @@ fn play(
     let run = driver.run(frames, query, Wanted::HITS, |record, _| {
         records.push(record.clone());
         let rest = Duration::from_millis(rest(record.frame.index));
-        // Not even for nothing: who sleeps is woken late.
+        // Even a sleep of 0 ms could delay the thread.
         if !rest.is_zero() {
             std::thread::sleep(rest);
         }
@@ -179,7 +179,7 @@ fn lockstep_swaps_k_frames_after_asking() {
     for k in [1_u64, 3, 7] {
         let r = run(30, 24, Policy::Lockstep(k as u32), Some(5));
         for (n, f) in (0..).zip(&r.records) {
-            // The first frame builds its own tree; the next asks, and so on every k frames.
+            // The first frame builds its own tree. From the next frame on, a tree is requested every k frames.
             let expected = match u64::saturating_sub(n, 1) / k {
                 0 => (1, n),
                 cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
@@ -258,7 +258,7 @@ fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
 #[test]
 fn every_tree_faces_the_light_of_the_frame_that_asks() {
     let animation = shuffled(6, 256);
-    // One light and, from frame 3 on, another, at either end of the row.
+    // One light, and another from frame 3 on, at opposite ends of the row.
     let lights = [[300.0, 40.0, 10.0], [-40.0, 40.0, 10.0]];
     let light = |index: u64| lights[usize::from(index >= 3)];
     let ordered = |time: u64, of: u64| tree_at(&animation, time as f64, Some(light(of)));
@@ -278,14 +278,14 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
         }
         assert!(found.len() > 4, "{}", found.len());
     }
-    // Trees for other rays face nothing.
+    // Trees for other rays are not ordered for a light.
     for kind in [QueryKind::Closest, QueryKind::Any] {
         let found = trees_for((Policy::Rebuild, false), |_| kind);
         assert_eq!(found[3], tree_at(&animation, 3.0, None));
     }
 }
 
-/// Records of frames whose builder gets nowhere until `held` more frames are rendered.
+/// Returns the statistics of frames whose builder is blocked until `held` more frames are rendered.
 fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
     let (said, heard) = std::sync::mpsc::channel();
     let mut fake = Fake::new(Some(1));
@@ -298,7 +298,7 @@ fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
     render(fake, (&scene, by), evenly(frames, &scene), rest).records
 }
 
-/// If a frame waited for the builder, each would wait for the other, and trees adopted later would be young.
+/// If a frame waited for the builder, both would wait for each other, and trees adopted later would be young.
 #[test]
 fn frames_go_on_while_the_builder_waits_for_them() {
     let records = beside_a_slow_builder(100, 20);
