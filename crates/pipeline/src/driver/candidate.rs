@@ -12,14 +12,14 @@ pub(super) struct Candidate {
     pub(super) state: State,
     /// Distance in key frames to the middle of its use when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
-    /// Its cost divided by the current tree's, by the evaluation that accepted it.
+    /// Its cost divided by the current tree's, from the evaluation that accepted it.
     pub(super) share: Option<f64>,
 }
 
 /// Which tree was requested, when, and for what time of use.
 pub(super) struct Request {
     pub(super) generation: Generation,
-    /// Frames begun before the one that requested it.
+    /// Number of frames begun before the one that requested it.
     pub(super) frame: u64,
     /// Time of that frame, in key frames.
     pub(super) time: f64,

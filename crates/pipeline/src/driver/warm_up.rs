@@ -58,7 +58,7 @@ pub fn warm_up<'a, E: From<PipelineError>>(
     mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
 ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
     let seconds = seconds(asked, driver.backend().device().kind);
-    // Nothing comes after a single frame that could gain by it.
+    // A single frame gains nothing, because no frame follows the warm-up.
     if seconds <= 0.0 || frames.len() < 2 {
         return Ok((None, frames));
     }
@@ -115,8 +115,8 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues; after the first frame there is none. If builds are free-running, the builder first makes and drops a
-    /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
+    /// continues; after the first frame there is none. With `async`, the builder first makes and drops a tree, so
+    /// that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// Those of the backend.
@@ -146,7 +146,7 @@ impl Driver {
         }
     }
 
-    /// Warms the builder up, if it is free-running and idle.
+    /// Warms the builder up, if trees are adopted by cost and no build is in flight.
     fn warm_up_builder(&self) {
         let runs_free = self.options.update.adopts_by_cost();
         if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
@@ -166,7 +166,7 @@ mod tests {
     use backend::{Policy, QueryKind};
     use std::sync::Arc;
 
-    /// Runs frames, after the first of which so many traces are done uncounted.
+    /// Runs 20 frames, with `left` uncounted traces after the first.
     fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
         let fake = Fake::new(Some(0));
         let log = Arc::clone(&fake.log);
