@@ -125,9 +125,9 @@ pub struct FrameMoments {
 /// One submission, timed by the host and by the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Submission {
-    /// The host started to submit it. No part of it ran earlier.
+    /// The host started to submit it. The device started later.
     pub handed_in: Instant,
-    /// The host saw that it was finished. No part of it ran later.
+    /// The host saw that it was finished. The device had finished earlier.
     pub seen: Instant,
     /// Start of the first stage and duration of each stage, on the device's clock.
     pub times: StageTimes,

@@ -25,7 +25,7 @@ pub struct RunFacts {
     pub decay: RefitDecay,
     /// Kind of the device that traces.
     pub device: DeviceKind,
-    /// Bytes of device memory for trees built on the device ([`Policy::DeviceRebuild`]); `None` if it builds none.
+    /// Bytes of device memory for trees built on the device ([`Policy::DeviceRebuild`]); `None` if it cannot.
     pub rebuild_bytes: Option<u64>,
     /// Number of host threads that trace, if the host does.
     pub threads: usize,

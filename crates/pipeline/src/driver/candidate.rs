@@ -21,7 +21,7 @@ pub(super) struct Request {
     pub(super) generation: Generation,
     /// Number of frames begun before the one that requested it.
     pub(super) frame: u64,
-    /// Time of that frame, in key frames.
+    /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
     /// Time of the next frame that moves, if its positions are read back too.
     pub(super) moved_at: Option<f64>,

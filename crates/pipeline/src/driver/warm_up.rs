@@ -1,8 +1,8 @@
 //! Uncounted frames after the first one, because an idle device runs at a low clock and takes long to raise it.
 //!
 //! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
-//! The first frame of a run waits for all of that. Uncounted traces of that frame follow, for a fixed time and then
-//! until frame times are steady. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
+//! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
+//! times are steady. Meanwhile the scene does not move, and no tree ages ([`Driver::warm_up`]).
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
@@ -58,7 +58,7 @@ pub fn warm_up<'a, E: From<PipelineError>>(
     mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
 ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
     let seconds = seconds(asked, driver.backend().device().kind);
-    // A single frame gains nothing, because no frame follows the warm-up.
+    // Nothing comes after a single frame that could gain by it.
     if seconds <= 0.0 || frames.len() < 2 {
         return Ok((None, frames));
     }
@@ -115,8 +115,8 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues; after the first frame there is none. With `async`, the builder first makes and drops a tree, so
-    /// that later builds find their memory allocated: see `TreeBuilder::warm_up`.
+    /// continues, but right after the first frame no build is in flight. With `async`, the builder first makes and drops
+    /// a tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// Those of the backend.

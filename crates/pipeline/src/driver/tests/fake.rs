@@ -79,7 +79,7 @@ pub(in crate::driver) struct Fake {
     pub(in crate::driver) gate: Option<Arc<Gate>>,
     hits: Hits,
     own_trees: bool,
-    /// Whether it reports costs.
+    /// Whether it measures costs.
     pub(in crate::driver) measures: bool,
     /// The current tree, if costs are measured.
     tree: Option<Topology>,
@@ -105,7 +105,7 @@ impl Fake {
         }
     }
 
-    /// Returns the cost of a tree at the recorded pose.
+    /// The cost of a tree at the pose of the recording.
     fn cost_of(&self, tree: &Topology) -> f64 {
         let moment = self.animation.as_ref().unwrap().moment(self.pose.unwrap());
         let (moment, ranks) = (moment.unwrap(), tree.ranks());
