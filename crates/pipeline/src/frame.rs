@@ -24,8 +24,8 @@ pub struct FrameRecord {
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
     /// its results.
     pub wall_ms: f64,
-    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first with `async`
-    /// and `refit`.
+    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first with
+    /// `async` and `refit`.
     pub build_wait_ms: f64,
     /// Generation of the tree that the frame was traced with.
     pub tree_generation: Generation,
@@ -41,8 +41,8 @@ pub struct FrameRecord {
     /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
     /// a newer tree would arrive before its time of use.
     pub rejected: Option<Generation>,
-    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the tree
-    /// was built. `None` if the backend measures no cost.
+    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the
+    /// tree was built. `None` if the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,

@@ -2,9 +2,9 @@
 //!
 //! Implements the asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic
 //! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). A schedule decides when to
-//! build, without threads or clocks. A builder runs on its own thread. [`Driver`] owns the backend, follows the schedule
-//! and never waits for the builder, except with [`Policy::Lockstep`](backend::Policy::Lockstep). Each [`FrameRecord`]
-//! contains the times of the driver's steps. [`place_on_host`] computes when the device worked on it.
+//! build, without threads or clocks. A builder runs on its own thread. [`Driver`] owns the backend, follows the
+//! schedule and never waits for the builder, except with [`Policy::Lockstep`](backend::Policy::Lockstep). Each
+//! [`FrameRecord`] contains the times of the driver's steps. [`place_on_host`] computes when the device ran its work.
 
 mod builder_thread;
 mod device_clock;

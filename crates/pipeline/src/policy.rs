@@ -158,8 +158,8 @@ const HOST_TRIANGLE: f64 = 40e-6;
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and decay, the number of frames, and the seconds of the whole run, including the first
-    /// tree, by `refit`, `async` and a tree per frame.
+    /// A scene with its triangles and decay, the number of frames, and the seconds of the whole run, including the
+    /// first tree, by `refit`, `async` and a tree per frame.
     type Measured = (Scene, usize, [f64; 3]);
     type Scene = (&'static str, usize, f64);
 

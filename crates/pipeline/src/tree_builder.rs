@@ -235,8 +235,8 @@ impl TreeBuilder {
     }
 
     /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
-    /// boxes are those of the vertices. A build from subtrees leaves the old boxes, unless blocks need new ones. Returns
-    /// the costs at the vertices if the build computed them.
+    /// boxes are those of the vertices. A build from subtrees leaves the old boxes, unless blocks need new ones.
+    /// Returns the costs at the vertices if the build computed them.
     fn make(
         &mut self,
         moments: &Moments<'_>,

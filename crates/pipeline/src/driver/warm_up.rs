@@ -115,8 +115,8 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues, but right after the first frame no build is in flight. With `async`, the builder first makes and drops
-    /// a tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
+    /// continues, but right after the first frame there is no build. With `async`, the builder first makes and drops a
+    /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
     /// Those of the backend.

@@ -136,7 +136,7 @@ fn measuring() -> Fake {
     fake
 }
 
-/// Renders frames of a shuffled row with a fake that measures costs. Without key frames, only the backend has positions.
+/// Renders frames of a shuffled row with a fake that measures costs. The driver may know the key frames.
 fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
