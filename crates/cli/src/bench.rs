@@ -1,4 +1,4 @@
-//! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
+//! `abvh bench`: measures every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
 mod failure;
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
 }
 
-/// Runs of all combinations.
+/// Results of all combinations.
 struct Results {
     rows: Vec<Row>,
     /// Combinations that could not be measured.
@@ -140,7 +140,7 @@ fn open_with_frames(args: &BenchArgs, spec: &str) -> Result<(Scene, Vec<Frame>),
     Ok((scene, frames))
 }
 
-/// Everything with everything that makes sense, and remarks on what does not.
+/// Returns all meaningful combinations, and remarks on the others.
 fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
         [] => vec![None],
@@ -189,7 +189,7 @@ fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Opt
     beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 
-/// Each update policy, with and without prediction where that makes a difference.
+/// Returns each update policy, with and without prediction if that makes a difference.
 fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
     args.measure.update.iter().flat_map(|&update| {
         let differ = update.is_none_or(Policy::builds_beside_frames);

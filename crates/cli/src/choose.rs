@@ -19,14 +19,14 @@ pub(crate) struct Ask<'a> {
     pub(crate) lockstep: Option<u32>,
     /// What will be done, by which `auto` chooses.
     pub(crate) run: Option<Run<'a>>,
-    /// Rays of a frame, where no run is known.
+    /// Number of rays of a frame, if no run is known.
     pub(crate) rays: usize,
-    /// Whether trees are built for what comes.
+    /// Whether trees are built for predicted positions.
     pub(crate) predict: bool,
 }
 
 impl<'a> Ask<'a> {
-    /// Leaves all else as it usually is.
+    /// Creates a request with defaults for all other fields.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
             backend,
@@ -42,7 +42,7 @@ impl<'a> Ask<'a> {
         }
     }
 
-    /// Likewise, for a run that is known.
+    /// Sets the run that `auto` chooses for.
     pub(crate) fn over(self, frames: &'a [Frame], query: Query<'a>) -> Self {
         let run = Some(Run { frames, query });
         Self { run, ..self }
@@ -64,7 +64,7 @@ impl<'a> Ask<'a> {
         (update, Some(why.to_owned()))
     }
 
-    /// Whether the policy is left to `auto`, which knows more once the backend is open.
+    /// Returns whether `auto` chooses the policy, which it can do better once the backend is open.
     fn is_open(&self) -> bool {
         self.update.is_none() && self.lockstep.is_none()
     }
@@ -79,7 +79,7 @@ impl<'a> Ask<'a> {
         self.run.map_or(self.rays, |run| run.query.rays.count())
     }
 
-    /// The first and the last time of all frames, in key frames; the whole motion where no run is known.
+    /// Returns the first and the last time of all frames, in key frames. Returns the whole motion if no run is known.
     pub(crate) fn time_range(&self) -> [f64; 2] {
         let Some(run) = self.run else {
             return [0.0, f64::INFINITY];
@@ -90,17 +90,17 @@ impl<'a> Ask<'a> {
     }
 }
 
-/// The run that something is chosen for.
+/// The run that `auto` chooses for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
     frames: &'a [Frame],
     query: Query<'a>,
 }
 
-/// Something taken, and why; `None` if it was asked for by name.
+/// A choice and its reason; `None` if the user named it.
 type Choice<T> = (T, Option<String>);
 
-/// What `auto` took where nothing was asked for by name.
+/// Returns a choice of `auto` with its reason. Returns `None` if the user named it.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: what.to_owned(),

@@ -19,10 +19,10 @@ use serde::Serialize;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
-/// Steps before the first one that is timed: they compile kernels and build the first tree.
+/// Number of steps before the first timed one: they compile kernels and build the first tree.
 const WARM_UP_STEPS: usize = 50;
 
-/// Poses whose hits are compared with the host's.
+/// Number of poses whose hits are compared with the host's.
 const CHECKED_POSES: usize = 8;
 
 pub(crate) fn run(args: &StressArgs) -> Result<(), Stop> {
@@ -73,11 +73,11 @@ struct Motion<'a> {
     rays: StepRays,
 }
 
-/// A step on its way.
+/// A submitted step.
 struct Submitted {
     id: StepId,
     query: QueryId,
-    /// Wall time from the start of the step, without the program's own writes.
+    /// Milliseconds of wall time from the start of the step, without the program's own writes.
     ms: f64,
 }
 
@@ -203,7 +203,7 @@ impl<'a> Motion<'a> {
 enum Vertices {
     /// Copied from the program's memory.
     Copied,
-    /// Written by the program where the device reads them.
+    /// Written by the program to memory that the device reads.
     InPlace,
 }
 

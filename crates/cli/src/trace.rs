@@ -1,4 +1,4 @@
-//! `abvh trace`: given rays at one moment.
+//! `abvh trace`: traces the rays of a file at one time.
 
 use crate::args::TraceArgs;
 use crate::choose::Ask;
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }
 
-/// The moment of the tree, if it is another, and the moment to trace.
+/// Returns the time at which `refit` builds its tree, and the time to trace.
 fn moments(args: &TraceArgs, keys: usize) -> Result<(Option<f64>, f64), Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {

@@ -1,4 +1,4 @@
-//! Options that would do nothing with what they stand beside: refused, before any work.
+//! Rejects options that would have no effect, before any work starts.
 
 use super::{BackendName, Command, DeviceArgs, UpdateName};
 use crate::open::has_own_trees;
@@ -7,7 +7,7 @@ use backend::Policy;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 
-/// An option, whether it does something here, and what it would need or what leaves it without work.
+/// An option, whether it has an effect here, and otherwise the reason.
 type Bond = (&'static str, bool, &'static str);
 
 const ASYNC: &str = "goes only with --update async";
@@ -18,10 +18,10 @@ const AIMED: &str = "goes only with --leak-rays or --oracle-rays";
 const FILES: &str = "goes only with pictures or --hits";
 const HOST: &str = "goes only with trees that the host builds";
 
-/// What `bench --compare` heeds beside its files.
+/// Options that `bench --compare` uses.
 const COMPARED: [&str; 3] = ["compare", "fail_above", "quiet"];
 
-/// Refuses an option that was given and does nothing.
+/// Refuses an option that was given but has no effect.
 pub(super) fn check(command: &Command, given: &ArgMatches) -> Result<(), Stop> {
     let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
     if let Command::Bench(args) = command
@@ -125,12 +125,12 @@ fn host_builds(backend: BackendName, update: UpdateName) -> bool {
     !has_own_trees(backend) && !update.is_some_and(Policy::builds_on_device)
 }
 
-/// Whether an input of the scene can be a file: demos are no files.
+/// Returns whether an input of the scene can be a file, which a demo is not.
 fn has_file(scene: &str) -> bool {
     scene.split('+').any(|input| !input.starts_with("demo:"))
 }
 
-/// Whether the word can name a clip: by its ending, or as a pattern.
+/// Returns whether the scene can contain a clip: by its extension, or because it is a pattern.
 fn may_have_clip(scene: &str) -> bool {
     let scene = scene.to_lowercase();
     let mut parts = [".gltf", ".glb", "*", "?", "["].iter();

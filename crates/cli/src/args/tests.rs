@@ -1,4 +1,4 @@
-//! Command lines that are taken, and those that are refused in one line.
+//! Command lines that are accepted, and those that are rejected in one line.
 
 use super::*;
 use crate::values::Frames;
@@ -84,7 +84,8 @@ fn a_tolerance_is_a_length_or_a_share() {
     }
 }
 
-/// A command line, and what its refusal says: of an option that would do nothing, also what it stands beside or needs.
+/// Rejected command lines, each with parts of its message. For an option without effect, the message also names the
+/// option that it needs or conflicts with.
 const REFUSED: &str = "\
 render --timeline - | only --stats
 render --rays-out - | only --stats

@@ -6,7 +6,7 @@ use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
 
-/// One combination without results. Names are those of [`Row`](super::Row).
+/// One combination without results. Fields are named as in [`Row`](super::Row).
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Failure {
     pub(super) scene: String,

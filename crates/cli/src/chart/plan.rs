@@ -1,4 +1,4 @@
-//! Which ways of tracing there are here, and what measures one again.
+//! Ways of tracing that this machine can chart, and the command that measures one again.
 
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
@@ -53,7 +53,7 @@ pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
     }
 }
 
-/// Backends to be charted: those that were named, then what `auto` finds, the host first.
+/// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
@@ -74,7 +74,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     found
 }
 
-/// Why `auto` takes no such backend.
+/// Returns the reason why `auto` skips a backend that finds no GPU.
 fn why_not(presence: Presence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.own_trees || presence.adapters.iter().any(is_fit) {
@@ -86,7 +86,7 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-/// The first of those that read the same, in order.
+/// Returns the elements in order, without those whose text occurred before.
 pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
@@ -111,7 +111,7 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     let [width, height] = args.measure.size;
     let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
-        // One alone would be a count.
+        // A single number would be read as a count.
         Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
     };
     let mut source = String::new();
@@ -133,7 +133,7 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     )
 }
 
-/// As a shell takes it for one word.
+/// Quotes a word so that a shell reads it as one.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {

@@ -1,4 +1,4 @@
-//! What is settled by rule, and for a small scene on the host.
+//! Choices by rule, and choices for a small scene on the host.
 
 use super::*;
 use crate::{open, session};
