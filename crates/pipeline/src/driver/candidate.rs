@@ -46,7 +46,7 @@ pub(super) struct Request {
 /// Building -> Arrived -> Due -> Evaluating -> Accepted -> (adopted)
 ///                ^ |                |  |
 ///                | `----------------'  `----> Rejected -> (dropped)
-///                `- still dearer, but its moment is yet to come
+///                `- costs more, but its time of use is still to come
 /// ```
 pub(super) enum State {
     /// It waits for vertices or is being built.

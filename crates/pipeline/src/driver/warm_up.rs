@@ -36,7 +36,7 @@ pub struct Warmed {
     pub steady: bool,
 }
 
-/// Returns the seconds of warm-up for a device. CPU backends need none. Software devices are warmed up only on request.
+/// Returns the seconds of warm-up for a device. CPU backends are never warmed up, software devices only on request.
 fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Cpu => 0.0,
