@@ -4,8 +4,8 @@
 
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
-    Mesh, Ours, Rival, Tracer, built, camera, criterion, meshes, pool, print_table, rivals,
-    sah_cost, shadow_rays, thread_counts, words,
+    CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
+    shadow_rays, thread_counts, trees, words,
 };
 use bvh_layout::Topology;
 use criterion::measurement::WallTime;
@@ -45,7 +45,7 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "build", mesh);
     for threads in thread_counts() {
         build_ours(&mut group, mesh, threads);
-        for mut tree in rivals(&mesh.triangles(mesh.start())) {
+        for mut tree in trees(&mesh.triangles(mesh.start())) {
             if threads == 1 || tree.builds_in_parallel() {
                 group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
                     pool(threads).install(|| b.iter(|| tree.build()));
@@ -67,7 +67,7 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
 }
 
 /// `abvh` is build and convert, off the frame's path; `abvh and refit` adds what the
-/// backend does before rays can use the record, as the rivals' builds do.
+/// backend does before rays can use the record, as the builds of other crates do.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
@@ -85,9 +85,9 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     });
 }
 
-/// The rivals' trees at the start of a mesh.
-fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn Rival>> {
-    let mut all = rivals(&mesh.triangles(mesh.start()));
+/// The trees of other crates at the start of a mesh.
+fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn CrateTree>> {
+    let mut all = trees(&mesh.triangles(mesh.start()));
     pool(threads).install(|| all.iter_mut().for_each(|tree| tree.build()));
     all
 }
@@ -162,7 +162,7 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     group.finish();
 }
 
-/// Rays that one task of a rival traces.
+/// Rays that one task of another crate traces.
 const TASK: usize = 512;
 
 /// Our own ways. A camera's rays run together where the layout can; a list's run one by one.

@@ -1,6 +1,6 @@
 //! This program and Embree in turn, sample by sample: builds, refits and rays.
 //!
-//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
+//! `cargo bench -p benches --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
 //! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path.
 //! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. Both sides share each change of
 //! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
@@ -11,7 +11,8 @@ mod trace;
 
 use backend::{Intersector, Layout, Method};
 use benches::{
-    Contender, Mesh, in_turn, least, median, meshes, print_table, setting, thread_counts, words,
+    Contender, EmbreeScene, Made, Mesh, in_turn, least, median, meshes, print_table, setting,
+    thread_counts, words,
 };
 use serde_json::{Value, json};
 use std::process::Command;
@@ -49,6 +50,12 @@ fn main() {
         let text = serde_json::to_string_pretty(&report).expect("numbers and names");
         std::fs::write(&file, text + "\n").unwrap_or_else(|why| panic!("{file}: {why}"));
     }
+}
+
+/// Builds Embree's scene of a mesh at its start. Panics if the library is absent.
+fn embree(mesh: &Mesh, threads: usize, made: Made) -> EmbreeScene {
+    let (vertices, triangles) = (mesh.positions(mesh.start()), mesh.animation.triangles());
+    EmbreeScene::new(&vertices, triangles, threads, made).expect("Embree is installed")
 }
 
 /// The processor, and how many threads it runs at once.

@@ -36,12 +36,7 @@
 //! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it, [`Backend::rebuild`] stands for `adopt`:
 //! it makes a tree of the positions at hand, is recorded like a stage, and its generation rises like that of an adopted
 //! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once positions are others, the tree is made
-//! anew or another adopted; to preprocess it panics, but for those that make their trees themselves.
-//!
-//! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in trees: a frame is `interpolate`,
-//! `rebuild` (in the first frame, and in each that is to have a new tree), `preprocess`, `refit`, `trace`. `refit`
-//! brings the last tree to the frame's positions; after `rebuild` nothing is left to do. What a ray hits is then for
-//! whoever makes the tree to say.
+//! anew or another adopted; `preprocess` panics otherwise.
 //!
 //! **Pictures.** Where [`Backend::load_palette`] says so, [`Backend::shade`] records hits to pixels after `trace`, and
 //! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `shading`).
@@ -122,26 +117,15 @@ pub trait Backend: Send + Any {
         None
     }
 
-    /// Whether scenes can be traced by `method`. Touches no device.
-    fn supports(&self, _method: Method) -> bool {
-        true
-    }
-
     /// Makes `animation` current, to be traced by `method`.
     ///
     /// # Errors
-    /// The method is not supported, or the scene does not fit the device.
+    /// The scene does not fit the device.
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
 
     /// Makes ready, beside other work, what such queries of the scene will take, with trees made here or handed in. Without
     /// it they are made ready when they first come.
     fn prepare(&mut self, _query: Query<'_>, _makes_trees: bool) {}
-
-    /// Whether the backend makes its trees itself: then [`Backend::rebuild`] stands where
-    /// [`Backend::adopt`] stands elsewhere, which it refuses.
-    fn makes_own_trees(&self) -> bool {
-        false
-    }
 
     /// Makes `tree` current for all that is recorded from now on.
     ///
@@ -198,10 +182,7 @@ pub trait Backend: Send + Any {
     /// [`BackendError::Unsupported`] where trees are made by the host alone, or
     /// [`BackendError::Limit`] with what the device lacks.
     fn check_rebuild(&self) -> Result<()> {
-        match self.makes_own_trees() {
-            true => Ok(()),
-            false => Err(no_trees(self.device().backend)),
-        }
+        Err(no_trees(self.device().backend))
     }
 
     /// Records: positions to a tree made on the device, current from then on. `preprocess` and `refit` may follow as

@@ -4,17 +4,13 @@
 //! listed or opened before its turn, for both take time.
 
 use crate::adapters::find;
-use crate::{KNOWN, Known, known};
+use crate::{KNOWN, Known};
 use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
 use std::cell::OnceCell;
 use std::fmt::Display;
 
 /// Better kinds first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
-
-/// What is said of a GPU whose driver answers ray queries. It is never taken unasked, for `auto` must not change a hit.
-const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
-     asked for by name since what it hits is the driver's affair";
 
 /// Why nothing was taken.
 #[derive(Debug)]
@@ -26,7 +22,7 @@ pub struct Vain<E> {
 }
 
 /// Takes the best backend that can be made ready, on the adapter that is asked for by an index or by part of its name if one
-/// is, with so many host threads if it computes on them; says why in one line. None that makes its own trees is taken.
+/// is, with so many host threads if it computes on them; says why in one line.
 ///
 /// # Errors
 /// Nothing works, or the name means several adapters of one backend, or none.
@@ -34,26 +30,13 @@ pub fn open_best<T, E: From<BackendError> + Display>(
     on: (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
 ) -> Result<(T, String), Vain<E>> {
-    let ours: Vec<_> = KNOWN.iter().filter(|k| !k.has_own_trees).collect();
-    let traces = |adapter: &AdapterInfo| {
-        let able = known("vulkan-rt").map(|driver| driver.adapters());
-        able.is_some_and(|able| able.is_ok_and(|able| answers_rays(&able, adapter)))
-    };
-    take(&ours, on, &traces, ready)
+    take(&KNOWN.iter().collect::<Vec<_>>(), on, ready)
 }
 
-/// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
-fn answers_rays(able: &[AdapterInfo], adapter: &AdapterInfo) -> bool {
-    let same = |a: &&AdapterInfo| (&a.name, a.kind) == (&adapter.name, adapter.kind);
-    let queries = ("ray queries", "yes".to_owned());
-    (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
-}
-
-/// The best of `known`; `traces` says whether an adapter's driver answers ray queries, which hardware may do.
+/// Takes the best of `known`.
 fn take<T, E: From<BackendError> + Display>(
     known: &[&Known<'_>],
     (asked, threads): (Option<&str>, usize),
-    traces: &dyn Fn(&AdapterInfo) -> bool,
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
 ) -> Result<(T, String), Vain<E>> {
     let mut search = Search {
@@ -74,7 +57,7 @@ fn take<T, E: From<BackendError> + Display>(
             for adapter in fits {
                 let opened = (rival.open)(Some(adapter.index), threads);
                 match opened.map_err(E::from).and_then(&ready) {
-                    Ok(value) => return Ok((value, search.why(rival, &adapter, traces))),
+                    Ok(value) => return Ok((value, search.why(rival, &adapter))),
                     Err(e) => {
                         search.pass(format!("{} on {}: {e}", rival.name, adapter.name));
                         broken = Some(e);
@@ -143,12 +126,7 @@ impl Search<'_> {
     }
 
     /// Why an adapter was taken.
-    fn why(
-        self,
-        rival: &Known<'_>,
-        adapter: &AdapterInfo,
-        traces: &dyn Fn(&AdapterInfo) -> bool,
-    ) -> String {
+    fn why(self, rival: &Known<'_>, adapter: &AdapterInfo) -> String {
         let because = match (self.asked, adapter.kind) {
             (Some(asked), _) => Some(format!("'{asked}' is {}", adapter.name)),
             (None, DeviceKind::Gpu) => Some(format!("{} is a GPU; {}", adapter.name, rival.place)),
@@ -156,9 +134,7 @@ impl Search<'_> {
             (None, _) if self.passed.is_empty() => Some(rival.place.to_owned()),
             (None, _) => None,
         };
-        let by_name = adapter.kind == DeviceKind::Gpu && traces(adapter);
-        let by_name = by_name.then(|| BY_NAME.to_owned());
-        let all = because.into_iter().chain(by_name).chain(self.passed);
+        let all = because.into_iter().chain(self.passed);
         all.collect::<Vec<_>>().join("; ")
     }
 

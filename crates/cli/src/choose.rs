@@ -5,7 +5,6 @@
 //! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
 
 use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
-use crate::open::has_own_trees;
 use crate::session::{self, trace_lists};
 use crate::stop::Stop;
 use backend::{Backend, DeviceKind, Hits, Intersector, Layout, Method, Query, Rays};
@@ -63,10 +62,6 @@ impl<'a> Ask<'a> {
     pub(crate) fn update(&self) -> Choice<Update> {
         let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
         let (update, why) = match self.update {
-            UpdateName::Auto if has_own_trees(self.backend) => {
-                let within = "the backend makes its trees itself, within each frame";
-                (Update::Rebuild, within)
-            }
             UpdateName::Auto if self.is_open() => (at_pace, "it suits most scenes that deform"),
             UpdateName::Auto => (at_pace, "--lockstep asks for it"),
             UpdateName::Async => return (at_pace, None),
@@ -123,18 +118,6 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-/// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
-/// for the driver's own.
-pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
-    if update == UpdateName::DeviceRebuild {
-        return Some(format!("update policy '{}'", word(&update)));
-    }
-    match method.intersector {
-        IntersectorName::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
-        other => Some(format!("intersector '{}'", word(&other))),
-    }
-}
-
 pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
     let why = || "it alone is free of wrong answers by definition".to_owned();
     let named = word(&name).parse();
@@ -152,18 +135,14 @@ fn layout(name: LayoutName) -> Option<Layout> {
 pub(crate) struct Capabilities {
     /// The kind of the device.
     device: DeviceKind,
-    /// The layouts that the backend traces by the intersector in use.
-    layouts: Vec<Layout>,
     /// Whether trees can be built on the device.
     makes_trees: bool,
 }
 
 impl Capabilities {
-    fn of(backend: &dyn Backend, intersector: Intersector) -> Self {
-        let supports = |method| backend.supports(method);
+    fn of(backend: &dyn Backend) -> Self {
         Self {
             device: backend.device().kind,
-            layouts: layouts(supports, intersector),
             makes_trees: backend.check_rebuild().is_ok(),
         }
     }
@@ -177,22 +156,8 @@ impl Capabilities {
             DeviceKind::Software => (Layout::Bvh2, "software drivers trace it faster"),
             DeviceKind::Gpu | DeviceKind::Cpu => (Layout::Fast, "it is traced faster"),
         };
-        let (layout, why) = match *self.layouts {
-            [only] if only != fastest => (only, "the backend supports no other"),
-            _ => (fastest, why),
-        };
-        (layout, Some(why.to_owned()))
+        (fastest, Some(why.to_owned()))
     }
-}
-
-/// Returns the layouts that go with an intersector, where `supports` knows the methods of a backend.
-fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<Layout> {
-    let method = |layout| Method {
-        intersector,
-        layout,
-    };
-    let all = Layout::ALL.into_iter();
-    all.filter(|&layout| supports(method(layout))).collect()
 }
 
 /// What is taken, and why this update policy, this intersector, this layout, where it was left open.
@@ -212,7 +177,7 @@ pub(crate) fn settle(
     ask: &Ask<'_>,
 ) -> Result<(Box<dyn Backend>, Settled), Stop> {
     let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
-    let capabilities = Capabilities::of(backend.as_ref(), intersector);
+    let capabilities = Capabilities::of(backend.as_ref());
     let (layout, why_layout) = capabilities.layout(ask.method.layout);
     let method = Method {
         intersector,

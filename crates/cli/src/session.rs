@@ -1,6 +1,6 @@
 //! A tracer set up as asked, ready for its first frame; to measure, the library's own driver.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::args::BackendName;
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
@@ -37,7 +37,7 @@ pub(crate) struct Setup {
     /// What was left to `auto`.
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
-    pub(crate) memory: ExpectedMemory,
+    pub(crate) memory: Option<ExpectedMemory>,
     /// The same in one line.
     #[serde(skip)]
     pub(crate) caption: String,
@@ -116,7 +116,6 @@ fn start_by<T>(
 ) -> Result<(T, Setup), Stop> {
     let rays = ask.rays();
     check_trees(animation.triangle_count(), rays)?;
-    let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
         let (backend, (method, update, why)) = choose::settle(backend, animation, ask)?;
         let taking = take(backend, animation, ask, (method, update))?;
@@ -130,14 +129,9 @@ fn start_by<T>(
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
     let (traces, device, method, update, reasons) = opened;
-    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let [why_update, why_intersector, why_layout] = reasons;
     let threads = ask.share(device.kind, update);
-    let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
-    if open::has_own_trees(ask.backend) {
-        (intersector, layout) = (open::DRIVERS, open::DRIVERS);
-        why_intersector = Some("the driver has its own".to_owned());
-        why_layout.clone_from(&why_intersector);
-    }
+    let (intersector, layout) = (method.intersector.name(), method.layout.name());
     let taken = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update.name(), why_update),
@@ -159,33 +153,16 @@ fn start_by<T>(
         intersector,
         layout,
         auto: taken.into_iter().flatten().collect(),
-        memory: ExpectedMemory::of(animation, device.kind, (method, update), rays),
+        memory: Some(ExpectedMemory::of(
+            animation,
+            device.kind,
+            (method, update),
+            rays,
+        )),
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
     Ok((traces, setup))
-}
-
-/// Returns the request as the backend takes it. A backend that makes its trees itself leaves nothing to choose.
-///
-/// # Errors
-/// The backend makes its trees itself, and does not have what is named.
-pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
-    if !open::has_own_trees(ask.backend) {
-        return Ok(*ask);
-    }
-    if let Some(what) = choose::beyond_drivers(ask.method, ask.update) {
-        return Err(Stop::bad(format!(
-            "a driver that makes its own trees rebuilds or refits them, and has its own intersector and layout: it does not know \
-             {what}"
-        )));
-    }
-    Ok(Ask {
-        run: None,
-        rays: ask.rays(),
-        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
-        ..*ask
-    })
 }
 
 impl Setup {

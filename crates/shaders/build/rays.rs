@@ -12,8 +12,8 @@ use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
 /// The file of the stages, and that of the kernels beside them.
-pub(crate) const PIPELINE: &str = "traversal/driver_rays";
-pub(crate) const KERNELS: &str = "traversal/driver_counts";
+pub(crate) const PIPELINE: &str = "traversal/ray_pipeline";
+pub(crate) const KERNELS: &str = "traversal/ray_pipeline_kernels";
 
 /// What stands in the file for address spaces and inputs that the crate `wesl` does not know.
 const UNKNOWN: [(&str, &str); 5] = [

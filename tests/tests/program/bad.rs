@@ -72,11 +72,8 @@ trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 /// Likewise, of which no backend may be named besides. Terminals obey some characters: those are spelt out.
 const OTHERS: &str = "
 paint demo:twist | paint
-bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast | nothing is left to measure | vulkan-rt | fast
-bench demo:twist:500 --backend vulkan-rt --update device-rebuild | nothing is left to measure | vulkan-rt | device-rebuild
-render demo:twist:100 --backend vulkan-rt --update device-rebuild | policy 'device-rebuild'
-render demo:twist:100 --backend vulkan-rt --intersector auto | intersector 'auto'
-render demo:twist:100 --backend vulkan-rt --tolerance 0 | intersector 'auto'
+render demo:twist:100 --backend vulkan-rt | vulkan-rt is a rival | --rival vulkan-rt
+bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild
 render demo:twist:100 --backend vulkan --adapter none | vulkan
 inspect a.obj+ | a.obj+ | no name
 inspect + | no name

@@ -1,7 +1,6 @@
 //! Options that would do nothing with what they stand beside: refused, before any work.
 
-use super::{BackendName, Command, DeviceArgs, IntersectorName, UpdateName};
-use crate::open::has_own_trees;
+use super::{Command, IntersectorName, UpdateName};
 use crate::stop::Stop;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
@@ -60,7 +59,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
                 ("lockstep", may_be_async(update), ASYNC),
                 ("predict", may_be_async(update), ASYNC),
                 ("tolerance", is_auto(args.method.intersector), AUTO),
-                builders(&args.device, update),
+                builders(update),
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
                 ("fps", clips, CLIP),
@@ -72,15 +71,14 @@ fn bonds(command: &Command) -> Vec<Bond> {
             vec![
                 ("tree_time", is_refit, "goes only with --update refit"),
                 ("tolerance", is_auto(args.method.intersector), AUTO),
-                builders(&args.device, args.update),
+                builders(args.update),
                 has_clip(scene(&args.scene)),
                 has_files(scene(&args.scene)),
             ]
         }
         Command::Bench(args) => {
             let mut updates = args.measure.update.iter();
-            let builds = |&b: &BackendName| updates.clone().any(|&u| host_builds(b, u));
-            let builds = args.measure.backend.iter().any(builds);
+            let builds = updates.clone().any(|&u| host_builds(u));
             let samples = args.measure.intersector.iter().any(|&i| is_auto(i));
             vec![
                 ("predict", updates.any(|&u| may_be_async(u)), ASYNC),
@@ -119,16 +117,16 @@ fn bonds(command: &Command) -> Vec<Bond> {
     }
 }
 
-fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
-    ("builder_threads", host_builds(device.backend, update), HOST)
+fn builders(update: UpdateName) -> Bond {
+    ("builder_threads", host_builds(update), HOST)
 }
 
 fn may_be_async(update: UpdateName) -> bool {
     matches!(update, UpdateName::Async | UpdateName::Auto)
 }
 
-fn host_builds(backend: BackendName, update: UpdateName) -> bool {
-    !has_own_trees(backend) && update != UpdateName::DeviceRebuild
+fn host_builds(update: UpdateName) -> bool {
+    update != UpdateName::DeviceRebuild
 }
 
 /// Whether an input of the scene can be a file: demos are no files.

@@ -114,7 +114,6 @@ inspect demo:twist --reduce-keys -1 | -1
 render --update refit --lockstep 1 | --lockstep | --update async
 render --update t-sah --predict off | --predict | --update async
 render --tolerance 3 --intersector exact | --tolerance | --intersector auto
-render --backend vulkan-rt --builder-threads 2 | --builder-threads | trees that the host builds
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
 render --no-images --resume | --resume | --hits
 render --no-images --out d | --no-images | --out
@@ -123,10 +122,10 @@ render a.obj+b/ --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --tree-time 1 | --tree-time | --update refit
 trace a.ply --time 0 --rays r --out o --intersector woop --tolerance 1 | --tolerance | auto
-trace a.ply --time 0 --rays r --out o --backend vulkan-rt --builder-threads 1 | --builder-threads | host
+trace a.ply --time 0 --rays r --out o --update device-rebuild --builder-threads 1 | --builder-threads | host
 bench --update refit,rebuild --predict on,off | --predict | --update async
 bench --intersector exact --tolerance 1 | --tolerance | --intersector auto
-bench --backend vulkan-rt --builder-threads 2 | --builder-threads | host
+bench --update device-rebuild --builder-threads 2 | --builder-threads | host
 bench a.obj b.ply --fps 12 | --fps | .gltf
 bench --compare a b --size 8x8 | --size | --compare
 bench demo:twist --compare a b | SCENE | --compare
@@ -148,7 +147,21 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 29);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 28);
+}
+
+#[test]
+fn every_rival_is_refused_as_a_backend_by_the_option_that_measures_it() {
+    for rival in rivals::RIVALS {
+        let name = rival.name;
+        for command in ["render", "bench", "chart", "conform", "stability", "stress"] {
+            let text = refused(&format!("{command} --backend {name}"));
+            let says =
+                format!("{name} is a rival, not a backend: use bench or chart with --rival {name}");
+            assert_eq!(text, says);
+        }
+    }
+    assert!(refused("bench --rival cpu").contains("--rival"));
 }
 
 #[test]
@@ -165,7 +178,7 @@ fn what_does_something_is_taken() {
         "render demo:hall+a.obj --recentre",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
         "bench --predict on,off --builder-threads 2",
-        "bench --backend cpu,vulkan-rt --builder-threads 2 --tolerance 2",
+        "bench --backend cpu --rival embree,vulkan-rt --builder-threads 2 --tolerance 2",
         "bench --compare a b --fail-above 3 --quiet",
         "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --intersector exact",

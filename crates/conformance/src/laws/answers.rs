@@ -5,30 +5,16 @@ use crate::Case;
 use crate::compare::{answers, named_ray, same_counts};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use crate::stage::{ask, boxes_anew, is_extreme};
+use crate::stage::{ask, is_extreme};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
 
-/// Holds what a query found at a time to what it should.
-pub(super) type Verify =
-    fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
-
-/// At each of the case's times. Where a driver makes the trees, those made anew and those brought along take turns.
-pub(super) fn asked(
-    c: &mut Check<'_>,
-    rays: Rays<'_>,
-    kind: QueryKind,
-    verify: Verify,
-) -> Result<()> {
+/// Verifies a query at each of the case's times.
+fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
-    for (i, &time) in c.case.times.iter().enumerate() {
-        if i % 2 == 0 {
-            c.stand(time)?;
-        } else {
-            c.interpolate(time)?;
-            boxes_anew(c.subject)?;
-        }
+    for &time in &c.case.times {
+        c.stand(time)?;
         let found = ask(c.subject, rays, kind)?;
         verify(c, time, (rays, kind), &found)?;
     }
@@ -63,20 +49,20 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
 }
 
 /// Closest hits of given rays.
-pub(super) fn closest(c: &mut Check<'_>, verify: Verify) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Closest, verify)
+pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
+    asked(c, c.rays(), QueryKind::Closest)
 }
 
 /// Whether anything is hit.
-pub(super) fn any(c: &mut Check<'_>, verify: Verify) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Any, verify)
+pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
+    asked(c, c.rays(), QueryKind::Any)
 }
 
 /// A camera's rays made on the device, with shadows; and the shadows of given rays.
-pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
+pub(super) fn shadows(c: &mut Check<'_>) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {
-        asked(c, rays, QueryKind::ClosestAndShadow { light }, verify)?;
+        asked(c, rays, QueryKind::ClosestAndShadow { light })?;
     }
     Ok(())
 }

@@ -8,16 +8,14 @@ mod reports;
 mod still;
 mod trees;
 mod walk;
-mod within;
 
 use crate::stage::{self, open};
 use crate::{Case, Reference};
-use answers::verify;
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
 /// Says by which methods a law is tried, one after the other in use.
-pub(crate) type Methods = fn(&Check<'_>) -> Result<Vec<Method>>;
+pub(crate) type Methods = fn(&Check<'_>) -> Vec<Method>;
 
 /// A law: `Err` says how subject and reference disagree.
 #[derive(Clone, Copy)]
@@ -80,60 +78,53 @@ impl<'a> Check<'a> {
     }
 }
 
-/// Every method by which the subject traces.
-fn all(c: &Check<'_>) -> Result<Vec<Method>> {
+/// Returns every method.
+fn all(_: &Check<'_>) -> Vec<Method> {
+    by(|_| true)
+}
+
+/// Returns the methods of some intersectors.
+fn by(is_wanted: impl Fn(Intersector) -> bool) -> Vec<Method> {
     let with = |intersector| {
         Layout::ALL.map(|layout| Method {
             intersector,
             layout,
         })
     };
-    let mut all: Vec<_> = Intersector::ALL.into_iter().flat_map(with).collect();
-    all.retain(|&m| c.subject.supports(m));
-    let usual = all.contains(&Method::default());
-    ensure!(usual, "the backend does not support the usual method");
-    Ok(all)
-}
-
-/// Those with some intersectors.
-fn by(c: &Check<'_>, is_wanted: impl Fn(Intersector) -> bool) -> Result<Vec<Method>> {
-    let mut some = all(c)?;
-    some.retain(|m| is_wanted(m.intersector));
-    Ok(some)
+    let wanted = Intersector::ALL.into_iter().filter(|&i| is_wanted(i));
+    wanted.flat_map(with).collect()
 }
 
 /// The usual intersector on every layout.
-fn usual(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| i == Method::default().intersector)
+fn usual(_: &Check<'_>) -> Vec<Method> {
+    by(|i| i == Method::default().intersector)
 }
 
 /// The exact intersector on every layout.
-fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| i == Intersector::Exact)
+fn exact(_: &Check<'_>) -> Vec<Method> {
+    by(|i| i == Intersector::Exact)
 }
 
 /// Those whose answers are the same everywhere.
-fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| {
-        matches!(i, Intersector::Watertight | Intersector::Exact)
-    })
+fn robust(_: &Check<'_>) -> Vec<Method> {
+    by(|i| matches!(i, Intersector::Watertight | Intersector::Exact))
 }
 
-fn all_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
-    in_turn(c, all(c)?)
+fn all_in_turn(c: &Check<'_>) -> Vec<Method> {
+    in_turn(c, all(c))
 }
 
-fn robust_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
-    in_turn(c, robust(c)?)
+fn robust_in_turn(c: &Check<'_>) -> Vec<Method> {
+    in_turn(c, robust(c))
 }
 
 /// Of these methods those with the intersector whose turn it is: all have theirs within a few cases.
-fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
+fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
     let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
     intersectors.dedup();
     let turn = intersectors[c.case.number as usize % intersectors.len()];
     methods.retain(|m| m.intersector == turn);
-    Ok(methods)
+    methods
 }
 
 /// A line a law: by which methods it is tried, its name, and whether it holds.
@@ -148,7 +139,7 @@ macro_rules! laws {
     };
 }
 
-/// Every law of backends that trace our trees.
+/// Every law.
 pub const LAWS: &[Law] = laws! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
@@ -156,10 +147,10 @@ pub const LAWS: &[Law] = laws! {
     usual positions_come_back_as_they_were: geometry::read_back;
     usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
     robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
-    robust key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, verify);
-    robust closest_hits_equal_the_reference: |c| answers::closest(c, verify);
-    robust any_hits_equal_the_reference: |c| answers::any(c, verify);
-    robust pictures_and_shadows_equal_the_reference: |c| answers::shadows(c, verify);
+    robust key_frames_that_arrive_are_played_as_those_held: arriving::pushed;
+    robust closest_hits_equal_the_reference: answers::closest;
+    robust any_hits_equal_the_reference: answers::any;
+    robust pictures_and_shadows_equal_the_reference: answers::shadows;
     all a_camera_is_its_rays: answers::camera_is_rays;
     all any_hit_agrees_with_closest_hit: answers::any_is_closest;
     all queries_together_find_what_each_does: answers::together;
@@ -178,24 +169,3 @@ pub const LAWS: &[Law] = laws! {
     usual tickets_finish_in_order_and_answers_are_kept: reports::tickets;
     usual loading_again_starts_afresh: reports::reload;
 };
-
-/// Every law of backends that make their trees themselves and leave what a ray hits to a driver.
-pub const OWN_TREE_LAWS: &[Law] = laws! {
-    usual positions_equal_the_formula: geometry::positions;
-    usual reports_name_what_was_done: reports::stages;
-    usual positions_come_back_as_they_were: geometry::read_back;
-    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
-    all a_camera_is_its_rays: within::camera_is_rays;
-    usual closest_hits_lie_within_rounding: within::closest;
-    usual any_hits_lie_within_rounding: |c| answers::any(c, within::verify);
-    usual pictures_and_shadows_lie_within_rounding: |c| answers::shadows(c, within::verify);
-    usual key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, within::verify);
-};
-
-/// The laws that `backend` is to keep.
-pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {
-    match backend.makes_own_trees() {
-        true => OWN_TREE_LAWS,
-        false => LAWS,
-    }
-}

@@ -107,8 +107,7 @@ impl Driver {
     /// Frames that may be under way when another of such queries is [begun](Self::begin), that one included.
     pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so none may be left open before it.
-        let waits_for_tree = self.options.update.waits_at_once() && !self.makes_trees();
-        match waits_for_tree || self.needs_look(queries) {
+        match self.options.update.waits_at_once() || self.needs_look(queries) {
             true => 1,
             false => FRAMES_IN_FLIGHT,
         }

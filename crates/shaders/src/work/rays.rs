@@ -12,11 +12,6 @@ pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
     Work::linear(common("cleanse"), params, triangles)
 }
 
-/// Inactive and degenerate ones among so many triangles.
-pub fn count_triangles(params: Params, triangles: u32) -> Work {
-    Work::linear(common("count_triangles"), params, triangles)
-}
-
 /// What counts the answers to a query of so many rays, each with the buffer that it reads for [`BufferName::Answers`].
 pub fn count_answers(
     params: Params,

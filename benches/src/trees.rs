@@ -1,13 +1,8 @@
 //! Other crates' trees, one file each: what every one can be asked, and the one cost that compares them.
 
 mod bvh;
-#[cfg(feature = "embree")]
-mod embree;
 mod obvhs;
 mod parry;
-
-#[cfg(feature = "embree")]
-pub use self::embree::{EmbreeScene, Made, Packet16};
 
 use self::bvh::Bvh;
 use self::obvhs::Obvhs;
@@ -15,7 +10,7 @@ use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
 
 /// Another crate's tree, with triangles in the crate's own form. Memory is reused where the crate allows it.
-pub trait Rival: Send + Sync {
+pub trait CrateTree: Send + Sync {
     /// Crate and variant.
     fn name(&self) -> &'static str;
 
@@ -56,14 +51,14 @@ pub trait Rival: Send + Sync {
 }
 
 /// One of each, with these triangles and no tree yet.
-pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
-    let mut all: Vec<Box<dyn Rival>> = vec![
+pub fn trees(triangles: &[Triangle]) -> Vec<Box<dyn CrateTree>> {
+    let mut all: Vec<Box<dyn CrateTree>> = vec![
         Box::new(Obvhs::<false>::default()),
         Box::new(Obvhs::<true>::default()),
         Box::new(Bvh::default()),
         Box::new(Parry::default()),
     ];
-    all.iter_mut().for_each(|rival| rival.take(triangles));
+    all.iter_mut().for_each(|tree| tree.take(triangles));
     all
 }
 
@@ -96,7 +91,7 @@ mod tests {
         assert!(blocked.contains(&0) && blocked.contains(&1));
         let [start, middle] = [mesh.start(), mesh.middle()].map(|pose| mesh.triangles(pose));
         for threads in [1, 2] {
-            for mut tree in rivals(&middle) {
+            for mut tree in trees(&middle) {
                 pool(threads).install(|| tree.build());
                 // Built anew, or refitted to the start.
                 tree.take(&start);
