@@ -1,11 +1,11 @@
-//! Triangles to trees.
+//! Tree builds and refits.
 
 use crate::{METHOD, Unit, embree, group};
 use benches::{Contender, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
 
-/// Builds on `threads`; beside those ours on one, of which the scaling follows.
+/// Measures builds on `threads` threads, and our builds on fewer threads, to show how they scale.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let counts = thread_counts().into_iter().filter(|&n| n <= threads);
     let pools: Vec<_> = counts.map(|n| (n, pool(n))).collect();
@@ -22,7 +22,7 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     group(&title, Unit::NsEach(mesh.triangle_count()), contenders)
 }
 
-/// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
+/// Measures refits: from vertices in memory to a traceable tree of unchanged topology.
 pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
     let mut embree = embree(mesh, threads, Made::Refitted);
     let theirs = Contender::new("Embree 4", threads, || {
@@ -39,7 +39,7 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
     group(&title, unit, vec![theirs, ours])
 }
 
-/// Build and conversion: what the pipeline's builder thread hands over.
+/// Build and conversion: the work of the pipeline's builder thread.
 fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();
@@ -49,7 +49,7 @@ fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender
     })
 }
 
-/// All that is done until rays can be asked on this machine.
+/// All work until rays can be traced on this machine.
 fn traceable<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();

@@ -1,7 +1,7 @@
-//! Which backend is taken if none is named: a pure choice over what is offered.
+//! Selects a backend automatically.
 //!
-//! A GPU comes before the host's cores, and those before a driver that runs graphics code on the same cores. Nothing is
-//! listed or opened before its turn, for both take time.
+//! A GPU is preferred to the host's cores, and these to a driver that runs shaders on the same cores. Backends are
+//! listed and opened only when their turn comes, because both take time.
 
 use crate::adapters::find;
 use crate::{KNOWN, Known};
@@ -9,23 +9,25 @@ use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
 use std::cell::OnceCell;
 use std::fmt::Display;
 
-/// Better kinds first.
+/// Kinds of devices, best first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
 
-/// Why nothing was taken.
+/// Error of a selection: no backend was selected.
 #[derive(Debug)]
 pub struct Vain<E> {
-    /// In one line.
+    /// Reason, in one line.
     pub why: String,
-    /// What came of the last backend that was opened.
+    /// Error of the backend that was opened last, if any.
     pub broken: Option<E>,
 }
 
-/// Takes the best backend that can be made ready, on the adapter that is asked for by an index or by part of its name if one
-/// is, with so many host threads if it computes on them; says why in one line.
+/// Opens the best backend for which `ready` succeeds. Returns its result, and the reason for the selection in one line.
+///
+/// `on` is an adapter, by index or part of its name, if one is requested, and the number of host threads for backends
+/// that compute on the host.
 ///
 /// # Errors
-/// Nothing works, or the name means several adapters of one backend, or none.
+/// No backend works, or the adapter name matches no adapter, or several of one backend.
 pub fn open_best<T, E: From<BackendError> + Display>(
     on: (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
@@ -33,7 +35,7 @@ pub fn open_best<T, E: From<BackendError> + Display>(
     take(&KNOWN.iter().collect::<Vec<_>>(), on, ready)
 }
 
-/// Takes the best of `known`.
+/// Opens the best backend of `known`.
 fn take<T, E: From<BackendError> + Display>(
     known: &[&Known<'_>],
     (asked, threads): (Option<&str>, usize),
@@ -73,12 +75,12 @@ struct Search<'s> {
     known: &'s [&'s Known<'s>],
     asked: Option<&'s str>,
     lists: Vec<OnceCell<backend::Result<Vec<AdapterInfo>>>>,
-    /// Why others were passed over.
+    /// Reasons why other backends and adapters were not selected.
     passed: Vec<String>,
 }
 
 impl Search<'_> {
-    /// One backend's adapters of one kind that may be taken.
+    /// Returns the adapters of backend `i` that have this kind and match the request.
     fn fits(&mut self, i: usize, kind: DeviceKind) -> Result<Vec<AdapterInfo>, String> {
         let rival = self.known[i];
         if kind == DeviceKind::Gpu && self.is_covered(rival) {
@@ -108,7 +110,7 @@ impl Search<'_> {
         Ok(fits)
     }
 
-    /// Whether another was listed that would have found this one's GPUs, and found none.
+    /// Returns whether a backend that finds all GPUs of this backend was listed and has no GPU.
     fn is_covered(&self, rival: &Known<'_>) -> bool {
         let by = |name| self.known.iter().position(|r| r.name == name);
         let listed = rival.covered_by.and_then(by).map(|i| self.lists[i].get());
@@ -125,12 +127,12 @@ impl Search<'_> {
         }
     }
 
-    /// Why an adapter was taken.
+    /// Returns the reason for selecting an adapter.
     fn why(self, rival: &Known<'_>, adapter: &AdapterInfo) -> String {
         let because = match (self.asked, adapter.kind) {
             (Some(asked), _) => Some(format!("'{asked}' is {}", adapter.name)),
             (None, DeviceKind::Gpu) => Some(format!("{} is a GPU; {}", adapter.name, rival.place)),
-            // What was passed over says it all, unless there was nothing.
+            // The reasons against other backends suffice, if there are any.
             (None, _) if self.passed.is_empty() => Some(rival.place.to_owned()),
             (None, _) => None,
         };
@@ -138,7 +140,7 @@ impl Search<'_> {
         all.collect::<Vec<_>>().join("; ")
     }
 
-    /// Why nothing was taken; `broken` is what came of the last that was opened.
+    /// Returns the error that no backend was selected. `broken` is the error of the backend that was opened last.
     fn in_vain<E: Display>(mut self, broken: Option<E>) -> Vain<E> {
         if let Some(e) = &broken {
             let why = match self.passed.len() {

@@ -1,4 +1,4 @@
-//! The watertight test in lanes: one ray and eight triangles, or many rays and one.
+//! The watertight test in lanes: one ray and eight triangles, or many rays and one triangle.
 
 use crate::rays::{Group, OneRay};
 use crate::simd::{Lanes, each};
@@ -8,8 +8,8 @@ use cpu_ref::scale::{LEAST, Scale};
 use cpu_ref::slab::{FARTHEST, PAD};
 use glam::Vec4;
 
-/// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
-/// Axes in the order `kx, ky, kz`, the same for all, as are the signs of directions.
+/// Rays prepared for the test, one per lane, or one ray in all lanes.
+/// Axes are in the order `kx, ky, kz`, which all lanes share, as they share the signs of directions.
 #[derive(Clone, Copy)]
 pub(crate) struct TriangleRay<L> {
     axes: [usize; 3],
@@ -21,7 +21,8 @@ pub(crate) struct TriangleRay<L> {
     t_max: L,
 }
 
-/// What boxes are padded by, in units of `|r|`: their planes are given from the ray's start, axis by axis.
+/// Returns the padding of boxes in units of `|r|`. Planes are relative to the ray's origin, as `[lower, upper]` per
+/// axis.
 #[inline(always)]
 pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
@@ -30,19 +31,19 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     L::splat(PAD).mul(reach.min(L::splat(FARTHEST)))
 }
 
-/// `kx, ky, kz` by `kz`.
+/// `kx, ky, kz`, indexed by `kz`.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Where a ray meets triangles of a block.
+/// Hits of a ray with triangles of a block, or of rays with one triangle.
 pub(crate) struct Meetings<L: Lanes> {
-    /// Bit `lane` is set if that triangle is hit.
+    /// Bit `lane` is set if that lane has a hit.
     pub(crate) lanes: u32,
     pub(crate) t: L,
     pub(crate) u: L,
     pub(crate) v: L,
 }
 
-/// A ray's span within the boxes of single triangles.
+/// A ray's spans within the boxes of single triangles.
 pub(crate) struct Spans<L: Lanes> {
     /// Bit `lane` is set if that box cannot be skipped.
     pub(crate) lanes: u32,
@@ -51,11 +52,11 @@ pub(crate) struct Spans<L: Lanes> {
     pub(crate) exit: L,
 }
 
-/// Corners relative to the ray's start, by axis (in the ray's order) and corner.
+/// Corners relative to the ray's origin, by axis (in the ray's order) and corner.
 type Relative<L> = [[L; 3]; 3];
 
 impl<L: Lanes> TriangleRay<L> {
-    /// A ray in each lane, all with this `kz`.
+    /// Loads a ray in each lane. All rays have the main axis `main`.
     #[inline(always)]
     pub(crate) fn all(group: &Group<L>, main: usize) -> Self {
         let axes = AXES[main];
@@ -69,7 +70,7 @@ impl<L: Lanes> TriangleRay<L> {
         }
     }
 
-    /// The ray's span in each triangle's own box, as far as it begins no later than `best`.
+    /// Computes the ray's span in each triangle's own box. Spans that begin after `best` are not in `lanes`.
     #[inline(always)]
     fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
@@ -79,7 +80,7 @@ impl<L: Lanes> TriangleRay<L> {
         });
         let slack = slack(&planes);
         for (i, [low, high]) in planes.into_iter().enumerate() {
-            // With the ray's sign in r, the nearer plane is the one with the lesser product: rounding is monotone.
+            // r has the sign of the direction, so the nearer plane has the smaller product: rounding is monotone.
             let r = self.inverse[i];
             let (p, q, pad) = (low.mul(r), high.mul(r), slack.mul(r.abs()));
             entry = entry.max(p.min(q).sub(pad));
@@ -89,9 +90,9 @@ impl<L: Lanes> TriangleRay<L> {
         Spans { lanes, entry, exit }
     }
 
-    /// The watertight test of each lane's ray with each lane's triangle. `t` is clamped, and no later than `best`.
+    /// Tests each lane's ray with each lane's triangle. `t` is clamped, and at most `best`.
     ///
-    /// Rays must start within [`cpu_ref::slab::CALM`]: no edge function may overflow.
+    /// Distances must be below [`cpu_ref::slab::CALM`], so that no edge function overflows.
     #[inline(always)]
     fn meet_corners(&self, corners: &Relative<L>, best: L) -> Option<Meetings<L>> {
         let [x, y, along] = shear(corners, &self.shear);
@@ -117,7 +118,7 @@ impl<L: Lanes> TriangleRay<L> {
         (lanes != 0).then_some(Meetings { lanes, t, u, v })
     }
 
-    /// Many rays and the triangle in one lane of a block.
+    /// Tests many rays with the triangle in one lane of a block.
     #[inline(always)]
     pub(crate) fn meet_one(&self, block: &Block, lane: usize, best: L) -> Option<Meetings<L>> {
         let corners = each!(i => {
@@ -128,7 +129,7 @@ impl<L: Lanes> TriangleRay<L> {
     }
 }
 
-/// One ray and eight triangles.
+/// Operations on one ray and eight triangles.
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
     pub(crate) fn single(ray: &OneRay<'_, impl Lanes>) -> Self {
@@ -151,20 +152,20 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
         })
     }
 
-    /// [`Spans`] of a whole block.
+    /// Computes the spans in the boxes of all triangles of a block.
     #[inline(always)]
     pub(crate) fn spans(&self, block: &Block, best: f32) -> Spans<L> {
         self.spans_of(&self.relative(block), L::splat(best))
     }
 
-    /// The watertight test on all triangles of a block.
+    /// Tests all triangles of a block.
     #[inline(always)]
     pub(crate) fn meet(&self, block: &Block, best: f32) -> Option<Meetings<L>> {
         self.meet_corners(&self.relative(block), L::splat(best))
     }
 }
 
-/// Sheared `x`, `y`, and depths along the ray's axis, not scaled; for each corner.
+/// Returns sheared `x` and `y` and the unscaled depths along the ray's main axis, for each corner.
 #[inline(always)]
 fn shear<L: Lanes>(corners: &Relative<L>, shear: &[L; 3]) -> [[L; 3]; 3] {
     let [from_x, from_y, along] = corners;
@@ -175,7 +176,7 @@ fn shear<L: Lanes>(corners: &Relative<L>, shear: &[L; 3]) -> [[L; 3]; 3] {
     ]
 }
 
-/// `U`, `V`, `W`.
+/// Computes `U`, `V`, `W`.
 #[inline(always)]
 fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     each!(i => {
@@ -184,7 +185,7 @@ fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     })
 }
 
-/// Lanes where no two edge functions have opposite signs. Numbers that are none conflict.
+/// Returns the lanes where no two edge functions have opposite signs. Lanes with a NaN are not included.
 #[inline(always)]
 fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     let zero = L::splat(0.0);
@@ -192,7 +193,7 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     L::either(zero.at_most(least), most.at_most(zero))
 }
 
-/// Takes from `lanes`, which have no conflict, those that are missed when signs of zeros are taken exactly.
+/// Removes the lanes that miss once signs of zeros are computed exactly. No lane in `lanes` has opposite signs.
 #[inline(always)]
 fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     let zero = L::splat(0.0);
@@ -210,7 +211,7 @@ fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     lanes & (sure | settle_exactly::<L>(lanes & !sure, &stored))
 }
 
-/// Which of `lanes` are hit.
+/// Returns the subset of `lanes` that are hit, with all signs exact.
 #[cold]
 #[inline(never)]
 fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
@@ -227,20 +228,20 @@ fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) 
     hit
 }
 
-/// Zero where below `2^-100`.
+/// Returns `x`, or zero where `|x|` is below `2^-100`.
 #[inline(always)]
 pub(crate) fn flushed<L: Lanes>(x: L) -> L {
     x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
 }
 
-/// [`Scale::apply`].
+/// Applies [`Scale::apply`] to each lane.
 #[inline(always)]
 pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
     let x = x.mul(L::splat(scale.factor()));
     x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
 }
 
-/// Distance and weights: the reference's `solve`, lane by lane.
+/// Computes distance and weights, as the reference's `solve` does, for each lane.
 #[inline(always)]
 fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
     let [u, v, w] = [flushed(edges[0]), flushed(edges[1]), flushed(edges[2])];

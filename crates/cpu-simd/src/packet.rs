@@ -1,8 +1,9 @@
-//! Neighbouring rays, one in each lane, through the wide tree by one walk: boxes are tested against all of them at once,
+//! Packet traversal of the wide tree: neighbouring rays, one in each lane. Boxes are tested against all rays at once,
 //! by interval arithmetic (Boulos, Wald, Shirley 2006).
 //!
-//! Every operation of the box test is monotone in the ray's start, in `|r|` and in `q`, rounding included. So from
-//! their bounds come bounds of every ray's entry and exit; what these exclude, each ray's own test excludes too.
+//! Every operation of the box test is monotone in the ray's origin, in `|r|` and in `q`, rounding included. So bounds
+//! on these give bounds on every ray's entry and exit. A box that the bounds exclude is excluded by each ray's own
+//! test.
 
 use crate::leaf::TriangleRay;
 use crate::rays::{Group, MOST_RAYS};
@@ -11,23 +12,24 @@ use crate::tree::{Block, LANES, NOWHERE, Planes, Wide, place};
 use crate::walk::{BoxTest, Stack, Visitor, walk};
 use geom::Hit;
 
-/// Rays that run together.
+/// Rays that are traced together.
 pub(crate) struct Packet<L, P> {
     pub(crate) rays: TriangleRay<L>,
     pub(crate) bundle: Bundle<P>,
-    /// Brings distances of all rays to the units of one of them.
+    /// Factor from distances of each ray to the units of the first ray, a power of two.
     pub(crate) level: L,
-    /// Where each ray ends, and the last of these ends in units of one ray.
+    /// The `t_max` of each ray.
+    /// The greatest `t_max`, in units of the first ray.
     pub(crate) t_max: L,
     pub(crate) bound: f32,
 }
 
-/// How far lengths of one packet may differ: distances must not leave the normal range.
+/// Limit on the ratio of direction lengths in one packet, so that distances stay in the normal range.
 const APART: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> Packet<L, P> {
-    /// `None` for rays that cannot run together: some are unusual, or their directions differ in main axis, sign or
-    /// exponent.
+    /// Creates a packet. Returns `None` if some ray is unusual, if directions differ in main axis or sign, or if their
+    /// exponents differ by too much.
     #[inline(always)]
     pub(crate) fn of(group: &Group<L>) -> Option<Self> {
         let main = group.main_of_all()?;
@@ -50,29 +52,30 @@ impl<L: Lanes, P: Halves> Packet<L, P> {
     }
 }
 
-/// Whether a component is negative, where that is the same for all.
+/// Returns whether a component is negative, or `None` if its sign differs among the rays.
 #[inline(always)]
 fn is_negative<L: Lanes>(d: L) -> Option<bool> {
     let negative = L::bits(d.less(L::splat(0.0)));
     (negative == 0 || negative == L::ALL).then_some(negative != 0)
 }
 
-/// The bounds of a packet's rays: halves as in a node, lower planes first.
+/// Bounds on a packet's rays. Halves are as in a node, lower planes first.
 #[derive(Clone, Copy)]
 pub(crate) struct Bundle<P> {
-    /// The start that lies nearest to the far side: greatest for lower planes, least for upper ones.
+    /// The origin with the earliest entry or the latest exit: greatest for lower planes, least for upper ones.
     origin: [P; 3],
-    /// The least `|r|`, then the greatest; negative for upper planes.
+    /// The least `|r|`, then the greatest. Both are negated for upper planes.
     inverse: [[P; 2]; 3],
     /// The greatest `q`.
     pad: [P; 3],
     turned: [bool; 3],
-    /// The least `t_min` for the entries, no bound for the exits.
+    /// The least `t_min` for the entries, negative infinity for the negated exits.
     floor: P,
 }
 
 impl<P: Halves> Bundle<P> {
-    /// `level` brings distances of all rays to one unit, exactly; `turned` says which directions are negative.
+    /// Computes the bounds. `level` brings distances of all rays to one unit, exactly. `turned` marks negative
+    /// directions.
     #[inline(always)]
     fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L, t_min: f32) -> Self {
         let origin = each!(i => L::load(&group.origin[i]));
@@ -89,7 +92,7 @@ impl<P: Halves> Bundle<P> {
         }
     }
 
-    /// [`BoxTest::meet`], for planes at hand: lower ones, then upper ones.
+    /// Runs [`BoxTest::meet`] on planes in registers: lower ones, then upper ones.
     #[inline(always)]
     pub(crate) fn meet_planes(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
         let [x, y, z] = each!(axis => {
@@ -114,29 +117,29 @@ impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
     }
 }
 
-/// `low` for lower planes, `high` for upper ones.
+/// Joins `low`, for lower planes, and `high`, for upper ones.
 #[inline(always)]
 fn halves<P: Halves>(low: f32, high: f32) -> P {
     P::join(P::Half::splat(low), P::Half::splat(high))
 }
 
-/// Closest hits so far, one a lane.
+/// Closest hits so far, one per lane.
 pub(crate) struct Found<L: Lanes> {
-    /// In units of the prepared directions.
+    /// Distances in units of the prepared directions.
     pub(crate) t: L,
     pub(crate) u: L,
     pub(crate) v: L,
-    /// Where the triangles lie.
+    /// Places of the triangles.
     pub(crate) places: [u32; MOST_RAYS],
 }
 
-/// No ray leaves a triangle out.
+/// A `skipped` argument of [`any`] that skips no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
-/// Triangles that a packet tests before its rays go one by one, as where each hits another triangle.
+/// Number of triangles that a packet tests before its rays are traced singly, as when each hits a different triangle.
 const TRIANGLES: u32 = 256;
 
-/// The closest hits of a packet; `None` if its rays go better one by one.
+/// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
 #[inline(always)]
 pub(crate) fn closest<I: Isa>(
     tree: &Wide,
@@ -159,10 +162,11 @@ pub(crate) fn closest<I: Isa>(
     (!gave_up).then_some(closest.found)
 }
 
-/// Blocks that a packet sees before its rays go one by one: some packets are wide, as where hits lie far apart.
+/// Number of blocks that a packet visits before its rays are traced singly. Packets are wide where hits are far apart.
 const PATIENCE: u32 = 16;
 
-/// Which lanes of `asked` hit any triangle but the one in `skipped`; `None` if the rays go better one by one.
+/// Returns the lanes of `asked` that hit any triangle except the one in `skipped`, or `None` if tracing the rays singly
+/// is likely to be faster.
 #[inline(always)]
 pub(crate) fn any<I: Isa>(
     tree: &Wide,
@@ -182,7 +186,7 @@ pub(crate) fn any<I: Isa>(
     (!ended || any.left == 0).then_some(asked & !any.left)
 }
 
-/// Triangles of a block whose own boxes some ray may meet.
+/// Returns the triangles of a block whose own boxes some ray may meet.
 #[inline(always)]
 fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
     let planes = each!(axis => {
@@ -197,7 +201,7 @@ struct Closest<'a, L: Lanes, P> {
     tree: &'a Wide,
     packet: &'a Packet<L, P>,
     found: Found<L>,
-    /// Triangles that may still be tested.
+    /// Number of triangles that may still be tested.
     patience: u32,
 }
 
@@ -232,7 +236,7 @@ impl<L: Lanes, P> Closest<'_, L, P> {
         while as_near != 0 {
             let ray = as_near.trailing_zeros() as usize % MOST_RAYS;
             as_near &= as_near - 1;
-            // The lower index wins.
+            // At equal distance, the lower index wins.
             let other = found.places[ray];
             if other == NOWHERE || block.triangles[lane] < self.tree.triangle_at(other) {
                 better |= 1 << ray;
@@ -251,9 +255,9 @@ struct Any<'a, L, P> {
     blocks: &'a [Block],
     packet: &'a Packet<L, P>,
     skipped: &'a [u32; MOST_RAYS],
-    /// Rays that hit nothing yet.
+    /// Rays without a hit yet.
     left: u32,
-    /// Blocks that may still be seen.
+    /// Number of blocks that may still be visited.
     patience: u32,
 }
 

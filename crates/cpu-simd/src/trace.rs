@@ -1,4 +1,4 @@
-//! Rays to hits by the wide tree: neighbouring rays together where that pays, others each on its own.
+//! Tracing through the wide tree: neighbouring rays as packets where that is faster, other rays singly.
 
 use crate::light::{Found, shadow_rays};
 use crate::packet::{self, NONE, Packet};
@@ -18,11 +18,11 @@ use std::ops::Range;
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
 type Stack<'a> = traverse::Stack<&'a Wide>;
 
-/// A tracer by the watertight test in vectors.
+/// A tracer for the watertight test in vectors.
 pub(crate) struct WideTracer<'a>(pub(crate) Tracer<'a, &'a Wide>);
 
 impl<'a> WideTracer<'a> {
-    /// Answers all rays, in their order.
+    /// Traces all rays and writes the answers in their order.
     pub(crate) fn trace(&self, out: Output<'_>) -> Counts {
         fill(self.0.task.query.rays, out, |tiles| {
             let tracer = self;
@@ -30,7 +30,7 @@ impl<'a> WideTracer<'a> {
         })
     }
 
-    /// Hits of a packet, whose distances `back` brings to units of the given directions.
+    /// Converts the hits of a packet. `back` is the factor from its distances to units of the given directions.
     #[inline(always)]
     fn unpack<I: Isa>(&self, packet: &packet::Found<I::Packet>, back: I::Packet) -> Found {
         let t = packet.t.mul(back).store();
@@ -48,7 +48,8 @@ impl<'a> WideTracer<'a> {
         found
     }
 
-    /// Closest hits of rays that are prepared together: as a packet where that pays, or else each on its own.
+    /// Returns the closest hits of rays that are prepared together: traced as a packet where that is faster, else
+    /// singly.
     #[inline(always)]
     fn closest<I: Isa>(
         &self,
@@ -84,7 +85,7 @@ impl<'a> WideTracer<'a> {
         found
     }
 
-    /// Which rays of `asked` hit any triangle but those left out; prepared and traced likewise.
+    /// Returns the rays of `asked` that hit any triangle except the skipped ones. Traces them as a packet or singly.
     #[inline(always)]
     fn any<I: Isa>(
         &self,
@@ -122,7 +123,7 @@ impl<'a> WideTracer<'a> {
         hit
     }
 
-    /// The closest hit of an unusual ray.
+    /// Returns the closest hit of an unusual ray.
     #[cold]
     #[inline(never)]
     fn closest_unusual(&self, ray: &Ray, scale: Scale, stack: &mut Stack<'a>) -> Hit {
@@ -130,14 +131,14 @@ impl<'a> WideTracer<'a> {
         hit.unwrap_or(Hit::MISS)
     }
 
-    /// Whether an unusual ray hits any triangle but `skipped`.
+    /// Returns whether an unusual ray hits any triangle except `skipped`.
     #[cold]
     #[inline(never)]
     fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32, stack: &mut Stack<'a>) -> bool {
         Watertight::any(&self.0.asked(*ray, scale), Some(skipped), stack)
     }
 
-    /// The answers for rays of a list, some of which are extreme.
+    /// Answers rays of a list one by one, because some are extreme.
     #[cold]
     #[inline(never)]
     fn singly(&self, indices: Range<usize>, stack: &mut Stack<'a>) -> Found {
@@ -151,12 +152,13 @@ impl<'a> WideTracer<'a> {
     }
 }
 
-/// What a task keeps from rays to rays.
+/// State of a task that persists from packet to packet.
 #[derive(Default)]
 struct State<'a> {
     stack: Stack<'a>,
-    /// Of closest hits, and of any.
+    /// History of packets in closest-hit searches.
     closest: Trust,
+    /// History of packets in any-hit searches.
     any: Trust,
 }
 
@@ -241,7 +243,7 @@ impl TilesTask<'_, '_> {
     }
 }
 
-/// The answers for rays in the lanes of `asked`. Lists and pictures share it, since it takes long to compile.
+/// Answers the rays in the lanes of `asked`. Lists and pictures share this part, because it takes long to compile.
 struct Answers<'a, 't, L> {
     tracer: &'t WideTracer<'a>,
     rays: &'t Given<L>,
@@ -274,7 +276,7 @@ impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
         if hit == 0 {
             return found;
         }
-        // At once, while all that the rays came to is in the nearest caches.
+        // Shadow rays are traced now, while the results of the rays are in the nearest caches.
         let corners = found.corners::<I>(&task.geometry, tree);
         let eyes = rays.scaled_origin(scale);
         let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
@@ -287,20 +289,20 @@ impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
     }
 }
 
-/// Whether packets of late were worth it.
+/// History of whether packets were faster than single rays.
 #[derive(Default)]
 struct Trust {
     failed: u32,
-    /// Cells that go one by one before the next packet is tried.
+    /// Cells to trace singly before the next packet is tried.
     pause: u32,
 }
 
-/// The longest pause.
+/// The longest pause, in cells.
 const PAUSE: u32 = 7;
 
 impl Trust {
-    /// The rays of a group as a packet through `tree`, if that is worth a try. A packet pads boxes by the size of the whole
-    /// tree.
+    /// Creates a packet of a group's rays, unless a pause lasts or the tree is `spread`: packets pad boxes by the size
+    /// of the whole tree.
     #[inline(always)]
     fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Wide) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;

@@ -1,4 +1,4 @@
-//! The laws, by name.
+//! Tables of all properties.
 
 mod answers;
 mod arriving;
@@ -14,18 +14,18 @@ use crate::{Case, Reference};
 use anyhow::Result;
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
-/// Says by which methods a law is tried, one after the other in use.
+/// Selects the methods with which a property is tested, one after the other.
 pub(crate) type Methods = fn(&Check<'_>) -> Vec<Method>;
 
-/// A law: `Err` says how subject and reference disagree.
+/// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
 pub struct Law {
-    /// Its name, as a sentence with underscores.
+    /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
     pub(crate) methods: Methods,
     /// The name of `methods` in the table of properties.
     method_set: &'static str,
-    /// Whether it holds.
+    /// Test of the property.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
@@ -38,12 +38,12 @@ impl Law {
     }
 }
 
-/// What a law is tried on.
+/// Inputs of a test.
 pub(crate) struct Check<'a> {
     pub(crate) case: &'a Case,
     pub(crate) subject: &'a mut dyn Backend,
     pub(crate) reference: &'a mut Reference,
-    /// How the subject traces.
+    /// Method with which the subject traces.
     pub(crate) method: Method,
 }
 
@@ -66,12 +66,12 @@ impl<'a> Check<'a> {
         Ok(stage::ask(self.subject, rays, kind)?.0)
     }
 
-    /// The closest hits of the case's own rays.
+    /// Returns the closest hits of the case's rays.
     fn closest(&mut self) -> backend::Result<Hits> {
         self.ask(self.rays(), QueryKind::Closest)
     }
 
-    /// The case's own rays.
+    /// Returns the case's rays.
     fn rays(&self) -> Rays<'a> {
         let case: &'a Case = self.case;
         Rays::List(&case.rays)
@@ -95,17 +95,17 @@ fn by(is_wanted: impl Fn(Intersector) -> bool) -> Vec<Method> {
     wanted.flat_map(with).collect()
 }
 
-/// The usual intersector on every layout.
+/// Returns the default intersector with every layout.
 fn usual(_: &Check<'_>) -> Vec<Method> {
     by(|i| i == Method::default().intersector)
 }
 
-/// The exact intersector on every layout.
+/// Returns the exact intersector with every layout.
 fn exact(_: &Check<'_>) -> Vec<Method> {
     by(|i| i == Intersector::Exact)
 }
 
-/// Those whose answers are the same everywhere.
+/// Returns the methods whose results are the same on every backend.
 fn robust(_: &Check<'_>) -> Vec<Method> {
     by(|i| matches!(i, Intersector::Watertight | Intersector::Exact))
 }
@@ -118,7 +118,7 @@ fn robust_in_turn(c: &Check<'_>) -> Vec<Method> {
     in_turn(c, robust(c))
 }
 
-/// Of these methods those with the intersector whose turn it is: all have theirs within a few cases.
+/// Returns the methods with one intersector, which rotates with the case number. A few cases test all intersectors.
 fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
     let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
     intersectors.dedup();
@@ -127,7 +127,7 @@ fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
     methods
 }
 
-/// A line a law: by which methods it is tried, its name, and whether it holds.
+/// Defines one property per line: its methods, its name and its test.
 macro_rules! laws {
     ($($methods:ident $name:ident: $check:expr;)+) => {
         &[$(Law {
@@ -139,7 +139,7 @@ macro_rules! laws {
     };
 }
 
-/// Every law.
+/// All properties.
 pub const LAWS: &[Law] = laws! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;

@@ -7,9 +7,9 @@ import package::geometry::units::{in_ray_units, scaled_point};
 import package::lib::buffers::{counts, records};
 import package::lib::params::params;
 
-// What textbook tests share: a meeting is clamped to the triangle's own box, so that no tree can change it.
+// Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
 
-// Boxes decide hits, at each triangle that may be one.
+// The exact reciprocal: boxes decide hits at each candidate triangle.
 fn textbook_inverse_for(ray: Prepared) -> vec3<f32> { return inverse_of(ray); }
 
 struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
@@ -21,10 +21,10 @@ fn within_box(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, t: f32, u
     return Meeting(own.x <= own.y, clamped(t, own), u, v, triangle);
 }
 
-// Möller, Trumbore 1997, without culling and without its epsilon: it leaks near edges.
-// In the device's own arithmetic, which may fuse and divide as it likes.
+// Möller, Trumbore 1997, without culling and without its epsilon. It leaks near edges.
+// Uses the device's own arithmetic, which may fuse operations and divide inexactly.
 
-// Where the ray meets the leaf's triangle within its own box.
+// Returns where the ray hits the leaf's triangle within its own box.
 @if(!WOOP)
 fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let k = corners_of(leaf);
@@ -36,15 +36,15 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let u = dot(s, p) * inverse;
     let q = cross(s, e1);
     let v = dot(ray.direction, q) * inverse;
-    // A determinant of zero makes u or v infinite or not a number: no hit.
+    // A determinant of zero makes u or v infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
     return within_box(ray, k.a, k.b, k.c, dot(e2, q) * inverse, u, v, k.triangle);
 }
 
-// Woop 2004: an affine transform makes each triangle the unit triangle. It leaks near edges.
-// In the device's own arithmetic, which may fuse and divide as it likes.
+// Woop 2004: an affine transform maps each triangle to the unit triangle. It leaks near edges.
+// Uses the device's own arithmetic, which may fuse operations and divide inexactly.
 
-// Where the ray meets the leaf's triangle within its own box.
+// Returns where the ray hits the leaf's triangle within its own box.
 @if(WOOP)
 fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let to_u = bitcast<vec4<f32>>(records[3u * leaf]);
@@ -54,24 +54,24 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let t = -dot(to_height, origin) / dot(to_height.xyz, ray.direction);
     let u = fma(t, dot(to_u.xyz, ray.direction), dot(to_u, origin));
     let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
-    // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
+    // If the ray is parallel to the plane, t, u and v are infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    // Behind all rows: see geometry/record.wgsl.
+    // After all rows: see geometry/record.wgsl.
     let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
     let p = points_of(triangle);
     return within_box(ray, scaled_point(p[0]), scaled_point(p[1]), scaled_point(p[2]), t, u, v, triangle);
 }
 
-// What a search for the closest hit keeps of the leaves it sees: a textbook test's best.
+// Closest-hit search: the best hit so far.
 
 struct TextbookFound { t: f32, u: f32, v: f32, triangle: u32 }
 
 fn textbook_nothing_found(ray: Prepared) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
-// Nodes entered beyond this need no visit.
+// Nodes with an entry beyond this are skipped.
 fn textbook_limit(found: TextbookFound) -> f32 { return found.t; }
 
-// Tests the leaf's triangle and keeps it if it is the least by t, then by index.
+// Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
 fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound) -> TextbookFound {
     let m = meet_leaf(ray, leaf);
     let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
@@ -80,7 +80,7 @@ fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound
     return best;
 }
 
-// What is written for a ray, t in the ray's own units.
+// Returns the hit to write for a ray, with t in the ray's own units.
 fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
     if best.triangle == 0xffffffffu { return MISS; }
     atomicAdd(&counts[2], 1u);
@@ -88,10 +88,10 @@ fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }
 
-// Every hit stands.
+// No hit is left open.
 fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
 
-// Whether a textbook test meets a leaf's triangle.
+// Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn textbook_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let m = meet_leaf(ray, leaf);

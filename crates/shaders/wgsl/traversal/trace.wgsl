@@ -1,4 +1,4 @@
-// The kernels that trace rays one by one.
+// Kernels that trace rays one by one.
 
 import package::geometry::light::{is_occluded, to_light, way_from};
 import package::geometry::queries::{camera_ray, eye, given_ray, is_void, misses_root, pixel_of, through_pixel};
@@ -9,7 +9,7 @@ import package::lib::buffers::{hits, occluded, rays};
 import package::lib::params::{element, params};
 import package::traversal::traverse::find_closest;
 
-// The closest hit of each pixel's ray, made here.
+// Closest hits of camera rays, which the kernel generates.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -28,7 +28,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     hits[i] = hit_of(i, ray, find_closest(ray));
 }
 
-// The closest hit of each given ray.
+// Closest hits of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -43,7 +43,7 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     hits[i] = hit_of(i, ray, find_closest(ray));
 }
 
-// Whether each given ray meets anything.
+// Any-hit answers of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -55,8 +55,8 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     store_occluded(i, met, 2u);
 }
 
-// The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
-// that two kernels took on some scenes: warps that are done with the one go on to the other.
+// Closest hits of camera rays, which the kernel generates, and their shadow rays. In some scenes this takes three quarters of the
+// time of two kernels: warps that have finished their closest hits continue with shadow rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -77,7 +77,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let hit = hit_of(i, ray, found);
     hits[i] = hit;
     if is_unresolved(hit) {
-        // Its notes, for `resolve_exact_together`.
+        // Candidate notes, for `resolve_exact_together`.
         occluded[i] = hit.y;
         return;
     }
@@ -86,7 +86,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     store_occluded(i, dark, 3u);
 }
 
-// The shadow of each given ray's hit.
+// Shadow rays of the hits of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)

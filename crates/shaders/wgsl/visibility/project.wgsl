@@ -1,4 +1,4 @@
-// What each triangle covers of the picture, and each box of the wide tree: see docs/design/packets.md.
+// Projects each triangle, and each box of the wide tree, to the pixels that it covers: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
 import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
@@ -10,26 +10,26 @@ import package::visibility::outline::{
     size_of, too_near,
 };
 
-// The first and the last pixel whose middle may lie within.
+// Returns the first and last pixel whose ray may pass between two coordinates.
 fn loose_pixel_span(least: f32, most: f32) -> u32 {
     let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
     let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
     return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
 }
 
-// A bound of each row of pixels, in 256ths of a pixel: `at` in row `first`, and more each row. Its side is -1 where the
-// covered pixels begin behind it, 1 where they end before it, 0 if it is none.
+// A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
+// (side -1) or end before it (side 1). Side 0 is no bound.
 struct RowBound { at: i32, slope: i32, side: i32 }
 
 fn loose_line(p: vec2<f32>, q: vec2<f32>, turn: f32, first: f32, margin: f32) -> RowBound {
     let d = q - p;
     let slope = d.x / d.y;
-    // Rows tell nothing of lines that are nearly level.
+    // Lines that are nearly level do not bound rows.
     if !(abs(slope) < 100.0) { return RowBound(0, 0, 0); }
     let at = p.x + slope * (first - p.y);
     let apart = margin * (abs(slope) + 1.0) + 2.0e-6 * (abs(slope * (first - p.y)) + abs(p.x));
     if turn * d.y > 0.0 { return RowBound(i32(ceil(256.0 * (at + apart))), i32(ceil(256.0 * slope)), 1); }
-    // 255 more, so that whole pixels are rounded up.
+    // Adds 255 so that the later shift rounds up to whole pixels.
     return RowBound(i32(floor(256.0 * (at - apart))) + 255, i32(floor(256.0 * slope)), -1);
 }
 
@@ -49,7 +49,7 @@ fn with_line(given: RowBounds, line: RowBound) -> RowBounds {
     return lines;
 }
 
-// A triangle's edges as lines, if it is sure which way it turns.
+// Returns a triangle's edges as lines, if its orientation is certain.
 fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     let a = vec2<f32>(x.at.x, y.at.x);
     let b = vec2<f32>(x.at.y, y.at.y);
@@ -58,7 +58,7 @@ fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
     let size = abs(b - a) + abs(c - b) + abs(a - c);
     var lines = no_lines();
-    // 2^-21: coordinates are rounded too.
+    // 2^-21, because coordinates are rounded too.
     if !(abs(area) > 2.5 * (doubt + 4.76837158203125e-7 * (most_of(abs(x.at)) + most_of(abs(y.at)))) * (size.x + size.y)) { return lines; }
     let turn = sign(area);
     let margin = doubt + params.pixel_margin;
@@ -67,7 +67,7 @@ fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     return with_line(lines, loose_line(c, a, turn, first, margin));
 }
 
-// Words 16 bits each.
+// Packs two words of 16 bits each.
 fn both(low: i32, high: i32) -> u32 { return (bitcast<u32>(low) & 0xffffu) | (bitcast<u32>(high) << 16u); }
 
 fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBounds) {
@@ -79,7 +79,7 @@ fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBoun
     );
 }
 
-// Where something begins that lies no nearer than this; not behind the eye.
+// Returns the nearest depth of something whose computed depth is `depth`; at least 0.
 fn begins_at(depth: f32, reach: f32) -> f32 {
     let least = depth - DOUBT * reach * size_of(params.depth);
     return select(0.0, least, least > 0.0);
@@ -110,7 +110,7 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     write_triangle(leaf, columns, rows, begin, loose_lines(across, down, f32(rows & 0xffffu)));
 }
 
-// A box, by its corners along x: four on either side.
+// Projects a box by its corners, one pair along x at a time.
 fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
     let row = topology[params.wide_at + lane];
     let goal = topology[params.wide_at + params.wide_lanes + lane];
@@ -135,7 +135,7 @@ fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
         least = min(least, vec2<f32>(least_of(across.at - across.doubt), least_of(down.at - down.doubt)));
         most = max(most, vec2<f32>(most_of(across.at + across.doubt), most_of(down.at + down.doubt)));
     }
-    // Below there may be nothing that a ray can hit.
+    // The subtree may contain no triangle that a ray can hit.
     let is_empty = !(bitcast<f32>(nodes[row].x) <= bitcast<f32>(nodes[row + 1u].x));
     let begin = bitcast<u32>(select(0.0, begins_at(nearest, reach), reach < FARTHEST));
     if is_empty || (farthest < -too_near(reach) && reach < FARTHEST) {

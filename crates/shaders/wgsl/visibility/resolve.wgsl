@@ -1,4 +1,4 @@
-// Rasterization, last step: hits and shadows by the visibility buffer.
+// Rasterization, last step: hits and shadows from the visibility buffer.
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{from_triangle, is_occluded, scaled};
@@ -15,9 +15,8 @@ import package::traversal::traverse::find_closest;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
-// What each pixel's ray hits, by the visibility buffer, and its shadow: see docs/design/visibility-buffer.md. Where that does not tell
-// all, each ray goes down the tree, as in `trace_and_shadow_camera`.
-
+// Writes each pixel's hit from the visibility buffer, and traces its shadow ray: see docs/design/visibility-buffer.md. If the
+// buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
 
 fn write_miss(i: u32) {
@@ -25,7 +24,7 @@ fn write_miss(i: u32) {
     store_occluded(i, false, 3u);
 }
 
-// What a search down the tree finds, as the visibility buffer would have it.
+// Traverses the tree. Returns the result in the format of the visibility buffer.
 fn search(i: u32, ray: Prepared) -> vec2<u32> {
     let found = find_closest(ray);
     if found.leaf == NO_LEAF { return NOT_SEEN; }
@@ -40,7 +39,7 @@ fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) 
     return Turned(vec3<f32>(p.x, q.x, r.x), vec3<f32>(p.y, q.y, r.y), vec3<f32>(p.z, q.z, r.z), triangle);
 }
 
-// What `hit_of` makes of a triangle that is hit at a known t.
+// Returns the same as `hit_of`, for a triangle that is hit at a known t.
 fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
