@@ -1,11 +1,13 @@
-//! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
+//! `abvh bench`: measures every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
 mod failure;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, word};
+use crate::args::{
+    BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, update_name, word,
+};
 use crate::choose::Ask;
 use crate::conflicts::Files;
 use crate::open::{Opening, makes_trees};
@@ -13,6 +15,7 @@ use crate::rival::{self, Contest, Running};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
+use backend::Policy;
 use failure::Failure;
 use pipeline::Frame;
 pub(crate) use row::{Combination, Row, frame_ms, measure, random_rays};
@@ -70,7 +73,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
 }
 
-/// Runs of all combinations.
+/// Results of all combinations.
 struct Results {
     rows: Vec<Row>,
     /// Combinations that could not be measured.
@@ -179,7 +182,7 @@ fn open_with_frames(args: &BenchArgs, spec: &str) -> Result<(Scene, Vec<Frame>),
     Ok((scene, frames))
 }
 
-/// Everything with everything that makes sense, and remarks on what does not.
+/// Returns all meaningful combinations, and remarks on the others.
 fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
         [] => vec![None],
@@ -196,7 +199,6 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                 let ask = Ask {
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
-                    tolerance: args.tolerance.ppm(),
                     predict,
                     ..Ask::of(backend, method, update)
                 };
@@ -213,21 +215,15 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 
 /// Returns what is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName) -> Option<String> {
-    let is_sound = update != UpdateName::DeviceRebuild || makes_trees(backend);
-    let why = || {
-        format!(
-            "{} with {} is left out: it makes no trees",
-            word(&backend),
-            word(&update)
-        )
-    };
-    (!is_sound).then(why)
+    let is_sound = !update.is_some_and(Policy::builds_on_device) || makes_trees(backend);
+    let (name, policy) = (word(&backend), update_name(update));
+    (!is_sound).then(|| format!("{name} with {policy} is left out: it makes no trees"))
 }
 
-/// Each update policy, with and without prediction where that makes a difference.
+/// Returns each update policy, with and without prediction if that makes a difference.
 fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
     args.measure.update.iter().flat_map(|&update| {
-        let differ = matches!(update, UpdateName::Async | UpdateName::Auto);
+        let differ = update.is_none_or(Policy::builds_beside_frames);
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
     })

@@ -1,10 +1,12 @@
 //! Rivals: opened by name, timed over frames, compared with us.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
+use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, update_name};
 use crate::choose::Ask;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
-use backend::{BackendError, DeviceBytes, FrameReport, Hits, Query, QueryKind, Rays};
+use backend::{
+    BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query, QueryKind, Rays,
+};
 use geom::{Animation, Moment, Ray, is_active, is_degenerate};
 use output::FrameStats;
 use pipeline::{Answers, Frame, Wanted, WarmUp, Warmed};
@@ -37,7 +39,7 @@ pub(crate) fn contests(
 ) -> (Vec<Contest>, Vec<String>) {
     let (mut known, mut skipped) = (Vec::new(), Vec::new());
     for &rival in rivals {
-        for policy in updates.iter().map(word) {
+        for policy in updates.iter().copied().map(update_name) {
             match Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
                 Some(upkeep) => known.push(Contest { rival, upkeep }),
                 None => {
@@ -200,8 +202,8 @@ impl Running {
     /// Returns the share of rays whose triangle or shadow differs from ours, over the first, a middle and the last frame.
     /// Ours are those of `watertight` on the host, with a fresh tree in each frame.
     pub(crate) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
-        let method = MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto);
-        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild).over(frames, query);
+        let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
+        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild)).over(frames, query);
         let (mut driver, _) = session::start_driver(&self.animation, &ask)?;
         let places = [0, frames.len() / 2, frames.len().saturating_sub(1)];
         let mut compared: Vec<Frame> = places

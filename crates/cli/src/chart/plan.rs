@@ -1,8 +1,8 @@
-//! Which ways of tracing there are here, and what measures one again.
+//! Ways of tracing that this machine can chart, and the command that measures one again.
 
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::open::{self, Presence};
 use crate::rival::{self, Contest, OWN};
 use crate::stop::Stop;
@@ -31,7 +31,7 @@ impl Way {
     pub(super) fn method(&self) -> Method {
         match self {
             Self::Ours(ask) => {
-                Method::Ours(ask.backend, choose::intersector(ask.method.intersector).0)
+                Method::Ours(ask.backend, ask.method.intersector)
             }
             Self::Rival(contest) => Method::Rival(contest.rival),
         }
@@ -89,7 +89,7 @@ pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
         Way::Ours(ask) => [
             word(&ask.backend),
             word(&ask.method.layout),
-            choose::intersector(ask.method.intersector).0.to_string(),
+            ask.method.intersector.to_string(),
             ask.update().0.name().to_owned(),
         ],
         Way::Rival(Contest { rival, upkeep }) => {
@@ -107,7 +107,7 @@ pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
     }
 }
 
-/// Backends to be charted: those that were named, then what `auto` finds, the host first.
+/// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
@@ -124,7 +124,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     found
 }
 
-/// Why `auto` takes no such backend.
+/// Returns the reason why `auto` skips a backend that finds no GPU.
 fn why_not(presence: Presence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.adapters.iter().any(is_fit) {
@@ -136,7 +136,7 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-/// The first of those that read the same, in order.
+/// Returns the elements in order, without those whose text occurred before.
 pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
@@ -155,7 +155,7 @@ impl fmt::Display for Way {
             Self::Rival(contest) => return contest.fmt(f),
         };
         let [backend, layout] = [word(&ask.backend), word(&ask.method.layout)];
-        let intersector = choose::intersector(ask.method.intersector).0;
+        let intersector = ask.method.intersector;
         let update = ask.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
@@ -175,7 +175,7 @@ pub(super) fn command(args: &ChartArgs, (spec, way): (&str, &Way), row: &Row) ->
     let [width, height] = args.measure.size;
     let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
-        // One alone would be a count.
+        // A single number would be read as a count.
         Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
     };
     let mut source = String::new();
@@ -203,7 +203,7 @@ pub(super) fn command(args: &ChartArgs, (spec, way): (&str, &Way), row: &Row) ->
     )
 }
 
-/// As a shell takes it for one word.
+/// Quotes a word so that a shell reads it as one.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn what_is_named_twice_is_done_once() {
-        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,auto,exact";
+        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,exact,woop";
         let parsed = parse(words.split(' ').map(Into::into));
         let Ok(Command::Chart(args)) = parsed else {
             panic!("{words}: {parsed:?}");

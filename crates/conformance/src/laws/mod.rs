@@ -107,7 +107,7 @@ fn exact(_: &Check<'_>) -> Vec<Method> {
 
 /// Returns the methods whose results are the same on every backend.
 fn robust(_: &Check<'_>) -> Vec<Method> {
-    by(|i| matches!(i, Intersector::Watertight | Intersector::Exact))
+    by(Intersector::is_equal_across_backends)
 }
 
 fn all_in_turn(c: &Check<'_>) -> Vec<Method> {
