@@ -104,8 +104,6 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-}
-
 /// How the tree lies in memory; `None` if it is left to `auto`.
 fn layout(name: LayoutName) -> Option<Layout> {
     let mut all = Layout::ALL.into_iter();

@@ -30,9 +30,7 @@ pub(super) enum Method {
 impl Way {
     pub(super) fn method(&self) -> Method {
         match self {
-            Self::Ours(ask) => {
-                Method::Ours(ask.backend, ask.method.intersector)
-            }
+            Self::Ours(ask) => Method::Ours(ask.backend, ask.method.intersector),
             Self::Rival(contest) => Method::Rival(contest.rival),
         }
     }
