@@ -4,8 +4,8 @@
 
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
-    Mesh, Ours, Rival, Tracer, built, camera, criterion, meshes, pool, print_table, rivals,
-    sah_cost, shadow_rays, thread_counts, words,
+    CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
+    shadow_rays, thread_counts, trees, words,
 };
 use bvh_layout::Topology;
 use criterion::measurement::WallTime;
@@ -45,7 +45,7 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "build", mesh);
     for threads in thread_counts() {
         build_ours(&mut group, mesh, threads);
-        for mut tree in rivals(&mesh.triangles(mesh.start())) {
+        for mut tree in trees(&mesh.triangles(mesh.start())) {
             if threads == 1 || tree.builds_in_parallel() {
                 group.bench_function(BenchmarkId::new(tree.name(), threads), |b| {
                     pool(threads).install(|| b.iter(|| tree.build()));
@@ -88,8 +88,8 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
 }
 
 /// Builds the other crates' trees at the start of a mesh.
-fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn Rival>> {
-    let mut all = rivals(&mesh.triangles(mesh.start()));
+fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn CrateTree>> {
+    let mut all = trees(&mesh.triangles(mesh.start()));
     pool(threads).install(|| all.iter_mut().for_each(|tree| tree.build()));
     all
 }

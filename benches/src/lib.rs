@@ -1,22 +1,21 @@
 //! Shared code of the benchmarks: meshes, rays, and other crates behind one trait.
 //!
 //! Every group names a mesh and its number of triangles. Every function in a group does the same work on the same
-//! triangles or rays, so times are comparable within a group. `--features embree` (see `EmbreeScene`) adds the bench
-//! `duel`.
+//! triangles or rays, so times are comparable within a group. The bench `duel` needs the library of Embree (see
+//! `EmbreeScene`).
 
 mod mesh;
 mod ours;
 mod rays;
-mod rivals;
 mod rounds;
+mod trees;
 
+pub use ::rivals::embree::{EmbreeScene, Made, Packet16};
 pub use mesh::{Mesh, meshes};
 pub use ours::{Ours, Tracer, built};
 pub use rays::{blocks, camera, diffuse_rays, light, random_numbers, random_rays, shadow_rays};
-#[cfg(feature = "embree")]
-pub use rivals::{EmbreeScene, Made, Packet16};
-pub use rivals::{Node, Rival, rivals, sah_cost};
 pub use rounds::{Contender, Samples, in_turn, least, median};
+pub use trees::{CrateTree, Node, sah_cost, trees};
 
 use abvh::own_device::{OwnDevice, required_limits, useful_features, wgpu};
 use abvh::{Device, Scene};

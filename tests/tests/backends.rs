@@ -6,11 +6,10 @@
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
 
 use backend::Backend;
-use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
+use conformance::{LAWS, Law, Reference, hold};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
-use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
 use integration::{is_required, number};
 use libtest_mimic::Trial;
@@ -24,17 +23,9 @@ const BACKENDS: &[(&str, &str, Open)] = &[
     ("vulkan", "vulkan", || {
         Ok(Box::new(VulkanBackend::new(&vulkan())?))
     }),
-    ("vulkan-rt", "vulkan-rt", || driver(Prefer::FastBuild)),
-    ("vulkan-rt:fast-trace", "vulkan-rt", || {
-        driver(Prefer::FastTrace)
-    }),
     ("wgpu", "wgpu", || wgpu(false)),
     ("wgpu-wgsl", "wgpu", || wgpu(true)),
 ];
-
-fn driver(prefer: Prefer) -> backend::Result<Box<dyn Backend>> {
-    Ok(Box::new(DriverTreeBackend::new(&vulkan(), prefer)?))
-}
 
 fn vulkan() -> Options {
     let lenient = std::env::var("ABVH_VALIDATION").is_ok_and(|v| v == "if-installed");
@@ -73,11 +64,6 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let opened = open();
     let absent = opened.as_ref().err().map(|e| format!("absent: {e}"));
     let is_ignored = absent.is_some() && !is_required(requirement);
-    let laws = match &opened {
-        Ok(subject) => laws_of(&**subject),
-        Err(_) if name.starts_with("vulkan-rt") => OWN_TREE_LAWS,
-        Err(_) => LAWS,
-    };
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
     // The number is that of the complaints reported so far. It starts at 0, to include complaints while opening.
@@ -108,7 +94,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
         let trial = trial.with_kind(absent.as_deref().unwrap_or_default());
         Some(trial.with_ignored_flag(is_ignored))
     };
-    laws.iter().filter_map(trial).collect()
+    LAWS.iter().filter_map(trial).collect()
 }
 
 /// Returns the number of cases: by default one for each kind of scene, and fewer for backends that differ from another
@@ -117,7 +103,7 @@ fn cases(name: &str) -> u32 {
     let default = match name {
         _ if integration::is_full() => 36,
         "wgpu" => 5,
-        "wgpu-wgsl" | "vulkan-rt:fast-trace" => 4,
+        "wgpu-wgsl" => 4,
         _ => 15,
     };
     u32::try_from(number("ABVH_CASES", default)).unwrap_or(u32::MAX)

@@ -1,16 +1,15 @@
 //! Tree builds and refits.
 
-use crate::{METHOD, Unit, group};
-use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, pool, thread_counts};
+use crate::{METHOD, Unit, embree, group};
+use benches::{Contender, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
 
 /// Measures builds on `threads` threads, and our builds on fewer threads, to show how they scale.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
-    let triangles = mesh.triangles(mesh.start());
     let counts = thread_counts().into_iter().filter(|&n| n <= threads);
     let pools: Vec<_> = counts.map(|n| (n, pool(n))).collect();
-    let mut embree = EmbreeScene::new(&triangles, threads, Made::Fast);
+    let mut embree = embree(mesh, threads, Made::Fast);
     let mut contenders = vec![Contender::new("Embree 4, medium", threads, || {
         embree.rebuild();
         0
@@ -25,8 +24,7 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
 
 /// Measures refits: from vertices in memory to a traceable tree of unchanged topology.
 pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
-    let triangles = mesh.triangles(mesh.start());
-    let mut embree = EmbreeScene::new(&triangles, threads, Made::Refitted);
+    let mut embree = embree(mesh, threads, Made::Refitted);
     let theirs = Contender::new("Embree 4", threads, || {
         embree.rebuild();
         0

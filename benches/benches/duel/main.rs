@@ -1,7 +1,7 @@
 //! Compares this program with Embree, sample by sample in alternation: builds, refits and rays.
 //!
-//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`. A group is `build`,
-//! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays. A scene is `demo:collide:70000` or a path.
+//! `cargo bench -p benches --bench duel [-- FILE.json [GROUP|SCENE]...]`. A group is `build`, `refit`, `primary`, `shadow`,
+//! `diffuse` or another kind of rays. A scene is `demo:collide:70000` or a path.
 //!
 //! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of an image) configure the measurement. Alternation
 //! exposes both programs to the same changes of the machine's load. Ratios are medians over rounds, by wall time and by
@@ -12,7 +12,8 @@ mod trace;
 
 use backend::{Intersector, Layout, Method};
 use benches::{
-    Contender, Mesh, in_turn, least, median, meshes, print_table, setting, thread_counts, words,
+    Contender, EmbreeScene, Made, Mesh, in_turn, least, median, meshes, print_table, setting,
+    thread_counts, words,
 };
 use serde_json::{Value, json};
 use std::process::Command;
@@ -50,6 +51,12 @@ fn main() {
         let text = serde_json::to_string_pretty(&report).expect("numbers and names");
         std::fs::write(&file, text + "\n").unwrap_or_else(|why| panic!("{file}: {why}"));
     }
+}
+
+/// Builds Embree's scene of a mesh at its start. Panics if the library is absent.
+fn embree(mesh: &Mesh, threads: usize, made: Made) -> EmbreeScene {
+    let (vertices, triangles) = (mesh.positions(mesh.start()), mesh.animation.triangles());
+    EmbreeScene::new(&vertices, triangles, threads, made).expect("Embree is installed")
 }
 
 /// Returns the processor model and its number of hardware threads.

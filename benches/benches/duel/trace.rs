@@ -1,6 +1,6 @@
 //! Ray tracing, with hits written to memory of the caller.
 
-use crate::{METHOD, Unit, group};
+use crate::{METHOD, Unit, embree, group};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
@@ -83,13 +83,11 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
 
 impl<'a> Stage<'a> {
     fn new(mesh: &'a Mesh, threads: usize) -> Self {
-        let triangles = mesh.triangles(mesh.start());
         Self {
             mesh,
             threads,
             pool: pool(threads),
-            scenes: [Made::Fast, Made::Robust]
-                .map(|made| EmbreeScene::new(&triangles, threads, made)),
+            scenes: [Made::Fast, Made::Robust].map(|made| embree(mesh, threads, made)),
         }
     }
 

@@ -120,7 +120,7 @@ fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: 
 }
 
 fn adapters() -> Adapters {
-    let finds_gpus = |k: &&Known<'_>| k.kinds.contains(&DeviceKind::Gpu) && !k.has_own_trees;
+    let finds_gpus = |k: &&Known<'_>| k.kinds.contains(&DeviceKind::Gpu);
     let all: Vec<Adapters> = (backends::KNOWN.iter().filter(finds_gpus).map(listed)).collect();
     let has_gpu = |found: &Adapters| found.as_ref().is_ok_and(|all| all.iter().any(|a| a.1));
     let at = all.iter().position(has_gpu).unwrap_or(0);

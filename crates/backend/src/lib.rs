@@ -55,12 +55,7 @@
 //! If [`Backend::check_rebuild`] succeeds, [`Backend::rebuild`] can replace `adopt`. It records, like a stage, the
 //! build of a tree from the current positions. The generation must increase as it does for `adopt`. A following
 //! `preprocess` or `refit` does nothing. After the positions change, the owner must rebuild or adopt another tree:
-//! preprocessing a tree that was built on the device panics, except in backends that make all their trees themselves.
-//!
-//! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in trees: a frame is `interpolate`,
-//! `rebuild` (in the first frame, and in each that is to have a new tree), `preprocess`, `refit`, `trace`. `refit`
-//! brings the last tree to the frame's positions; after `rebuild` nothing is left to do. What a ray hits is then for
-//! whoever makes the tree to say.
+//! preprocessing a tree that was built on the device panics.
 //!
 //! # Pictures
 //!
@@ -155,26 +150,15 @@ pub trait Backend: Send + Any {
         None
     }
 
-    /// Returns whether scenes can be traced by `method`. Does not access the device.
-    fn supports(&self, _method: Method) -> bool {
-        true
-    }
-
     /// Makes `animation` current, to be traced by `method`.
     ///
     /// # Errors
-    /// The method is not supported, or the scene exceeds a limit or the memory of the device.
+    /// The scene exceeds a limit or the memory of the device.
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
 
     /// Starts to compile, on other threads, the kernels that queries like this one need. `makes_trees` states whether
     /// trees are built on the device. Without this call, kernels are compiled on first use.
     fn prepare(&mut self, _query: Query<'_>, _makes_trees: bool) {}
-
-    /// Whether the backend makes its trees itself: then [`Backend::rebuild`] stands where
-    /// [`Backend::adopt`] stands elsewhere, which it refuses.
-    fn makes_own_trees(&self) -> bool {
-        false
-    }
 
     /// Makes `tree` current for all work recorded from now on.
     ///
@@ -233,10 +217,7 @@ pub trait Backend: Send + Any {
     /// [`BackendError::Unsupported`] if only the host builds trees, or [`BackendError::Limit`] if a limit of the device
     /// is too low.
     fn check_rebuild(&self) -> Result<()> {
-        match self.makes_own_trees() {
-            true => Ok(()),
-            false => Err(no_trees(self.device().backend)),
-        }
+        Err(no_trees(self.device().backend))
     }
 
     /// Records: builds a tree from the current positions on the device and makes it current. `preprocess` and `refit`

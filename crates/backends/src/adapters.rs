@@ -30,22 +30,22 @@ pub(crate) fn find<'a>(
         [] => Ok(None),
         [one] => Ok(Some(one)),
         several => Err(format!(
-            "'{asked}' fits several adapters of backend {backend}; give an index: {}",
+            "'{asked}' fits several adapters of {backend}; give an index: {}",
             AdapterInfo::numbered(several.iter().copied())
         )),
     }
 }
 
-/// Finds an adapter as [`find`] does.
+/// Finds the adapter of `backend`, or of a rival, that `asked` names by its index, its name or a part of the name.
 ///
 /// # Errors
-/// No adapter matches, or several do.
-pub(crate) fn find_one<'a>(
+/// Several adapters fit, or none. The message lists them.
+pub fn find_adapter<'a>(
     backend: &str,
     list: &'a [AdapterInfo],
     asked: &str,
 ) -> Result<&'a AdapterInfo, String> {
-    let none = format!("backend {backend} has no adapter '{asked}'");
+    let none = format!("{backend} has no adapter '{asked}'");
     let there = || format!("{none}; there is {}", AdapterInfo::numbered(list));
     find(backend, list, asked)?.ok_or_else(there)
 }
@@ -74,11 +74,11 @@ mod tests {
     }
 
     fn index(asked: &str) -> usize {
-        find_one("b", &cards(), asked).unwrap().index
+        find_adapter("b", &cards(), asked).unwrap().index
     }
 
     fn refused(asked: &str) -> String {
-        find_one("b", &cards(), asked).unwrap_err()
+        find_adapter("b", &cards(), asked).unwrap_err()
     }
 
     #[test]
@@ -86,14 +86,14 @@ mod tests {
         assert_eq!(["0", "4", "chip", "LAP"].map(index), [0, 4, 2, 1]);
         assert_eq!(index("card 4090"), 0, "the whole name wins over a part");
         let list = &cards()[..1];
-        assert_eq!(find_one("b", list, "d 4090").unwrap().index, 0);
+        assert_eq!(find_adapter("b", list, "d 4090").unwrap().index, 0);
     }
 
     #[test]
     fn digits_alone_are_an_index_and_no_part_of_a_name() {
         for digits in ["5", "40", "4090", "99999999999999999999999999"] {
             let said = refused(digits);
-            let none = format!("backend b has no adapter '{digits}'; there is 0: Card 4090;");
+            let none = format!("b has no adapter '{digits}'; there is 0: Card 4090;");
             assert!(said.starts_with(&none), "{said}");
         }
     }
@@ -102,12 +102,12 @@ mod tests {
     fn what_fits_several_lists_them_and_what_fits_none_lists_all() {
         assert_eq!(
             refused("card"),
-            "'card' fits several adapters of backend b; give an index: 0: Card 4090; 1: Card 4090 Laptop"
+            "'card' fits several adapters of b; give an index: 0: Card 4090; 1: Card 4090 Laptop"
         );
         assert!(refused("twin").ends_with("3: Twin; 4: Twin"));
         for none in ["5", "voodoo"] {
             let text = refused(none);
-            let says = format!("backend b has no adapter '{none}'; there is 0: Card 4090; 1:");
+            let says = format!("b has no adapter '{none}'; there is 0: Card 4090; 1:");
             assert!(text.starts_with(&says), "{text}");
             assert!(text.ends_with("4: Twin"), "{text}");
         }

@@ -4,18 +4,13 @@
 //! listed and opened only when their turn comes, because both take time.
 
 use crate::adapters::find;
-use crate::{KNOWN, Known, known};
+use crate::{KNOWN, Known};
 use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
 use std::cell::OnceCell;
 use std::fmt::Display;
 
 /// Kinds of devices, best first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
-
-/// Hint for a GPU whose driver supports ray queries. `vulkan-rt` is never selected automatically, because `auto` must
-/// not change a hit.
-const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
-     asked for by name since what it hits is the driver's affair";
 
 /// Error of a selection: no backend was selected.
 #[derive(Debug)]
@@ -29,7 +24,7 @@ pub struct Vain<E> {
 /// Opens the best backend for which `ready` succeeds. Returns its result, and the reason for the selection in one line.
 ///
 /// `on` is an adapter, by index or part of its name, if one is requested, and the number of host threads for backends
-/// that compute on the host. Backends that build their own trees are not considered.
+/// that compute on the host.
 ///
 /// # Errors
 /// No backend works, or the adapter name matches no adapter, or several of one backend.
@@ -37,28 +32,13 @@ pub fn open_best<T, E: From<BackendError> + Display>(
     on: (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
 ) -> Result<(T, String), Vain<E>> {
-    let ours: Vec<_> = KNOWN.iter().filter(|k| !k.has_own_trees).collect();
-    let traces = |adapter: &AdapterInfo| {
-        let able = known("vulkan-rt").map(|driver| driver.adapters());
-        able.is_some_and(|able| able.is_ok_and(|able| answers_rays(&able, adapter)))
-    };
-    take(&ours, on, &traces, ready)
+    take(&KNOWN.iter().collect::<Vec<_>>(), on, ready)
 }
 
-/// Returns whether an adapter is in `able`, the adapters that trace with their driver's trees, and supports ray
-/// queries.
-fn answers_rays(able: &[AdapterInfo], adapter: &AdapterInfo) -> bool {
-    let same = |a: &&AdapterInfo| (&a.name, a.kind) == (&adapter.name, adapter.kind);
-    let queries = ("ray queries", "yes".to_owned());
-    (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
-}
-
-/// Opens the best backend of `known`. `traces` returns whether an adapter's driver supports ray queries, possibly in
-/// hardware.
+/// Opens the best backend of `known`.
 fn take<T, E: From<BackendError> + Display>(
     known: &[&Known<'_>],
     (asked, threads): (Option<&str>, usize),
-    traces: &dyn Fn(&AdapterInfo) -> bool,
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
 ) -> Result<(T, String), Vain<E>> {
     let mut search = Search {
@@ -79,7 +59,7 @@ fn take<T, E: From<BackendError> + Display>(
             for adapter in fits {
                 let opened = (rival.open)(Some(adapter.index), threads);
                 match opened.map_err(E::from).and_then(&ready) {
-                    Ok(value) => return Ok((value, search.why(rival, &adapter, traces))),
+                    Ok(value) => return Ok((value, search.why(rival, &adapter))),
                     Err(e) => {
                         search.pass(format!("{} on {}: {e}", rival.name, adapter.name));
                         broken = Some(e);
@@ -148,12 +128,7 @@ impl Search<'_> {
     }
 
     /// Returns the reason for selecting an adapter.
-    fn why(
-        self,
-        rival: &Known<'_>,
-        adapter: &AdapterInfo,
-        traces: &dyn Fn(&AdapterInfo) -> bool,
-    ) -> String {
+    fn why(self, rival: &Known<'_>, adapter: &AdapterInfo) -> String {
         let because = match (self.asked, adapter.kind) {
             (Some(asked), _) => Some(format!("'{asked}' is {}", adapter.name)),
             (None, DeviceKind::Gpu) => Some(format!("{} is a GPU; {}", adapter.name, rival.place)),
@@ -161,9 +136,7 @@ impl Search<'_> {
             (None, _) if self.passed.is_empty() => Some(rival.place.to_owned()),
             (None, _) => None,
         };
-        let by_name = adapter.kind == DeviceKind::Gpu && traces(adapter);
-        let by_name = by_name.then(|| BY_NAME.to_owned());
-        let all = because.into_iter().chain(by_name).chain(self.passed);
+        let all = because.into_iter().chain(self.passed);
         all.collect::<Vec<_>>().join("; ")
     }
 

@@ -1,13 +1,14 @@
 //! The list of all backends: lists their adapters, opens them, and selects the best one.
 //!
-//! Each GPU API is a feature: `vulkan`, `wgpu`, and `vulkan-rt` for the Vulkan driver's own acceleration structures.
+//! Each GPU API is a feature: `vulkan` and `wgpu`.
 
 mod adapters;
 mod auto;
 
+pub use adapters::find_adapter;
 pub use auto::{Vain, open_best};
 
-use backend::{AdapterInfo, Backend, DeviceKind, Method};
+use backend::{AdapterInfo, Backend, DeviceKind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Opens the adapter of the given index, or the backend's default, with the given number of host threads if it uses
@@ -24,10 +25,6 @@ pub struct Known<'a> {
     pub kinds: &'static [DeviceKind],
     /// Name of a backend that finds every GPU that this backend finds.
     covered_by: Option<&'static str>,
-    /// `true` if it traces through its own trees, such as a driver's acceleration structures.
-    pub has_own_trees: bool,
-    /// Returns whether it supports a method. Needs no device.
-    pub supports: fn(Method) -> bool,
     list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
@@ -36,9 +33,7 @@ pub struct Known<'a> {
 #[cfg(feature = "wgpu")]
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
-/// All backends of this build. [`open_best`] tries backends with the same kind of device in this order. It skips
-/// backends that build their own trees. These may be faster with ray-tracing hardware, so it mentions them in the
-/// reason.
+/// All backends of this build. [`open_best`] tries backends with the same kind of device in this order.
 pub const KNOWN: &[Known<'static>] = &[
     #[cfg(feature = "vulkan")]
     Known {
@@ -57,17 +52,8 @@ pub const KNOWN: &[Known<'static>] = &[
         covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
         list: &gpu_wgpu::adapters,
         open: &|adapter, _| Ok(Box::new(gpu_wgpu::WgpuBackend::new(&options(adapter))?)),
-        ..CPU
     },
     CPU,
-    #[cfg(feature = "vulkan-rt")]
-    VULKAN_RT,
-    #[cfg(feature = "vulkan-rt")]
-    Known {
-        name: "vulkan-rt:fast-trace",
-        open: &|adapter, _| open_vulkan_rt(adapter, gpu_vulkan_rt::Prefer::FastTrace),
-        ..VULKAN_RT
-    },
 ];
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
@@ -78,22 +64,8 @@ const CPU: Known<'static> = Known {
     place: "the host is always there",
     kinds: &[DeviceKind::Cpu],
     covered_by: None,
-    has_own_trees: false,
-    supports: |_| true,
     list: &list_cpu,
     open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
-};
-
-#[cfg(feature = "vulkan-rt")]
-const VULKAN_RT: Known<'static> = Known {
-    name: "vulkan-rt",
-    place: "it is there to be measured against",
-    kinds: GPUS,
-    has_own_trees: true,
-    supports: gpu_vulkan_rt::supports,
-    list: &gpu_vulkan_rt::ray_adapters,
-    open: &|adapter, _| open_vulkan_rt(adapter, gpu_vulkan_rt::Prefer::FastBuild),
-    ..CPU
 };
 
 /// Returns the backend of name `name`.
@@ -122,7 +94,7 @@ impl Known<'_> {
             None => None,
             Some(asked) => {
                 let list = self.adapters().map_err(absent)?;
-                Some(adapters::find_one(self.name, &list, asked)?.index)
+                Some(find_adapter(self.name, &list, asked)?.index)
             }
         };
         (self.open)(index, threads).map_err(absent)
@@ -145,17 +117,6 @@ fn options(adapter: Option<usize>) -> gpu_common::Options {
         cache: folder.map(|folder| folder.join("abvh")),
         ..Default::default()
     }
-}
-
-#[cfg(feature = "vulkan-rt")]
-fn open_vulkan_rt(
-    adapter: Option<usize>,
-    prefer: gpu_vulkan_rt::Prefer,
-) -> backend::Result<Box<dyn Backend>> {
-    let options = options(adapter);
-    Ok(Box::new(gpu_vulkan_rt::DriverTreeBackend::new(
-        &options, prefer,
-    )?))
 }
 
 fn list_cpu() -> backend::Result<Vec<AdapterInfo>> {

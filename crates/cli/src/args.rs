@@ -3,6 +3,7 @@
 use crate::stop::Stop;
 use crate::{talk, values};
 use backend::{Intersector, Policy};
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
@@ -87,12 +88,28 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     let spelt = args
         .iter()
         .map(|arg| talk::plain(&arg.to_string_lossy(), &[]).into_owned().into());
+    if let Some(rival) = rival_as_backend(e) {
+        let why =
+            format!("{rival} is a rival, not a backend: use bench or chart with --rival {rival}");
+        return Stop::bad(why);
+    }
     let text = match matches(&spelt.collect::<Vec<OsString>>()) {
         Err(spelt) if spelt.kind() == e.kind() => spelt.to_string(),
         _ => e.to_string(),
     };
     let first = text.split("\n\n").next().unwrap_or(&text);
     Stop::bad(first.strip_prefix("error: ").unwrap_or(first))
+}
+
+/// Returns the rival that was named as a backend.
+fn rival_as_backend(e: &clap::Error) -> Option<&str> {
+    let text = |kind| match e.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let is_backend = text(ContextKind::InvalidArg)?.starts_with("--backend");
+    let known = rivals::known(text(ContextKind::InvalidValue)?);
+    known.filter(|_| is_backend).map(|known| known.name)
 }
 
 #[derive(Args, Debug)]
@@ -252,12 +269,6 @@ pub(crate) enum BackendName {
     Wgpu,
     /// A GPU through Vulkan
     Vulkan,
-    /// Trees that the Vulkan driver makes and traces, quickly built: the rival to measure against
-    #[value(name = "vulkan-rt")]
-    VulkanRt,
-    /// The same, built to be traced quickly
-    #[value(name = "vulkan-rt:fast-trace")]
-    VulkanRtFastTrace,
 }
 
 /// An update policy; `None` leaves the choice to `auto`.

@@ -8,9 +8,10 @@ mod row;
 use crate::args::{
     BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, update_name, word,
 };
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::conflicts::Files;
-use crate::open::{Opening, has_own_trees, makes_trees};
+use crate::open::{Opening, makes_trees};
+use crate::rival::{self, Contest, Running};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
@@ -18,6 +19,7 @@ use backend::Policy;
 use failure::Failure;
 use pipeline::Frame;
 pub(crate) use row::{Combination, Row, frame_ms, measure, random_rays};
+use row::{Measured, Shots};
 use scene::Scene;
 use serde_json::json;
 
@@ -83,21 +85,32 @@ pub(crate) fn open_scene(args: &MeasureArgs, spec: &str) -> Result<Scene, Stop> 
     Ok(scene::open(spec, &options)?)
 }
 
+/// A way to measure a combination.
+#[derive(Clone, Copy)]
+enum Way<'a> {
+    Ours(&'a Ask<'a>),
+    Rival(Contest),
+}
+
 fn measure_all(args: &BenchArgs) -> Result<Results, Stop> {
-    let (combinations, skipped) = combinations(args);
+    let (asks, mut skipped) = combinations(args);
+    let (contests, unknown) = rival::contests(&args.measure.rival, &args.measure.update);
+    skipped.extend(unknown);
     let mut progress = Progress::new(0, args.measure.quiet);
-    if combinations.is_empty() {
+    let ways: Vec<Way<'_>> = asks.iter().map(Way::Ours).collect();
+    let ways = [ways, contests.into_iter().map(Way::Rival).collect()].concat();
+    if ways.is_empty() {
         let why = skipped.join("; ");
         return Err(Stop::bad(format!("nothing is left to measure: {why}")));
     }
     skipped.iter().for_each(|s| progress.say(s));
-    let each = |&rays: &RaysName| combinations.iter().map(move |c| (rays, c));
+    let each = |&rays: &RaysName| ways.iter().map(move |&way| (rays, way));
     let runs: Vec<_> = args.rays.iter().flat_map(each).collect();
     progress.lengthen((args.measure.scenes.len() * runs.len()) as u64);
     let (mut rows, mut failures, mut stops) = (Vec::new(), Vec::new(), Vec::new());
     for spec in &args.measure.scenes {
         let opened = open_with_frames(args, spec);
-        for &(rays, ask) in &runs {
+        for &(rays, way) in &runs {
             let measured = opened.as_ref().map_err(Stop::clone);
             let measured = measured.and_then(|(scene, frames)| {
                 let combination = Combination {
@@ -107,18 +120,26 @@ fn measure_all(args: &BenchArgs) -> Result<Results, Stop> {
                     rays,
                     size: args.measure.size,
                     warm_up: args.measure.warm_up,
-                    ask,
                 };
-                measure(&combination, Opening::default())
+                match way {
+                    Way::Ours(ask) => Ok(measure(&combination, ask, Opening::default())?.0),
+                    Way::Rival(contest) => {
+                        let on = (args.adapter.as_deref(), args.threads);
+                        Ok(measure_rival(&combination, contest, on)?.0)
+                    }
+                }
             });
             match measured {
-                Ok((row, _)) => {
+                Ok(row) => {
                     let how = &row.setup;
                     progress.step(&[spec, how.backend, how.update, how.intersector].join(" "));
                     rows.push(row);
                 }
                 Err(stop) => {
-                    let failure = Failure::new((spec, rays), ask, &stop);
+                    let failure = match way {
+                        Way::Ours(ask) => Failure::new((spec, rays), ask, &stop),
+                        Way::Rival(contest) => Failure::of_rival((spec, rays), contest, &stop),
+                    };
                     progress.step(&failure.to_string());
                     failures.push(failure);
                     stops.push(stop);
@@ -130,6 +151,27 @@ fn measure_all(args: &BenchArgs) -> Result<Results, Stop> {
         true => Err(stop::all_failed(stops)),
         false => Ok(Results { rows, failures }),
     }
+}
+
+/// Measures a rival on an adapter, with threads of the host if it uses them. Returns the rival too, with the scene loaded.
+pub(crate) fn measure_rival(
+    combination: &Combination<'_>,
+    contest: Contest,
+    on: (Option<&str>, Option<usize>),
+) -> Result<(Row, Running), Stop> {
+    let Combination { scene, frames, .. } = *combination;
+    let shots = Shots::of(combination)?;
+    let query = shots.query();
+    let mut running = Running::start(contest, on, &scene.animation)?;
+    let timed = running.time(frames, query, combination.warm_up)?;
+    let measured = Measured {
+        setup: timed.setup,
+        warm_up: timed.warm_up,
+        stats: timed.stats,
+        held: timed.held,
+        differing: Some(running.differing(frames, query)?),
+    };
+    Ok((Row::of(combination, measured), running))
 }
 
 /// Opens a scene, and lists the frames to measure.
@@ -150,7 +192,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     for &backend in &args.measure.backend {
         for (update, predict) in policies(args) {
             for method in methods(args) {
-                if let Some(why) = nonsense(backend, update, method) {
+                if let Some(why) = nonsense(backend, update) {
                     skipped.push(why);
                     continue;
                 }
@@ -171,22 +213,11 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     (sound, skipped)
 }
 
-/// What is wrong with a combination.
-fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
+/// Returns what is wrong with a combination.
+fn nonsense(backend: BackendName, update: UpdateName) -> Option<String> {
+    let is_sound = !update.is_some_and(Policy::builds_on_device) || makes_trees(backend);
     let (name, policy) = (word(&backend), update_name(update));
-    if update.is_some_and(Policy::builds_on_device) && !makes_trees(backend) {
-        let why = "is left out: it makes no trees";
-        return Some(format!("{name} with {policy} {why}"));
-    }
-    if !has_own_trees(backend) {
-        return None;
-    }
-    if update.is_some_and(Policy::builds_beside_frames) {
-        let why = "is left out: it makes its trees itself, within each frame";
-        return Some(format!("{name} with {policy} {why}"));
-    }
-    let beyond = choose::beyond_drivers(method, update);
-    beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
+    (!is_sound).then(|| format!("{name} with {policy} is left out: it makes no trees"))
 }
 
 /// Returns each update policy, with and without prediction if that makes a difference.

@@ -16,19 +16,22 @@ mod plan;
 
 use crate::args::{BackendName, ChartArgs, RaysName};
 use crate::bench::{self, Combination, Row};
-use crate::choose::Ask;
 use crate::open::{self, Opening};
+use crate::rival::Running;
 use crate::session;
 use crate::stop::{self, Stop};
 use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
-use accuracy::{STAGES, Sampler, Tally};
-use backend::{Backend, DeviceKind, Hits, Intersector};
+use accuracy::{STAGES, Sampler, Tally, Tracing};
+use backend::{Backend, DeviceKind, Hits};
+use geom::Animation;
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
 use pipeline::Frame;
+use plan::{Method, Way};
 use scene::Scene;
+use std::sync::Arc;
 
 const LEGEND: &str = "wrong: closest hits of so many that differ from exact arithmetic; aimed: rays at edges and vertices; \
     mixed range: scenes of far or large parts\n\
@@ -41,7 +44,7 @@ const LATER_WARM_UP: f64 = 0.2;
 
 /// One way with its point, and its hits for a few rays.
 struct Measured {
-    way: Ask<'static>,
+    way: Way,
     point: Point,
     probe: Vec<Hits>,
     /// Index of the tally that counts its wrong answers.
@@ -49,15 +52,9 @@ struct Measured {
 }
 
 impl Measured {
-    fn intersector(&self) -> Intersector {
-        self.way.method.intersector
-    }
-
     /// Returns whether two ways give the same answers.
     fn is_like(&self, other: &Self) -> bool {
-        self.way.backend == other.way.backend
-            && self.intersector() == other.intersector()
-            && self.probe == other.probe
+        self.way.method() == other.way.method() && self.probe == other.probe
     }
 }
 
@@ -73,8 +70,10 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
         date: time::OffsetDateTime::now_utc().date().to_string(),
         adapters: Vec::new(),
     };
-    let methods = plan::methods(&ways);
-    let steps = scenes.len() * (ways.len() + STAGES.len() * (1 + methods)) + methods;
+    let methods = plan::methods(ways.iter().copied());
+    let ours = methods.iter().filter(|m| matches!(m, Method::Ours(..)));
+    let judged = STAGES.len() * (1 + methods.len());
+    let steps = scenes.len() * (ways.len() + judged) + ours.count();
     let mut work = Work {
         args,
         progress: Progress::new(steps as u64, args.measure.quiet),
@@ -142,7 +141,7 @@ struct Work<'a> {
 
 impl Work<'_> {
     /// Times every way over one scene.
-    fn time_scene(&mut self, spec: &str, ways: &[Ask<'static>]) -> Result<Vec<Measured>, Stop> {
+    fn time_scene(&mut self, spec: &str, ways: &[Way]) -> Result<Vec<Measured>, Stop> {
         let (scene, frames) = match self.open(spec) {
             Ok(opened) => opened,
             Err(stop) => {
@@ -175,7 +174,7 @@ impl Work<'_> {
                 Ok((row, probe)) => {
                     self.progress.step(&format!("{name} timed {way}"));
                     self.add_adapter(&row);
-                    let command = plan::command(self.args, spec, &row);
+                    let command = plan::command(self.args, (spec, &way), &row);
                     let point = timed(&name, &row, command);
                     measured.push(Measured {
                         way,
@@ -207,23 +206,42 @@ impl Work<'_> {
         &mut self,
         (spec, scene): (&str, &Scene),
         frames: &[Frame],
-        way: Ask<'static>,
+        way: Way,
     ) -> Result<(Row, Vec<Hits>), Stop> {
-        let (opening, is_warm) = self.opening(way.backend);
-        let warm_up = self.args.measure.warm_up;
-        let combination = Combination {
+        let mut combination = Combination {
             spec,
             scene,
             frames,
             rays: RaysName::Camera,
             size: self.args.measure.size,
-            warm_up: warm_up.or(is_warm.then_some(LATER_WARM_UP)),
-            ask: &way,
+            warm_up: self.args.measure.warm_up,
         };
-        let (row, mut driver) = bench::measure(&combination, opening)?;
-        let probe = Sampler::new(&scene.animation, self.args).probe(&mut driver)?;
-        self.spare = Some((way.backend, driver.into_backend()));
+        let sampler = Sampler::new(&scene.animation, self.args);
+        let (row, mut tracing) = match way {
+            Way::Ours(ask) => {
+                let (opening, is_warm) = self.opening(ask.backend);
+                let later = is_warm.then_some(LATER_WARM_UP);
+                combination.warm_up = combination.warm_up.or(later);
+                let (row, driver) = bench::measure(&combination, &ask, opening)?;
+                (row, Tracing::Ours(Box::new(driver)))
+            }
+            Way::Rival(contest) => {
+                self.spare = None;
+                let (row, running) = bench::measure_rival(&combination, contest, (None, None))?;
+                (row, Tracing::Rival(running))
+            }
+        };
+        let probe = sampler.probe(&mut tracing)?;
+        self.keep(way, tracing);
         Ok((row, probe))
+    }
+
+    /// Keeps the device of a backend for the next run.
+    fn keep(&mut self, way: Way, tracing: Tracing) {
+        self.spare = match (way, tracing) {
+            (Way::Ours(ask), Tracing::Ours(driver)) => Some((ask.backend, driver.into_backend())),
+            _ => None,
+        };
     }
 
     /// Returns the backend of the latest run if it has that name, and whether it is a warm GPU.
@@ -238,7 +256,7 @@ impl Work<'_> {
         }
     }
 
-    fn fail(&mut self, scene: &str, way: &Ask<'_>, stop: Stop) {
+    fn fail(&mut self, scene: &str, way: &Way, stop: Stop) {
         self.chart.failures.push(plan::failure(scene, way, &stop));
         self.stops.push(stop);
     }
@@ -268,19 +286,15 @@ impl Work<'_> {
         }
     }
 
-    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector.
+    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector. Rivals trace none.
     fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) {
         let rays = self.args.rays;
         let families = hard::families(rays);
-        let mut methods: Vec<(BackendName, Intersector)> = Vec::new();
-        for m in measured.iter().flatten() {
-            let method = (m.way.backend, m.intersector());
-            if !methods.contains(&method) {
-                methods.push(method);
-            }
-        }
-        for (name, intersector) in methods {
-            let is_of = |m: &Measured| (m.way.backend, m.intersector()) == (name, intersector);
+        for method in plan::methods(measured.iter().flatten().map(|m| m.way)) {
+            let Method::Ours(name, intersector) = method else {
+                continue;
+            };
+            let is_of = |m: &Measured| m.way.method() == method;
             let spare = self.spare.take().filter(|(spare, _)| *spare == name);
             let opened = spare.map_or_else(
                 || open::bare(name, None, host::cores()),
@@ -291,9 +305,7 @@ impl Work<'_> {
                 self.spare = Some((name, backend));
                 Ok(found)
             });
-            let name = crate::args::word(&name);
-            self.progress
-                .step(&format!("hard rays {name} {intersector}"));
+            self.progress.step(&format!("hard rays {method}"));
             match found {
                 Ok((mixed_range, leaks)) => {
                     for m in measured.iter_mut().flatten().filter(|m| is_of(m)) {
@@ -306,6 +318,21 @@ impl Work<'_> {
                         self.fail_all(points, &stop, is_of);
                     }
                 }
+            }
+        }
+    }
+
+    /// Loads a scene for a way that traces lists of rays.
+    fn start(&mut self, way: Way, animation: &Arc<Animation>) -> Result<Tracing, Stop> {
+        match way {
+            Way::Ours(ask) => {
+                let (opening, _) = self.opening(ask.backend);
+                let (driver, _) = session::start_driver_on(opening, animation, &ask)?;
+                Ok(Tracing::Ours(Box::new(driver)))
+            }
+            Way::Rival(contest) => {
+                let running = Running::start(contest, (None, None), animation)?;
+                Ok(Tracing::Rival(running))
             }
         }
     }
@@ -336,15 +363,13 @@ impl Work<'_> {
                     tallies.push(tally);
                     continue;
                 }
-                let (opening, _) = self.opening(way.backend);
-                let traced = session::start_driver_on(opening, &animation, &way);
-                let traced = traced.and_then(|(mut driver, _)| {
-                    sampler.judge(&mut driver, &answered, &mut tally)?;
-                    Ok(driver.into_backend())
+                let traced = self.start(way, &animation).and_then(|mut tracing| {
+                    sampler.judge(&mut tracing, &answered, &mut tally)?;
+                    Ok(tracing)
                 });
                 match traced {
-                    Ok(backend) => {
-                        self.spare = Some((way.backend, backend));
+                    Ok(tracing) => {
+                        self.keep(way, tracing);
                         self.progress.step(&format!("{part} judged {way}"));
                         tallies.push(tally);
                     }
@@ -378,7 +403,7 @@ fn tallies(points: &mut [Measured]) -> Vec<Tally> {
     let tally = |group| {
         let members = points.iter().filter(|m| m.group == group);
         let fastest = members.min_by(|a, b| ms(a).total_cmp(&ms(b)))?;
-        Some(Tally::new(fastest.way, fastest.intersector(), group))
+        Some(Tally::new(fastest.way, group))
     };
     (0..firsts.len()).filter_map(tally).collect()
 }

@@ -1,7 +1,6 @@
 //! Settles by rule the policy and the layout that are left to `auto`. Neither changes a hit.
 
 use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
-use crate::open::has_own_trees;
 use crate::stop::Stop;
 use backend::{Backend, DeviceKind, Intersector, Layout, Method, Policy, Query};
 use geom::Animation;
@@ -54,10 +53,6 @@ impl<'a> Ask<'a> {
         let (update, why) = match self.update {
             Some(named) if named.builds_beside_frames() => return (at_pace, None),
             Some(named) => return (named, None),
-            None if has_own_trees(self.backend) => {
-                let within = "the backend makes its trees itself, within each frame";
-                (Policy::Rebuild, within)
-            }
             None if self.is_open() => (at_pace, "it suits most scenes that deform"),
             None => (at_pace, "--lockstep asks for it"),
         };
@@ -109,18 +104,6 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
     })
 }
 
-/// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
-/// for the driver's own.
-pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
-    if let Some(policy) = update.filter(|policy| policy.builds_on_device()) {
-        return Some(format!("update policy '{policy}'"));
-    }
-    match method.intersector {
-        Intersector::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
-        other => Some(format!("intersector '{other}'")),
-    }
-}
-
 /// How the tree lies in memory; `None` if it is left to `auto`.
 fn layout(name: LayoutName) -> Option<Layout> {
     let mut all = Layout::ALL.into_iter();
@@ -132,18 +115,14 @@ fn layout(name: LayoutName) -> Option<Layout> {
 pub(crate) struct Capabilities {
     /// The kind of the device.
     device: DeviceKind,
-    /// The layouts that the backend traces by the intersector in use.
-    layouts: Vec<Layout>,
     /// Whether trees can be built on the device.
     makes_trees: bool,
 }
 
 impl Capabilities {
-    fn of(backend: &dyn Backend, intersector: Intersector) -> Self {
-        let supports = |method| backend.supports(method);
+    fn of(backend: &dyn Backend) -> Self {
         Self {
             device: backend.device().kind,
-            layouts: layouts(supports, intersector),
             makes_trees: backend.check_rebuild().is_ok(),
         }
     }
@@ -157,22 +136,8 @@ impl Capabilities {
             DeviceKind::Software => (Layout::Bvh2, "software drivers trace it faster"),
             DeviceKind::Gpu | DeviceKind::Cpu => (Layout::Fast, "it is traced faster"),
         };
-        let (layout, why) = match *self.layouts {
-            [only] if only != fastest => (only, "the backend supports no other"),
-            _ => (fastest, why),
-        };
-        (layout, Some(why.to_owned()))
+        (fastest, Some(why.to_owned()))
     }
-}
-
-/// Returns the layouts that go with an intersector, where `supports` knows the methods of a backend.
-fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<Layout> {
-    let method = |layout| Method {
-        intersector,
-        layout,
-    };
-    let all = Layout::ALL.into_iter();
-    all.filter(|&layout| supports(method(layout))).collect()
 }
 
 /// The method and the update policy of a run, with the reasons for the policy and the layout where these were left to `auto`.
@@ -185,7 +150,7 @@ pub(crate) fn settle(
     ask: &Ask<'_>,
 ) -> Result<Settled, Stop> {
     let intersector = ask.method.intersector;
-    let capabilities = Capabilities::of(backend, intersector);
+    let capabilities = Capabilities::of(backend);
     let (layout, why_layout) = capabilities.layout(ask.method.layout);
     let method = Method {
         intersector,

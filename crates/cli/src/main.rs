@@ -15,6 +15,7 @@ mod merge;
 mod open;
 mod render;
 mod resume;
+mod rival;
 mod session;
 mod stability;
 mod stop;

@@ -109,8 +109,6 @@ pub(crate) struct Presence {
     pub(crate) adapters: Vec<AdapterInfo>,
     pub(crate) intersectors: Vec<&'static str>,
     pub(crate) layouts: Vec<&'static str>,
-    /// Whether it makes and traces trees in ways of its own.
-    pub(crate) own_trees: bool,
 }
 
 /// Serializes adapters to JSON.
@@ -131,31 +129,20 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
 pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
     KNOWN.iter().map(|known| {
         let found = known.adapters();
-        let own_trees = known.has_own_trees;
-        let names = |ours: Vec<&'static str>| if own_trees { vec![DRIVERS] } else { ours };
         Presence {
             backend: known.name,
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
-            intersectors: names(Intersector::ALL.map(Intersector::name).to_vec()),
-            layouts: names(Layout::ALL.map(Layout::name).to_vec()),
-            own_trees,
+            intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
+            layouts: Layout::ALL.map(Layout::name).to_vec(),
         }
     })
-}
-
-/// Whether a backend makes and traces trees in ways of its own. It need not be present.
-pub(crate) fn has_own_trees(backend: BackendName) -> bool {
-    known(&word(&backend)).is_some_and(|known| known.has_own_trees)
 }
 
 /// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
 pub(crate) fn makes_trees(backend: BackendName) -> bool {
     backend != BackendName::Cpu
 }
-
-/// What stands for the intersector and the layout of such a backend.
-pub(crate) const DRIVERS: &str = "driver";
 
 /// A backend under test.
 pub(crate) type Subject = Box<dyn Backend>;
@@ -216,15 +203,13 @@ impl Tested {
     }
 }
 
-/// Opens what was named, or whatever is present.
-/// Those that leave to a driver what a ray hits are asked for by name, or with all others where `drivers` says so.
-pub(crate) fn open_all(args: &TestArgs, drivers: bool) -> Result<(Vec<Subject>, Tested), Stop> {
+/// Opens the backends that were named, or all that are present.
+pub(crate) fn open_all(args: &TestArgs) -> Result<(Vec<Subject>, Tested), Stop> {
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
     let takes_all = args.backend.contains(&BackendName::Auto);
     for &one in BackendName::value_variants() {
         let named = args.backend.contains(&one);
-        let among = takes_all && (drivers || !has_own_trees(one));
-        if one == BackendName::Auto || !(named || among) {
+        if one == BackendName::Auto || !(named || takes_all) {
             continue;
         }
         match bare(one, args.adapter.as_deref(), host::cores()) {

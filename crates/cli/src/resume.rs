@@ -1,7 +1,6 @@
 //! Frames that an earlier run left in the output folders, and the frames that remain.
 
 use crate::args::{RenderArgs, word};
-use crate::open::has_own_trees;
 use crate::stop::Stop;
 use crate::values::Frames;
 use crate::writer::Outputs;
@@ -194,7 +193,7 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     if args.source.recentre {
         all.insert("recentre", json!(true));
     }
-    if !is_robust || has_own_trees(args.device.backend) {
+    if !is_robust {
         all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
     }

@@ -1,6 +1,6 @@
 //! Sets up a tracer as requested, ready for its first frame. Commands that measure get the library's driver instead.
 
-use crate::args::{BackendName, LayoutName, MethodArgs};
+use crate::args::BackendName;
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
@@ -36,7 +36,7 @@ pub(crate) struct Setup {
     /// Choices of `auto`.
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
-    pub(crate) memory: ExpectedMemory,
+    pub(crate) memory: Option<ExpectedMemory>,
     /// All of this in one line.
     #[serde(skip)]
     pub(crate) caption: String,
@@ -107,7 +107,6 @@ fn start_by<T>(
 ) -> Result<(T, Setup), Stop> {
     let rays = ask.rays();
     check_trees(animation.triangle_count(), rays)?;
-    let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
         let (method, update, why) = choose::settle(backend.as_ref(), animation, ask)?;
         let taking = take(backend, animation, ask, (method, update))?;
@@ -121,19 +120,12 @@ fn start_by<T>(
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
     let (traces, device, method, update, reasons) = opened;
-    let [why_update, mut why_layout] = reasons;
-    let mut why_intersector = None;
+    let [why_update, why_layout] = reasons;
     let threads = ask.share(device.kind, update);
-    let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
-    if open::has_own_trees(ask.backend) {
-        (intersector, layout) = (open::DRIVERS, open::DRIVERS);
-        why_intersector = Some("the driver has its own".to_owned());
-        why_layout.clone_from(&why_intersector);
-    }
+    let (intersector, layout) = (method.intersector.name(), method.layout.name());
     let taken = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update.name(), why_update),
-        choose::taken("intersector", intersector, why_intersector),
         choose::taken("layout", layout, why_layout),
     ];
     let mut setup = Setup {
@@ -148,33 +140,16 @@ fn start_by<T>(
         intersector,
         layout,
         auto: taken.into_iter().flatten().collect(),
-        memory: ExpectedMemory::of(animation, device.kind, (method, update), rays),
+        memory: Some(ExpectedMemory::of(
+            animation,
+            device.kind,
+            (method, update),
+            rays,
+        )),
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
     Ok((traces, setup))
-}
-
-/// Returns the request as the backend takes it. A backend that makes its trees itself leaves nothing to choose.
-///
-/// # Errors
-/// The backend makes its trees itself, and does not have what is named.
-pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
-    if !open::has_own_trees(ask.backend) {
-        return Ok(*ask);
-    }
-    if let Some(what) = choose::beyond_drivers(ask.method, ask.update) {
-        return Err(Stop::bad(format!(
-            "a driver that makes its own trees rebuilds or refits them, and has its own intersector and layout: it does not know \
-             {what}"
-        )));
-    }
-    Ok(Ask {
-        run: None,
-        rays: ask.rays(),
-        method: MethodArgs::of(Intersector::Watertight, LayoutName::Auto),
-        ..*ask
-    })
 }
 
 impl Setup {

@@ -16,11 +16,7 @@ use std::time::Instant;
 
 pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     Files::written(&[("--json", &args.test.json), ("--record", &args.record)]).check(&[])?;
-    if args.test.backend.iter().any(|&b| open::has_own_trees(b)) {
-        let why = "stability knows no bounds for intersections that a driver decides; conform holds them to rounding";
-        return Err(Stop::bad(why));
-    }
-    let (mut subjects, tested) = open::open_all(&args.test, false)?;
+    let (mut subjects, tested) = open::open_all(&args.test)?;
     if let Some(file) = &args.record {
         return record_rates(args, &mut subjects, file);
     }
@@ -63,7 +59,6 @@ fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> 
     talk::print(&format!("{rates} rates of {}\n", found.ground))
 }
 
-/// Leaves out what a backend does not support.
 fn ask(
     args: &StabilityArgs,
     asked: &[Intersector],
@@ -80,11 +75,11 @@ fn ask(
             for &by in asked {
                 let begun = Instant::now();
                 let cell = test.ask(subject.as_mut(), by)?;
-                report.rows.extend(cell.map(|cell| Row {
+                report.rows.push(Row {
                     backend,
                     cell,
                     seconds: begun.elapsed().as_secs_f64(),
-                }));
+                });
             }
             progress.step(&format!("{backend} {family}"));
         }

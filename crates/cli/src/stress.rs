@@ -3,7 +3,6 @@
 use crate::args::{BackendName, RaysName, StressArgs, UpdateName, update_name, word};
 use crate::bench::{FOV, random_rays};
 use crate::conflicts::Files;
-use crate::open::has_own_trees;
 use crate::stop::Stop;
 use crate::table::{Cells, counted, table};
 use crate::talk::{self, Progress};
@@ -265,14 +264,8 @@ fn device(name: BackendName, adapter: Option<&str>) -> Result<Device, Stop> {
         BackendName::Vulkan => Ok(Device::Vulkan(adapter.map(str::to_owned))),
         #[cfg(feature = "wgpu")]
         BackendName::Wgpu => Ok(Device::Wgpu(adapter.map(str::to_owned))),
-        other => {
-            let why = if has_own_trees(other) {
-                "takes no streamed vertices"
-            } else {
-                "is not in this build"
-            };
-            Err(Stop::bad(format!("{} {why}", word(&other))))
-        }
+        #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
+        other => Err(Stop::bad(format!("{} is not in this build", word(&other)))),
     }
 }
 

@@ -52,7 +52,7 @@ pub fn tree_at(animation: &Animation, time: f64) -> Topology {
     tree_over(animation, &vertices(animation, time))
 }
 
-/// Loads the scene and adopts a first tree, built at `time`, unless the backend makes its own trees.
+/// Loads the scene and adopts a first tree, built at `time`.
 pub(crate) fn open(
     backend: &mut dyn Backend,
     animation: &Arc<Animation>,
@@ -60,21 +60,15 @@ pub(crate) fn open(
     method: Method,
 ) -> Result<()> {
     backend.load(Arc::clone(animation), method)?;
-    match backend.makes_own_trees() {
-        true => Ok(()),
-        false => backend.adopt(&tree_at(animation, time), Generation(1)),
-    }
+    backend.adopt(&tree_at(animation, time), Generation(1))
 }
 
-/// Records everything up to the boxes at `time`. A backend that makes its own trees makes one.
+/// Records everything up to the boxes at `time`.
 ///
 /// # Errors
 /// The backend failed.
 pub fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
     backend.interpolate(animation.pose(time))?;
-    if backend.makes_own_trees() {
-        backend.rebuild(Generation(1))?;
-    }
     boxes_anew(backend)
 }
 

@@ -1,8 +1,8 @@
 //! The Vulkan backend: compute kernels through ash, without a link-time dependency.
 //!
 //! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`VulkanDevice`]. The Vulkan loader is
-//! opened at run time. Most `unsafe` code of the GPU crates is here and in `gpu-vulkan-rt`. The buffers, command
-//! buffers and device that `gpu-vulkan-rt` uses are public.
+//! opened at run time. Most `unsafe` code of the GPU crates is here. The buffers, command buffers and device
+//! that the crate `rivals` uses are public.
 //!
 //! Each frame is one submission to one compute queue. A timeline semaphore orders submissions; its values are the
 //! tickets. Trees are uploaded and vertices are read back on queues of their own if the device has them. Each of these

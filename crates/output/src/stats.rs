@@ -1,8 +1,8 @@
 //! Statistics file: one JSON object with schema version 1. Unknown values are `null`.
 
 use crate::{OutputError, write_whole};
-use backend::DeviceBytes;
-use pipeline::FrameRecord;
+use backend::{DeviceBytes, FrameReport};
+use pipeline::{Frame, FrameRecord};
 use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -59,16 +59,6 @@ impl FrameStats {
         let adopted = record.adopted;
         let build_ms = adopted.map(|a| a.build_ms).or(times.rebuild_ms);
         Self {
-            frame: record.frame.index as usize,
-            time: rounded(record.frame.time),
-            interpolate_ms: times.interpolate_ms.map(rounded),
-            preprocess_ms: times.preprocess_ms.map(rounded),
-            rebuild_ms: times.rebuild_ms.map(rounded),
-            refit_ms: times.refit_ms.map(rounded),
-            trace_primary_ms: times.trace_primary_ms.map(rounded),
-            trace_shadow_ms: times.trace_shadow_ms.map(rounded),
-            device_ms: Some(rounded(times.device_ms)),
-            wall_ms: Some(rounded(record.wall_ms)),
             build_wait_ms: Some(rounded(record.build_wait_ms)),
             tree_generation: record.tree_generation.0,
             tree_age_frames: record.tree_age_frames,
@@ -77,8 +67,28 @@ impl FrameStats {
             build_ms: build_ms.map(rounded),
             convert_ms: adopted.map(|a| rounded(a.convert_ms)),
             upload_bytes: adopted.map_or(0, |a| a.upload_bytes),
-            readback_bytes: report.readback_bytes,
             sah_ratio: record.sah_ratio.map(rounded),
+            device_bytes: record.device_bytes.map(DeviceBytes::total),
+            ..Self::of_report(record.frame, report, record.wall_ms)
+        }
+    }
+
+    /// Returns the row of a frame that is done just now, of which only a report is known.
+    #[must_use]
+    pub fn of_report(frame: Frame, report: &FrameReport, wall_ms: f64) -> Self {
+        let times = &report.times;
+        Self {
+            frame: frame.index as usize,
+            time: rounded(frame.time),
+            interpolate_ms: times.interpolate_ms.map(rounded),
+            preprocess_ms: times.preprocess_ms.map(rounded),
+            rebuild_ms: times.rebuild_ms.map(rounded),
+            refit_ms: times.refit_ms.map(rounded),
+            trace_primary_ms: times.trace_primary_ms.map(rounded),
+            trace_shadow_ms: times.trace_shadow_ms.map(rounded),
+            device_ms: Some(rounded(times.device_ms)),
+            wall_ms: Some(rounded(wall_ms)),
+            readback_bytes: report.readback_bytes,
             sah_cost: report.sah_cost.map(rounded),
             hits: report.hits,
             blocked: report.blocked,
@@ -86,7 +96,7 @@ impl FrameStats {
             degenerate: report.degenerate,
             settled: report.settled,
             host_bytes: host::resident(),
-            device_bytes: record.device_bytes.map(DeviceBytes::total),
+            ..Self::default()
         }
     }
 }

@@ -25,7 +25,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 use trees::{FIRST, Tree};
-pub use warm_up::{Warmed, warm_up};
+pub use warm_up::{WarmUp, Warmed, warm_up};
 
 /// Reason why rendering stopped.
 #[derive(Debug, thiserror::Error)]
@@ -112,7 +112,6 @@ impl Driver {
         options: DriverOptions,
         threads: BuilderThreads,
     ) -> Result<Self, PipelineError> {
-        admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
         if options.update.builds_on_device() {
             backend.check_rebuild()?;
@@ -166,8 +165,7 @@ impl Driver {
 
     /// Starts to compile, on other threads, the kernels that frames with this query need.
     pub fn prepare(&mut self, query: Query<'_>) {
-        let makes_trees = self.makes_trees();
-        self.backend.prepare(query, makes_trees);
+        self.backend.prepare(query, self.has_device_trees());
     }
 
     /// Enables shading of all further frames. Returns `false` if the backend does not shade.
@@ -246,8 +244,8 @@ impl Driver {
         self.predictor.frame(frame.time, begun);
         self.poll_builder()?;
         self.look(pose, queries)?;
-        let stale = if self.makes_trees() {
-            self.record_own_tree(pose)?
+        let stale = if self.has_device_trees() {
+            self.record_device_tree(pose)?
         } else {
             self.bring_tree(pose)?;
             let is_stale = self.record_geometry(pose)?;
@@ -340,20 +338,17 @@ impl Driver {
         Ok(moved || self.record.adopted.is_some())
     }
 
-    /// Whether the backend makes the trees.
-    fn makes_trees(&self) -> bool {
-        let asked = self.options.update.builds_on_device();
-        asked || self.backend.makes_own_trees()
+    /// Returns whether the device builds the trees.
+    fn has_device_trees(&self) -> bool {
+        self.options.update.builds_on_device()
     }
 
-    /// Records positions at `pose` and, in the first frame and wherever all are to be rebuilt, a
-    /// tree of them; says whether a refit must follow.
-    fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
+    /// Records positions at `pose` and, if they moved, a tree over them. Returns whether a refit must follow.
+    fn record_device_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
-        let anew = self.options.update.rebuilds_every_frame();
         let generation = match &self.tree {
             None => FIRST,
-            Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
+            Some(tree) if moved => Generation(tree.generation.0 + 1),
             Some(_) => return Ok(moved),
         };
         self.backend.rebuild(generation)?;
@@ -367,21 +362,6 @@ impl Driver {
         });
         Ok(true)
     }
-}
-
-/// Refuses what has no meaning for a backend that makes all its trees itself.
-fn admit(backend: &dyn Backend, update: Policy) -> Result<(), BackendError> {
-    if !update.builds_beside_frames() || !backend.makes_own_trees() {
-        return Ok(());
-    }
-    let policy = update.name();
-    Err(BackendError::Unsupported {
-        backend: backend.device().backend,
-        what: format!(
-            "update policy '{policy}': it makes its trees itself, within each frame, and takes none that \
-             others built; rebuild and refit it does"
-        ),
-    })
 }
 
 #[cfg(test)]

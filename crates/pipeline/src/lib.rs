@@ -20,7 +20,7 @@ mod tree_builder;
 pub use builder_thread::BuilderThreads;
 pub use device_clock::{Span, place_on_host};
 pub use driver::{
-    Answers, Driver, DriverOptions, LOOK_AHEAD, PipelineError, Wanted, Warmed, warm_up,
+    Answers, Driver, DriverOptions, LOOK_AHEAD, PipelineError, Wanted, WarmUp, Warmed, warm_up,
 };
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};

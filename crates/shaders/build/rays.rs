@@ -12,8 +12,8 @@ use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
 /// File of the pipeline's stages, and file of the compute kernels that support the pipeline.
-pub(crate) const PIPELINE: &str = "traversal/driver_rays";
-pub(crate) const KERNELS: &str = "traversal/driver_counts";
+pub(crate) const PIPELINE: &str = "traversal/ray_pipeline";
+pub(crate) const KERNELS: &str = "traversal/ray_pipeline_kernels";
 
 /// Placeholders in the file for address spaces and inputs that the crate `wesl` does not know.
 const UNKNOWN: [(&str, &str); 5] = [

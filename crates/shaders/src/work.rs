@@ -8,7 +8,7 @@ mod treelets;
 
 pub use extremes::{kernels_of_arriving_keys, measure_range};
 pub use pictures::shade;
-pub use rays::{cleanse, count_answers, count_triangles, rays};
+pub use rays::{cleanse, count_answers, rays};
 pub use tree::{Progress, leaves};
 pub(crate) use tree::{sum, word_of};
 

@@ -122,10 +122,6 @@ const OF_THREE_QUEUES: &[(&str, fn())] = named![
     queues::positions_on_their_way_are_not_written_over,
     queues::frames_go_on_though_nothing_comes_down_or_goes_up,
 ];
-const OF_DRIVERS_TREES: &[(&str, fn())] = named![
-    rebuild::the_drivers_work_is_timed_and_trees_of_others_are_refused,
-    rebuild::triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves,
-];
 const OF_WGPU: &[(&str, fn())] = named![
     wgpu_lent::a_lent_device_without_features_gives_the_same_hits,
     wgpu_lent::a_scene_too_large_is_refused_by_its_limit,
@@ -177,7 +173,6 @@ fn main() -> ExitCode {
         let device = lock(device);
         device.as_ref().err().map(ToString::to_string)
     });
-    let no_rays = gpu_vulkan_rt::ray_adapters().err().map(|e| e.to_string());
     let no_queues = no_vulkan.clone().or_else(queues::lacks_queues);
     let excused = |absent: &Option<String>, name| absent.clone().filter(|_| !is_required(name));
     let [vulkan, wgpu] = &devices;
@@ -205,7 +200,6 @@ fn main() -> ExitCode {
     let mut own = vec![
         (OF_VULKAN, excused(&no_vulkan, "vulkan")),
         (OF_THREE_QUEUES, no_queues),
-        (OF_DRIVERS_TREES, excused(&no_rays, "vulkan-rt")),
         (OF_WGPU, excused(&no_wgpu, "wgpu")),
     ];
     #[cfg(target_os = "linux")]

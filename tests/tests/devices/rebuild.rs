@@ -1,15 +1,11 @@
-//! Tests trees made on the device, which must be complete, shallow and good, and trees of the driver.
+//! Tests trees made on the device, which must be complete, shallow and good.
 
-use crate::scenes::{
-    SHADOWED, apart, camera, go, laid, numbers, report, see, stand, swarm, tree_at,
-};
-use crate::{Subject, watched};
-use backend::{Backend, Generation, Layout, Method, QueryKind, Rays, check_tree};
+use crate::Subject;
+use crate::scenes::{apart, laid, numbers, report, stand, swarm, tree_at};
+use backend::{Backend, Generation, Layout, Method, check_tree};
 use bvh_layout::Topology;
-use conformance::stage;
 use cpu_ref::CpuBackend;
-use geom::{Animation, Point, Ray};
-use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
+use geom::{Animation, Point};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
 
@@ -130,64 +126,4 @@ pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dy
     stand(backend, &animation, 0.3);
     let host = report(backend).sah_cost.unwrap();
     assert!(cost < 1.15 * host, "{cost} {host}");
-}
-
-fn drivers() -> DriverTreeBackend {
-    DriverTreeBackend::new(&watched(), Prefer::FastBuild).unwrap()
-}
-
-/// Tests first key frames whose box is empty or much too small. The box determines the offset of shadow rays.
-pub(crate) fn triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves() {
-    let (floor, roof) = (
-        [[-5.0, 3.0, 40.0], [1.0, 0.0, 0.1], [-1.0, 0.1, 0.0]],
-        [[0.0, 2.0, -50.0], [0.0, 2.0, 50.0], [-80.0, 2.0, 0.0]],
-    );
-    let frame = [floor, roof].concat();
-    // Rays to the floor near the edge that is far from its first corner. The roof covers one half.
-    let across = (0..64).map(|i| -0.9 + i as f32 / 35.0);
-    let rays: Vec<_> = across
-        .map(|x| Ray::new([0.0, 1.0, 0.0], [x, -0.95 - 0.05 * x, 0.06 + 0.05 * x]))
-        .collect();
-    let light = [0.0, 9.0, 0.0];
-    let mut subject = drivers();
-    for by in [f32::NAN, 1e-4] {
-        let first = frame.iter().map(|p| p.map(|x| by * x)).collect();
-        let live = Animation::live(first, &[false; 6], vec![[0, 1, 2], [3, 4, 5]]).unwrap();
-        let live = Arc::new(live);
-        subject.load(Arc::clone(&live), Method::default()).unwrap();
-        let time = live.push(frame.clone()).unwrap();
-        stage::stand(&mut subject, &live, time).unwrap();
-        let kind = QueryKind::ClosestAndShadow { light };
-        let found = see(&mut subject, Rays::List(&rays), kind);
-        for ((ray, hit), &blocked) in rays.iter().zip(&found.closest).zip(&found.blocked) {
-            assert_eq!(hit.triangle, 0, "{by}: {ray:?}");
-            assert_eq!(blocked == 1, ray.direction[0] < 0.0, "{by}: {ray:?}");
-        }
-    }
-}
-
-pub(crate) fn the_drivers_work_is_timed_and_trees_of_others_are_refused() {
-    let mut subject = drivers();
-    let animation = swarm(300);
-    let method = Method::default();
-    subject.load(Arc::clone(&animation), method).unwrap();
-    subject.interpolate(animation.pose(0.0)).unwrap();
-    subject.rebuild(Generation(1)).unwrap();
-    subject.refit().unwrap();
-    let ticket = go(&mut subject, Rays::Camera(&camera()), SHADOWED);
-    let times = subject.wait(ticket).unwrap().times;
-    let stages = [
-        times.interpolate_ms,
-        times.preprocess_ms,
-        times.refit_ms,
-        times.trace_primary_ms,
-    ];
-    let sum: f64 = stages.iter().map(|t| t.unwrap()).sum();
-    assert!((sum - times.device_ms).abs() < 1e-6, "{times:?}");
-    assert_eq!(times.trace_shadow_ms, None);
-    let refused = subject.adopt(&tree_at(&animation, 0.0), Generation(2));
-    let said = refused.unwrap_err().to_string();
-    assert_eq!(said, "vulkan-rt does not support trees made by others");
-    assert!(subject.makes_own_trees() && subject.inspect().boxes().is_err());
-    assert_eq!(subject.inspect().complaints(), [""; 0]);
 }

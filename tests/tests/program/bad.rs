@@ -72,9 +72,8 @@ trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 /// Further cases, to which no backend may be added. Control characters must be escaped, because terminals obey them.
 const OTHERS: &str = "
 paint demo:twist | paint
-bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast | nothing is left to measure | vulkan-rt | fast
-bench demo:twist:500 --backend vulkan-rt --update device-rebuild | nothing is left to measure | vulkan-rt | device-rebuild
-render demo:twist:100 --backend vulkan-rt --update device-rebuild | policy 'device-rebuild'
+render demo:twist:100 --backend vulkan-rt | vulkan-rt is a rival | --rival vulkan-rt
+bench demo:twist:500 --backend cpu --update device-rebuild --rival embree | nothing is left to measure | embree with device-rebuild
 render demo:twist:100 --intersector auto | --intersector auto was removed | watertight
 render demo:twist:100 --tolerance 0 | --tolerance was removed | watertight
 render demo:twist:100 --update t-sah | --update t-sah was removed | --update refit

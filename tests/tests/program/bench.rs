@@ -171,8 +171,8 @@ fn failed(sandbox: &Sandbox) {
 
 /// Tests a reference run that was not measured, an unknown adapter, and missing result files.
 fn refused(sandbox: &Sandbox) {
-    let says = ["vulkan-rt", "cpu refit watertight fast"];
-    sandbox.refuses(&format!("{SMALL} --frames 2 --against vulkan-rt"), &says);
+    let says = ["vulkan", "cpu refit watertight fast"];
+    sandbox.refuses(&format!("{SMALL} --frames 2 --against vulkan"), &says);
     let elsewhere = format!("{SMALL} --adapter nothing-like-it");
     sandbox.refuses(&elsewhere, &["nothing-like-it"]);
     sandbox.refuses("bench --compare old.json new.json", &["old.json"]);

@@ -163,14 +163,11 @@ fn command(sandbox: &Sandbox) {
     assert!(same, "{}", run.stdout);
 }
 
-const DRIVERS: &str = "--backend vulkan-rt --intersector woop";
-
 fn refused(sandbox: &Sandbox) {
     sandbox.write("file", "");
     for (words, says) in [
         ("no/such/scene", "no/such/scene"),
         ("--out file/below", "file"),
-        (DRIVERS, "nothing to chart: vulkan-rt"),
     ] {
         sandbox.refuses(&format!("chart --quiet {words}"), &[says]);
     }

@@ -166,7 +166,7 @@ fn as_listed(sandbox: &Sandbox, backend: &str) {
     }
     assert!(sandbox.files().is_empty(), "it left files");
     for none in ["999999", "voodoo"] {
-        let says = format!("backend {backend} has no adapter '{none}'; there is 0: {adapter}");
+        let says = format!("{backend} has no adapter '{none}'; there is 0: {adapter}");
         sandbox.refuses(&format!("{render} {none}"), &[&says]);
     }
 }

@@ -83,7 +83,6 @@ impl Fake {
 fn choose(
     fakes: &[Fake],
     asked: Option<&str>,
-    traces: bool,
 ) -> (Result<String, Vain<BackendError>>, Vec<String>) {
     let log = RefCell::new(Vec::new());
     let each = |fake| {
@@ -101,21 +100,19 @@ fn choose(
             _ => &[Gpu, Software],
         },
         covered_by: fake.covered_by,
-        has_own_trees: false,
-        supports: |_| true,
         list,
         open,
     });
     let known: Vec<Known<'_>> = known.collect();
     let known: Vec<_> = known.iter().collect();
-    let taken = take(&known, (asked, 1), &|_| traces, |_| Ok(()));
+    let taken = take(&known, (asked, 1), |_| Ok(()));
     (taken.map(|((), why)| why), log.take())
 }
 
 /// Checks that the reason or the error contains each of `says`, and that the selection's log is `log` unless that is
 /// empty.
 fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
-    let (found, did) = choose(fakes, asked, false);
+    let (found, did) = choose(fakes, asked);
     let text = found.unwrap_or_else(|vain| format!("refused: {}", vain.why));
     let missing = says.iter().find(|part| !text.contains(**part));
     assert_eq!(missing, None, "{text}");
@@ -157,27 +154,12 @@ fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() 
 }
 
 #[test]
-fn a_driver_that_traces_is_named_where_hardware_may_do_it() {
-    let why = |offers: &[_], asked| {
-        let fakes = [fake("a", offers), host()];
-        choose(&fakes, asked, true).0.unwrap()
-    };
-    let named = why(&[CARD], None);
-    let says = "--backend vulkan-rt is the faster choice";
-    assert!(named.contains(says), "{named}");
-    assert_eq!(named.matches("vulkan-rt").count(), 1, "{named}");
-    // The hint also appears if the GPU was named, but not for a driver on the host's cores, which has no hardware.
-    assert!(why(&[CARD], Some("card")).ends_with("the driver's affair"));
-    assert!(!why(&[SOFT], Some("soft")).contains("vulkan-rt"));
-}
-
-#[test]
 fn a_backend_that_would_find_no_more_is_not_even_listed() {
     let covered = Fake {
         covered_by: Some("a"),
         ..fake("b", &[CARD])
     };
-    let log = |first| choose(&[first, covered.clone(), host()], None, false).1;
+    let log = |first| choose(&[first, covered.clone(), host()], None).1;
     for first in [fake("a", &[SOFT]), absent("a")] {
         assert!(!log(first).contains(&"list b".to_owned()));
     }
@@ -195,7 +177,7 @@ fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
         ("1", "open a card", "card"),
         ("0", "open cpu host", "host"),
     ] {
-        let (why, log) = choose(&fakes, Some(asked), false);
+        let (why, log) = choose(&fakes, Some(asked));
         assert_eq!(log.last().unwrap(), opened);
         assert!(why.unwrap().contains(says));
     }
@@ -223,22 +205,7 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
     let both = ["limit is 1000", "wrong bits"];
     check(&[small.clone(), host(lost)], None, "", &both);
     for second in [lost, too_small] {
-        let (found, _) = choose(&[small.clone(), host(second)], None, false);
+        let (found, _) = choose(&[small.clone(), host(second)], None);
         assert_eq!(found.unwrap_err().broken, Some(second()));
     }
-}
-
-#[test]
-fn a_driver_answers_rays_if_it_lists_the_adapter_with_ray_queries() {
-    let card = || named(&[("card", Gpu)]);
-    let able = |queries: &str| {
-        let mut able = card();
-        able[0].limits.push(("ray queries", queries.to_owned()));
-        able
-    };
-    assert!(answers_rays(&able("yes"), &card()[0]));
-    assert!(!answers_rays(&able("no"), &card()[0]));
-    assert!(!answers_rays(&card(), &card()[0]));
-    let other = named(&[("other", Gpu)]);
-    assert!(!answers_rays(&able("yes"), &other[0]));
 }

@@ -1,7 +1,6 @@
 //! Rejects options that would have no effect, before any work starts.
 
-use super::{BackendName, Command, DeviceArgs, UpdateName};
-use crate::open::has_own_trees;
+use super::{Command, UpdateName};
 use crate::stop::Stop;
 use backend::Policy;
 use clap::ArgMatches;
@@ -58,7 +57,7 @@ fn bonds(command: &Command) -> Vec<Bond> {
             vec![
                 ("lockstep", may_be_async(update), ASYNC),
                 ("predict", may_be_async(update), ASYNC),
-                builders(&args.device, update),
+                builders(update),
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
                 ("fps", clips, CLIP),
@@ -69,15 +68,14 @@ fn bonds(command: &Command) -> Vec<Bond> {
             let is_refit = args.update == Some(Policy::Refit);
             vec![
                 ("tree_time", is_refit, "goes only with --update refit"),
-                builders(&args.device, args.update),
+                builders(args.update),
                 has_clip(scene(&args.scene)),
                 has_files(scene(&args.scene)),
             ]
         }
         Command::Bench(args) => {
             let mut updates = args.measure.update.iter();
-            let builds = |&b: &BackendName| updates.clone().any(|&u| host_builds(b, u));
-            let builds = args.measure.backend.iter().any(builds);
+            let builds = updates.clone().any(|&u| host_builds(u));
             vec![
                 ("predict", updates.any(|&u| may_be_async(u)), ASYNC),
                 ("builder_threads", builds, HOST),
@@ -113,16 +111,16 @@ fn bonds(command: &Command) -> Vec<Bond> {
     }
 }
 
-fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
-    ("builder_threads", host_builds(device.backend, update), HOST)
+fn builders(update: UpdateName) -> Bond {
+    ("builder_threads", host_builds(update), HOST)
 }
 
 fn may_be_async(update: UpdateName) -> bool {
     update.is_none_or(Policy::builds_beside_frames)
 }
 
-fn host_builds(backend: BackendName, update: UpdateName) -> bool {
-    !has_own_trees(backend) && !update.is_some_and(Policy::builds_on_device)
+fn host_builds(update: UpdateName) -> bool {
+    !update.is_some_and(Policy::builds_on_device)
 }
 
 /// Returns whether an input of the scene can be a file, which a demo is not.

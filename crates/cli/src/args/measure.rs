@@ -5,8 +5,9 @@ use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
 use clap::{Args, ValueEnum};
+use conformance::LAWS;
 use conformance::stress::Plan;
-use conformance::{LAWS, OWN_TREE_LAWS};
+use rivals::Known;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -22,6 +23,10 @@ pub(crate) struct MeasureArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
+    /// Ray tracers of others to measure too. Each keeps its own trees, so only rebuild and refit apply
+    #[arg(long, value_name = "LIST", value_delimiter = ',',
+        value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
+    pub(crate) rival: Vec<&'static Known>,
     /// Update policies
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::update())]
     #[arg(default_value = "rebuild,refit,async")]
@@ -60,7 +65,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[arg(default_value = "auto")]
     pub(crate) layout: Vec<LayoutName>,
-    /// Run that the others are compared with, by words of its row in order, such as 'vulkan-rt refit' [default: the
+    /// Run that the others are compared with, by words of its row in order, such as 'wgpu refit' [default: the
     /// first of each scene]
     #[arg(long, value_name = "WORDS")]
     pub(crate) against: Option<String>,
@@ -124,7 +129,7 @@ pub(crate) enum RaysName {
 
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
-    /// Backends; auto is all that are present, for stability but vulkan-rt
+    /// Backends; auto is all that are present
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     #[arg(default_value = "auto")]
     pub(crate) backend: Vec<BackendName>,
@@ -234,5 +239,10 @@ pub(crate) struct StressArgs {
 }
 
 fn law_names() -> BTreeSet<&'static str> {
-    LAWS.iter().chain(OWN_TREE_LAWS).map(|l| l.name).collect()
+    LAWS.iter().map(|l| l.name).collect()
+}
+
+/// Returns the rival of a name in the list of rivals.
+fn known_rival(name: String) -> &'static Known {
+    rivals::known(&name).expect("the parser admits names of rivals only")
 }

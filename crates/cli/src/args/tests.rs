@@ -119,7 +119,6 @@ render --update t-sah | t-sah | use --update refit
 bench --update refit,t-sah | t-sah | use --update refit
 render --tolerance 3 | --tolerance was removed | use --intersector
 trace a.ply --tolerance=3 | --tolerance was removed | use --intersector
-render --backend vulkan-rt --builder-threads 2 | --builder-threads | trees that the host builds
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
 render --no-images --resume | --resume | --hits
 render --no-images --out d | --no-images | --out
@@ -127,10 +126,10 @@ render demo:twist --fps 30 | --fps | .glb
 render a.obj+b/ --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --tree-time 1 | --tree-time | --update refit
-trace a.ply --time 0 --rays r --out o --backend vulkan-rt --builder-threads 1 | --builder-threads | host
+trace a.ply --time 0 --rays r --out o --update device-rebuild --builder-threads 1 | --builder-threads | host
 bench --update refit,rebuild --predict on,off | --predict | --update async
 bench --intersector exact,auto | --intersector auto was removed | use --intersector watertight
-bench --backend vulkan-rt --builder-threads 2 | --builder-threads | host
+bench --update device-rebuild --builder-threads 2 | --builder-threads | host
 bench a.obj b.ply --fps 12 | --fps | .gltf
 bench --compare a b --size 8x8 | --size | --compare
 bench demo:twist --compare a b | SCENE | --compare
@@ -151,7 +150,21 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 30);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 29);
+}
+
+#[test]
+fn every_rival_is_refused_as_a_backend_by_the_option_that_measures_it() {
+    for rival in rivals::RIVALS {
+        let name = rival.name;
+        for command in ["render", "bench", "chart", "conform", "stability", "stress"] {
+            let text = refused(&format!("{command} --backend {name}"));
+            let says =
+                format!("{name} is a rival, not a backend: use bench or chart with --rival {name}");
+            assert_eq!(text, says);
+        }
+    }
+    assert!(refused("bench --rival cpu").contains("--rival"));
 }
 
 #[test]
@@ -167,7 +180,7 @@ fn what_does_something_is_taken() {
         "render demo:hall+a.obj --recentre",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
         "bench --predict on,off --builder-threads 2",
-        "bench --backend cpu,vulkan-rt --builder-threads 2",
+        "bench --backend cpu --rival embree,vulkan-rt --builder-threads 2",
         "bench --compare a b --fail-above 3 --quiet",
         "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --intersector exact",

@@ -2,6 +2,7 @@
 
 use crate::args::{RaysName, update_name, word};
 use crate::choose::Ask;
+use crate::rival::{Contest, OWN};
 use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
@@ -36,6 +37,20 @@ impl Failure {
             layout: word(&ask.method.layout),
             rays: (rays == RaysName::Random).then_some("random"),
             builder_threads: ask.builder_threads,
+            error: stop.to_string(),
+        }
+    }
+
+    pub(super) fn of_rival((spec, rays): (&str, RaysName), contest: Contest, stop: &Stop) -> Self {
+        Self {
+            scene: spec.to_owned(),
+            backend: contest.rival.name.to_owned(),
+            update: contest.upkeep.to_string(),
+            predict: false,
+            intersector: OWN.to_owned(),
+            layout: OWN.to_owned(),
+            rays: (rays == RaysName::Random).then_some("random"),
+            builder_threads: None,
             error: stop.to_string(),
         }
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, except for the first frame's time.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
-     device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,error";
+     device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,differing,error";
 
 /// Maximum number of runs of a scene that are all compared with each other in text. More runs are compared only with
 /// the baseline.
@@ -58,6 +58,12 @@ pub(super) fn text(results: &Results, against: Option<&str>) -> String {
             let (scene, name, seconds) = (&row.scene, name(row), warmed.seconds);
             text += &format!("{scene} {name}: not to be relied on: ");
             text += &format!("after {seconds:.1} s of warm-up frames still changed\n");
+        }
+    }
+    for row in rows {
+        if let Some(share) = row.differing {
+            let (scene, name, percent) = (&row.scene, name(row), 100.0 * share);
+            text += &format!("{scene} {name}: {percent:.4} % of rays hit otherwise than ours\n");
         }
     }
     for of in rows.chunk_by(comparable) {

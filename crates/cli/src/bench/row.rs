@@ -6,9 +6,10 @@ use crate::choose::Ask;
 use crate::open::Opening;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
+use crate::values;
 use backend::{DeviceBytes, Query, QueryKind, Rays};
 use fastrand::Rng;
-use geom::{Aabb, Point, Ray};
+use geom::{Aabb, Camera, Point, Ray};
 use output::{FrameStats, Summary, TIMES, Time, mrays};
 use pipeline::{Driver, Frame, FrameRecord, Wanted, Warmed, warm_up};
 use scene::Scene;
@@ -46,6 +47,9 @@ pub(crate) struct Row {
     memory: Option<Value>,
     /// Maximum over all frames.
     device_bytes: Option<u64>,
+    /// Of a rival: the share of rays whose triangle or shadow differs from ours, over up to three frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) differing: Option<f64>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
 }
@@ -75,7 +79,8 @@ pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
 
-/// One combination to measure.
+/// What is measured, by a backend or by a rival.
+#[derive(Clone, Copy)]
 pub(crate) struct Combination<'a> {
     pub(crate) spec: &'a str,
     pub(crate) scene: &'a Scene,
@@ -84,35 +89,64 @@ pub(crate) struct Combination<'a> {
     pub(crate) size: [u32; 2],
     /// Seconds of warm-up, or `None` for the default of the kind of device.
     pub(crate) warm_up: Option<f64>,
-    pub(crate) ask: &'a Ask<'a>,
+}
+
+/// The rays of all frames of a combination.
+pub(super) struct Shots {
+    camera: Camera,
+    light: Point,
+    /// Random rays, if they are traced instead of the camera's.
+    list: Option<Vec<Ray>>,
+}
+
+impl Shots {
+    pub(super) fn of(combination: &Combination<'_>) -> Result<Self, Stop> {
+        let Combination {
+            spec, scene, size, ..
+        } = *combination;
+        let view = shading::frame_scene(&scene.animation, FOV, size);
+        let camera = view.camera(size);
+        let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
+        let random = || random_rays(&scene.animation.bounds(), camera.pixels());
+        let list = (combination.rays == RaysName::Random).then(random);
+        Ok(Self {
+            camera,
+            light: view.light,
+            list,
+        })
+    }
+
+    pub(super) fn query(&self) -> Query<'_> {
+        match &self.list {
+            None => shading::query((&self.camera, self.light)),
+            Some(list) => Query {
+                rays: Rays::List(list),
+                kind: QueryKind::Closest,
+            },
+        }
+    }
+}
+
+/// Frames of one run as they were measured.
+pub(super) struct Measured {
+    pub(super) setup: Setup,
+    pub(super) warm_up: Option<Warmed>,
+    pub(super) stats: Vec<FrameStats>,
+    /// The most device memory that was held.
+    pub(super) held: Option<DeviceBytes>,
+    /// See [`Row::differing`].
+    pub(super) differing: Option<f64>,
 }
 
 /// Measures on the backend that is being opened. Also returns the driver, with the scene loaded.
 pub(crate) fn measure(
     combination: &Combination<'_>,
+    ask: &Ask<'_>,
     opening: Opening,
 ) -> Result<(Row, Driver), Stop> {
-    let Combination {
-        spec,
-        scene,
-        frames,
-        rays,
-        size,
-        ask,
-        ..
-    } = *combination;
-    let view = shading::frame_scene(&scene.animation, FOV, size);
-    let camera = view.camera(size);
-    let camera = camera.ok_or_else(|| Stop::bad(format!("no camera frames {spec}")))?;
-    let list;
-    let query = match rays {
-        RaysName::Camera => shading::query((&camera, view.light)),
-        RaysName::Random => {
-            list = random_rays(&scene.animation.bounds(), camera.pixels());
-            let (rays, kind) = (Rays::List(&list), QueryKind::Closest);
-            Query { rays, kind }
-        }
-    };
+    let Combination { scene, frames, .. } = *combination;
+    let shots = Shots::of(combination)?;
+    let query = shots.query();
     let ask = ask.over(frames, query);
     let (mut driver, setup) = session::start_driver_on(opening, &scene.animation, &ask)?;
     let (mut stats, mut held) = (Vec::new(), None::<DeviceBytes>);
@@ -125,38 +159,59 @@ pub(crate) fn measure(
     let (warm_up, rest) = warm_up(combination.warm_up, &mut driver, frames, query, &mut note)?;
     let rest = rest.iter().copied();
     driver.run(rest, query, Wanted::default(), |frame, _| note(frame))?;
-    let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
-    let named = TIMES.iter().chain(&MORE);
-    let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
-    let triangles = scene.animation.triangle_count();
-    let live = scene.animation.live_count().max(1) as f64;
-    let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
-    let is_camera = rays == RaysName::Camera;
-    let rates = stats.iter().filter_map(|f| {
-        let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
-        let shadows = if is_camera { f.hits as f64 } else { 0.0 };
-        mrays(query.rays.count() as f64 + shadows, ms)
-    });
-    let row = Row {
-        scene: spec.to_owned(),
-        triangles,
-        moving: scene.animation.moving_count(),
+    let measured = Measured {
         setup,
-        rays: (!is_camera).then_some("random"),
         warm_up,
-        frames: stats.len(),
-        mrays_per_s: Summary::of(rates).map(|s| s.median),
-        build_ns_per_triangle: per_triangle("build_ms"),
-        convert_ns_per_triangle: per_triangle("convert_ms"),
-        trees: stats.iter().filter(|f| f.adopted).count(),
-        rejected: stats.iter().filter(|f| f.rejected).count(),
-        first_ms: stats.first().and_then(|f| f.wall_ms),
-        memory: held.map(|bytes| device_memory(bytes, triangles)),
-        device_bytes: held.map(|bytes| bytes.total()),
-        medians,
-        per_frame: stats,
+        stats,
+        held,
+        differing: None,
     };
-    Ok((row, driver))
+    Ok((Row::of(combination, measured), driver))
+}
+
+impl Row {
+    pub(super) fn of(combination: &Combination<'_>, measured: Measured) -> Self {
+        let Measured {
+            setup,
+            warm_up,
+            stats,
+            held,
+            differing,
+        } = measured;
+        let Combination { scene, size, .. } = *combination;
+        let median = |time: Time| Summary::of(stats.iter().filter_map(time)).map(|s| s.median);
+        let named = TIMES.iter().chain(&MORE);
+        let medians: BTreeMap<_, _> = named.map(|&(name, time)| (name, median(time))).collect();
+        let triangles = scene.animation.triangle_count();
+        let live = scene.animation.live_count().max(1) as f64;
+        let per_triangle = |name: &str| medians[name].map(|ms| ms * 1e6 / live);
+        let is_camera = combination.rays == RaysName::Camera;
+        let rates = stats.iter().filter_map(|f| {
+            let ms = f.trace_primary_ms? + f.trace_shadow_ms.unwrap_or(0.0);
+            let shadows = if is_camera { f.hits as f64 } else { 0.0 };
+            mrays(values::pixels(size) as f64 + shadows, ms)
+        });
+        Self {
+            scene: combination.spec.to_owned(),
+            triangles,
+            moving: scene.animation.moving_count(),
+            setup,
+            rays: (!is_camera).then_some("random"),
+            warm_up,
+            frames: stats.len(),
+            mrays_per_s: Summary::of(rates).map(|s| s.median),
+            build_ns_per_triangle: per_triangle("build_ms"),
+            convert_ns_per_triangle: per_triangle("convert_ms"),
+            trees: stats.iter().filter(|f| f.adopted).count(),
+            rejected: stats.iter().filter(|f| f.rejected).count(),
+            first_ms: stats.first().and_then(|f| f.wall_ms),
+            memory: held.map(|bytes| device_memory(bytes, triangles)),
+            device_bytes: held.map(|bytes| bytes.total()),
+            differing,
+            medians,
+            per_frame: stats,
+        }
+    }
 }
 
 /// Returns device memory by use, in total and per triangle.

@@ -3,9 +3,11 @@
 //! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
 
+use super::plan::{Method, Way};
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs};
 use crate::bench;
 use crate::choose::Ask;
+use crate::rival::Running;
 use crate::session;
 use crate::stop::Stop;
 use backend::{Hits, Intersector, Policy, QueryKind};
@@ -60,14 +62,33 @@ pub(super) struct Stage(Vec<Answered>);
 /// One method on one backend, with its counts so far.
 pub(super) struct Tally {
     /// The way that traces the rays.
-    pub(super) way: Ask<'static>,
-    intersector: Intersector,
+    pub(super) way: Way,
     /// Index of the group of ways that give the same answers.
     pub(super) group: usize,
     /// Whether the next stage traces more rays: plain rays, aimed rays.
     goes_on: [bool; 2],
     counted: plot::Point,
     errors: Vec<f64>,
+}
+
+/// A scene that is loaded, to trace lists of rays.
+pub(super) enum Tracing {
+    Ours(Box<Driver>),
+    Rival(Running),
+}
+
+impl Tracing {
+    /// Traces lists of rays one after the other, each at its time.
+    fn lists<'a>(
+        &mut self,
+        kind: QueryKind,
+        lists: impl IntoIterator<Item = (f64, &'a [Ray])>,
+    ) -> Result<Vec<Hits>, Stop> {
+        match self {
+            Self::Ours(driver) => session::trace_lists(driver, kind, lists),
+            Self::Rival(running) => running.trace_lists(kind, lists),
+        }
+    }
 }
 
 impl<'a> Sampler<'a> {
@@ -80,7 +101,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Traces a few plain and aimed rays.
-    pub(super) fn probe(&self, driver: &mut Driver) -> Result<Vec<Hits>, Stop> {
+    pub(super) fn probe(&self, tracing: &mut Tracing) -> Result<Vec<Hits>, Stop> {
         let mut sheets = Vec::new();
         for time in moments(self.animation, 2) {
             let [plain, aimed] = rays_at(self.animation, &self.view, time, PROBE);
@@ -88,7 +109,7 @@ impl<'a> Sampler<'a> {
             sheets.push((time, rays));
         }
         let lists = sheets.iter().map(|(time, rays)| (*time, &rays[..]));
-        session::trace_lists(driver, self.kind(false), lists)
+        tracing.lists(self.kind(false), lists)
     }
 
     /// Returns the rays of a stage. The rays of a stage do not depend on which stages are traced.
@@ -136,9 +157,10 @@ impl<'a> Sampler<'a> {
         // Shadows are compared with those of `exact` on the host, over fresh trees.
         let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
         let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild));
-        let (mut driver, _) = session::start_driver(self.animation, &ask)?;
+        let (driver, _) = session::start_driver(self.animation, &ask)?;
+        let mut reference = Tracing::Ours(Box::new(driver));
         for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
-            answered.blocked = self.trace(&mut driver, &answered.sheet)?.blocked;
+            answered.blocked = self.trace(&mut reference, &answered.sheet)?.blocked;
         }
         Ok(Stage(all))
     }
@@ -152,9 +174,9 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn trace(&self, driver: &mut Driver, sheet: &Sheet) -> Result<Hits, Stop> {
+    fn trace(&self, tracing: &mut Tracing, sheet: &Sheet) -> Result<Hits, Stop> {
         let list = [(sheet.time, &sheet.rays[..])];
-        let mut hits = session::trace_lists(driver, self.kind(sheet.is_aimed), list)?;
+        let mut hits = tracing.lists(self.kind(sheet.is_aimed), list)?;
         hits.pop()
             .ok_or_else(|| Stop::failed("a trace has no result"))
     }
@@ -162,15 +184,15 @@ impl<'a> Sampler<'a> {
     /// Traces the rays of a stage by one method, and counts wrong answers.
     pub(super) fn judge(
         &self,
-        driver: &mut Driver,
+        tracing: &mut Tracing,
         stage: &Stage,
         tally: &mut Tally,
     ) -> Result<(), Stop> {
         // Build the first tree at the beginning of the motion.
-        session::trace_lists(driver, QueryKind::Closest, [(0.0, &[][..])])?;
+        tracing.lists(QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {
             if tally.goes_on[usize::from(answered.sheet.is_aimed)] {
-                let hits = self.trace(driver, &answered.sheet)?;
+                let hits = self.trace(tracing, &answered.sheet)?;
                 let errors = count(answered, &hits, &mut tally.counted);
                 tally.errors.extend(errors);
             }
@@ -180,10 +202,9 @@ impl<'a> Sampler<'a> {
 }
 
 impl Tally {
-    pub(super) fn new(way: Ask<'static>, intersector: Intersector, group: usize) -> Self {
+    pub(super) fn new(way: Way, group: usize) -> Self {
         Self {
             way,
-            intersector,
             group,
             goes_on: [true; 2],
             counted: plot::Point::default(),
@@ -225,12 +246,11 @@ impl Tally {
 pub(super) fn decide(tallies: &mut [Tally]) {
     let rates: Vec<_> = tallies
         .iter()
-        .map(|tally| (tally.way.backend, tally.intersector, tally.rates()))
+        .map(|tally| (tally.way.method(), tally.rates()))
         .collect();
     for tally in tallies {
-        let is_rival = |&&(backend, by, _): &&(BackendName, Intersector, [Option<Rate>; 2])| {
-            backend == tally.way.backend && by != tally.intersector
-        };
+        let method = tally.way.method();
+        let is_rival = |other: &&(Method, [Option<Rate>; 2])| method.competes_with(other.0);
         let rivals: Vec<_> = rates.iter().filter(is_rival).collect();
         let own = tally.rates();
         for (sort, goes_on) in tally.goes_on.iter_mut().enumerate() {
@@ -238,7 +258,7 @@ pub(super) fn decide(tallies: &mut [Tally]) {
                 (Some(own), Some(rival)) => own.low <= rival.high && rival.low <= own.high,
                 _ => true,
             };
-            let is_open = rivals.is_empty() || rivals.iter().any(|rival| overlaps(&rival.2[sort]));
+            let is_open = rivals.is_empty() || rivals.iter().any(|rival| overlaps(&rival.1[sort]));
             *goes_on = *goes_on && is_open;
         }
     }
@@ -393,10 +413,13 @@ mod tests {
         assert_eq!((t.median, t.worst), (Some(0.0), Some(1.0)));
     }
 
+    fn way(backend: BackendName, intersector: Intersector) -> Way {
+        let method = MethodArgs::of(intersector, LayoutName::Fast);
+        Way::Ours(Ask::of(backend, method, Some(Policy::Refit)))
+    }
+
     fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {
-        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
-        let way = Ask::of(BackendName::Cpu, method, Some(Policy::Refit));
-        let mut tally = Tally::new(way, intersector, 0);
+        let mut tally = Tally::new(way(BackendName::Cpu, intersector), 0);
         (tally.counted.rays_tested, tally.counted.wrong) = (1_000_000, wrong);
         tally.counted.aimed = plot::Aimed {
             rays: 1000,
@@ -421,7 +444,7 @@ mod tests {
         assert_eq!(goes_on, [both, both, plain, plain]);
         // A method that has stopped does not continue, and another backend is no rival.
         all[1].counted.wrong = 90;
-        all[3].way.backend = BackendName::Vulkan;
+        all[3].way = way(BackendName::Wgpu, Exact);
         decide(&mut all);
         let goes_on: Vec<_> = all.iter().map(|t| t.goes_on).collect();
         let aimed = [false, true];

@@ -32,13 +32,12 @@ pub(super) fn ask(
     let method = Method::from(intersector);
     let mut mixed_range = Vec::new();
     for test in tests {
-        if let Some(cell) = test.ask(backend, method.intersector)? {
-            mixed_range.push(FamilyCounts {
-                family: cell.family.name().to_owned(),
-                rays: cell.wrong().of,
-                wrong: cell.wrong().count,
-            });
-        }
+        let cell = test.ask(backend, method.intersector)?;
+        mixed_range.push(FamilyCounts {
+            family: cell.family.name().to_owned(),
+            rays: cell.wrong().of,
+            wrong: cell.wrong().count,
+        });
     }
     let plan = LeakPlan {
         seed: SEED,

@@ -4,17 +4,52 @@ use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
 use crate::choose::Ask;
 use crate::open::{self, Presence};
+use crate::rival::{self, Contest, OWN};
 use crate::stop::Stop;
 use crate::values::Frames;
-use backend::{AdapterInfo, DeviceKind};
+use backend::{AdapterInfo, DeviceKind, Intersector};
 use clap::ValueEnum;
 use output::plot::Failure;
-use std::collections::BTreeSet;
+use rivals::Known;
 use std::fmt;
 
-/// Everything with everything, as far as backends support it, and remarks on what is skipped; what is named twice is done
-/// once.
-pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>), Stop> {
+/// A way of tracing a scene.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Way {
+    Ours(Ask<'static>),
+    Rival(Contest),
+}
+
+/// What decides the hits of a way: a backend or a rival, and its intersector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Method {
+    Ours(BackendName, Intersector),
+    Rival(&'static Known),
+}
+
+impl Way {
+    pub(super) fn method(&self) -> Method {
+        match self {
+            Self::Ours(ask) => Method::Ours(ask.backend, ask.method.intersector),
+            Self::Rival(contest) => Method::Rival(contest.rival),
+        }
+    }
+}
+
+impl Method {
+    /// Returns whether two methods are other intersectors of one backend.
+    pub(super) fn competes_with(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Ours(backend, by), Self::Ours(other, intersector)) => {
+                backend == other && by != intersector
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Returns every way that backends and rivals support, once, and remarks on those that are skipped.
+pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
     let (mut ways, mut skipped) = (Vec::new(), Vec::new());
     for backend in backends(args, &mut skipped) {
         let layouts = [LayoutName::Bvh2, LayoutName::Fast];
@@ -22,9 +57,12 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>),
         for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
             let method = MethodArgs::of(intersector, layout);
             let updates = args.measure.update.iter();
-            ways.extend(updates.map(|&update| Ask::of(backend, method, update)));
+            ways.extend(updates.map(|&update| Way::Ours(Ask::of(backend, method, update))));
         }
     }
+    let (contests, unknown) = rival::contests(&args.measure.rival, &args.measure.update);
+    ways.extend(contests.into_iter().map(Way::Rival));
+    skipped.extend(unknown);
     if ways.is_empty() {
         let why = skipped.join("; ");
         return Err(Stop::bad(format!("there is nothing to chart: {why}")));
@@ -32,23 +70,37 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>),
     Ok((unique(&ways), skipped))
 }
 
-/// Returns the number of pairs of a backend and an intersector among `ways`.
-pub(super) fn methods(ways: &[Ask<'_>]) -> usize {
-    let method = |way: &Ask<'_>| {
-        let intersector = way.method.intersector;
-        format!("{} {intersector}", word(&way.backend))
-    };
-    ways.iter().map(method).collect::<BTreeSet<_>>().len()
+/// Returns each method among `ways` once.
+pub(super) fn methods(ways: impl IntoIterator<Item = Way>) -> Vec<Method> {
+    let mut methods = Vec::new();
+    for way in ways {
+        if !methods.contains(&way.method()) {
+            methods.push(way.method());
+        }
+    }
+    methods
 }
 
 /// Returns the row of a way that could not be measured.
-pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
+pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
+    let names = match way {
+        Way::Ours(ask) => [
+            word(&ask.backend),
+            word(&ask.method.layout),
+            ask.method.intersector.to_string(),
+            ask.update().0.name().to_owned(),
+        ],
+        Way::Rival(Contest { rival, upkeep }) => {
+            [rival.name, OWN, OWN, upkeep.name()].map(str::to_owned)
+        }
+    };
+    let [backend, layout, intersector, update] = names;
     Failure {
         scene: scene.to_owned(),
-        backend: word(&way.backend),
-        layout: word(&way.method.layout),
-        intersector: way.method.intersector.to_string(),
-        update: way.update().0.name().to_owned(),
+        backend,
+        layout,
+        intersector,
+        update,
         error: stop.to_string(),
     }
 }
@@ -57,18 +109,14 @@ pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
-    let mut all: Vec<_> = named.into_iter().map(|name| (name, None)).collect();
+    let mut found = named;
     if !auto.is_empty() {
-        let name = |p: &Presence| BackendName::from_str(p.backend, true).ok();
-        let known = open::presences().rev();
-        all.extend(known.filter_map(|p| Some((name(&p)?, why_not(p)))));
-    }
-    let mut found = Vec::new();
-    for (name, why_not) in all {
-        let own = "what its rays hit is the driver's affair, not an intersector's";
-        match why_not.or(open::has_own_trees(name).then(|| own.to_owned())) {
-            Some(why) => skipped.push(format!("{} is skipped: {why}", word(&name))),
-            None => found.push(name),
+        for presence in open::presences().rev() {
+            let name = presence.backend;
+            match why_not(presence) {
+                Some(why) => skipped.push(format!("{name} is skipped: {why}")),
+                None => found.extend(BackendName::from_str(name, true)),
+            }
         }
     }
     found
@@ -77,7 +125,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
 /// Returns the reason why `auto` skips a backend that finds no GPU.
 fn why_not(presence: Presence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
-    if presence.own_trees || presence.adapters.iter().any(is_fit) {
+    if presence.adapters.iter().any(is_fit) {
         return None;
     }
     Some(presence.absent.unwrap_or_else(|| {
@@ -98,16 +146,30 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
 }
 
 /// Backend, layout, intersector and policy, as far as they are known without a run.
-impl fmt::Display for Ask<'_> {
+impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [backend, layout] = [word(&self.backend), word(&self.method.layout)];
-        let intersector = self.method.intersector;
-        let update = self.update().0.name();
+        let ask = match self {
+            Self::Ours(ask) => ask,
+            Self::Rival(contest) => return contest.fmt(f),
+        };
+        let [backend, layout] = [word(&ask.backend), word(&ask.method.layout)];
+        let intersector = ask.method.intersector;
+        let update = ask.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
 }
 
-pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Ours(backend, intersector) => write!(f, "{} {intersector}", word(backend)),
+            Self::Rival(rival) => f.write_str(rival.name),
+        }
+    }
+}
+
+/// Returns the command that measures the row of a way again.
+pub(super) fn command(args: &ChartArgs, (spec, way): (&str, &Way), row: &Row) -> String {
     let [width, height] = args.measure.size;
     let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
@@ -123,13 +185,19 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     }
     let warm_up = args.measure.warm_up;
     let warm_up = warm_up.map_or(String::new(), |seconds| format!(" --warm-up {seconds}"));
+    let how = &row.setup;
+    let name = how.backend;
+    let by = match way {
+        Way::Ours(_) => {
+            let (intersector, layout) = (how.intersector, how.layout);
+            format!("--backend {name} --intersector {intersector} --layout {layout}")
+        }
+        Way::Rival(_) => format!("--rival {name}"),
+    };
     format!(
-        "abvh bench {}{source} --backend {} --update {} --intersector {} --layout {} --size {width}x{height} --frames {frames}{warm_up}",
+        "abvh bench {}{source} {by} --update {} --size {width}x{height} --frames {frames}{warm_up}",
         quoted(spec),
-        row.setup.backend,
-        row.setup.update,
-        row.setup.intersector,
-        row.setup.layout,
+        how.update,
     )
 }
 
@@ -179,7 +247,6 @@ mod tests {
                 adapters: kinds.iter().enumerate().map(adapter).collect(),
                 intersectors: Vec::new(),
                 layouts: Vec::new(),
-                own_trees: false,
             }
         };
         use DeviceKind::{Cpu, Gpu, Software};

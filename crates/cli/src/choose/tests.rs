@@ -17,7 +17,7 @@ fn names_mean_what_they_name_and_lockstep_is_async() {
         lockstep,
         ..Ask::of(backend, AUTO, update)
     };
-    let (host, driver) = (BackendName::Cpu, BackendName::VulkanRt);
+    let host = BackendName::Cpu;
     let three = Policy::Lockstep(3);
     let free = Policy::Async;
     for (ask, update, is_named) in [
@@ -25,9 +25,7 @@ fn names_mean_what_they_name_and_lockstep_is_async() {
         (asked(host, None, Some(3)), three, false),
         (asked(host, None, None), free, false),
         (asked(host, Some(Policy::Refit), None), Policy::Refit, true),
-        // A driver rebuilds where nobody asked for more.
-        (asked(driver, None, None), Policy::Rebuild, false),
-        (asked(driver, Some(Policy::Async), None), free, true),
+        (asked(host, Some(Policy::Async), None), free, true),
     ] {
         let (taken, why) = ask.update();
         assert_eq!((taken, why.is_none()), (update, is_named), "{ask:?}");
@@ -38,73 +36,23 @@ fn names_mean_what_they_name_and_lockstep_is_async() {
 }
 
 #[test]
-fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
-    use Intersector as I;
-    use LayoutName as L;
-    let usual = MethodArgs::of(I::Watertight, L::Auto);
-    let beyond = beyond_drivers(usual, Some(Policy::DeviceRebuild));
-    assert_eq!(beyond.as_deref(), Some("update policy 'device-rebuild'"));
-    for (intersector, layout, beyond) in [
-        (I::Watertight, L::Auto, None),
-        (I::Woop, L::Auto, Some("intersector 'woop'")),
-        (I::Watertight, L::Bvh2, Some("layout 'bvh2'")),
-    ] {
-        let method = MethodArgs::of(intersector, layout);
-        let found = beyond_drivers(method, Some(Policy::Rebuild));
-        assert_eq!(found.as_deref(), beyond);
-    }
-}
-
-/// A real GPU is not needed: choices depend on the kind of device and on what backends support.
-#[test]
-fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
-    let mut chosen = 0;
-    for known in backends::KNOWN {
-        let name = BackendName::from_str(known.name, true).unwrap();
-        for (&device, usual) in known.kinds.iter().flat_map(|kind| {
-            let layouts = LayoutName::value_variants().iter();
-            layouts.map(move |&layout| (kind, layout))
-        }) {
-            let updates = [None].into_iter().chain(Policy::ALL.map(Some));
-            for (update, &by) in updates.flat_map(|update| {
-                let intersectors = Intersector::ALL.iter();
-                intersectors.map(move |by| (update, by))
-            }) {
-                let ask = Ask::of(name, MethodArgs::of(by, usual), update);
-                let context = format!("{ask} {usual:?} on {device:?}");
-                let beyond = known
-                    .has_own_trees
-                    .then(|| beyond_drivers(ask.method, update));
-                let Ok(settled) = session::for_backend(&ask) else {
-                    assert!(beyond.flatten().is_some(), "{context} is refused");
-                    continue;
-                };
-                let intersector = settled.method.intersector;
-                let capabilities = Capabilities {
-                    device,
-                    layouts: layouts(known.supports, intersector),
-                    makes_trees: known.has_own_trees,
-                };
-                let (layout, why) = capabilities.layout(settled.method.layout);
-                let method = Method {
-                    intersector,
-                    layout,
-                };
-                assert!((known.supports)(method), "{context}: {method:?}");
-                let named = self::layout(settled.method.layout);
-                assert_eq!(named.is_none(), why.is_some(), "{context}");
-                let expected = match (known.has_own_trees, device) {
-                    (true, _) | (_, DeviceKind::Software) => Layout::Bvh2,
-                    _ => Layout::Fast,
-                };
-                assert_eq!(layout, named.unwrap_or(expected), "{context}");
-                chosen += 1;
-            }
+fn the_layout_left_open_depends_on_the_kind_of_device() {
+    for device in DeviceKind::ALL {
+        let capabilities = Capabilities {
+            device,
+            makes_trees: true,
+        };
+        for &name in LayoutName::value_variants() {
+            let (taken, why) = capabilities.layout(name);
+            let named = layout(name);
+            let usual = match device {
+                DeviceKind::Software => Layout::Bvh2,
+                DeviceKind::Gpu | DeviceKind::Cpu => Layout::Fast,
+            };
+            assert_eq!(taken, named.unwrap_or(usual));
+            assert_eq!(named.is_none(), why.is_some());
         }
     }
-    let ours = backends::KNOWN.iter().filter(|known| !known.has_own_trees);
-    let devices: usize = ours.map(|known| known.kinds.len()).sum();
-    assert!(chosen > devices * 5 * 4 * 3, "{chosen} combinations");
 }
 
 #[test]
@@ -126,7 +74,6 @@ fn trees_are_left_to_a_device_only_where_it_can_build_them() {
     ] {
         let capabilities = Capabilities {
             device,
-            layouts: Layout::ALL.to_vec(),
             makes_trees,
         };
         let method = Method::default();

@@ -33,7 +33,7 @@ pub(super) fn open(args: &ConformArgs) -> Result<Vec<Given>, Stop> {
     args.scene.iter().map(given).collect()
 }
 
-/// Holds every subject that traces our trees to the exact answers, if that was asked for.
+/// Compares every subject with exact answers, if any rays are requested.
 pub(super) fn hold(
     args: &ConformArgs,
     given: Vec<Given>,
@@ -42,12 +42,6 @@ pub(super) fn hold(
 ) -> Result<(), Stop> {
     if args.oracle_rays == 0 {
         return Ok(());
-    }
-    let mut ours: Vec<&mut Subject> = subjects.iter_mut().collect();
-    ours.retain(|s| !s.makes_own_trees());
-    if ours.is_empty() {
-        let own = "a driver that makes its own trees decides what a ray hits";
-        return Err(Stop::bad(format!("{own}: the oracle cannot judge it")));
     }
     let rays = args.oracle_rays;
     let audit = Audit::new(args.seed, rays, given);
@@ -66,7 +60,7 @@ pub(super) fn hold(
     for i in 1..=chunks.len() {
         // While the backends trace a chunk, the host computes the exact answers of the next.
         let (asked, next) = rayon::join(
-            || ask(args, &audit, &mut ours, &now, report),
+            || ask(args, &audit, subjects, &now, report),
             || chunks.get(i).map_or(Vec::new(), |c| make(c)),
         );
         asked?;
@@ -93,7 +87,7 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
 fn ask(
     args: &ConformArgs,
     audit: &Audit,
-    subjects: &mut [&mut Subject],
+    subjects: &mut [Subject],
     batches: &[Batch],
     report: &mut Report,
 ) -> Result<(), Stop> {

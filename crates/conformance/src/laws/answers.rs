@@ -5,30 +5,16 @@ use crate::Case;
 use crate::compare::{answers, named_ray, same_counts};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use crate::stage::{ask, boxes_anew, is_extreme};
+use crate::stage::{ask, is_extreme};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
 
-/// Compares the result of a query at a time with the expected result.
-pub(super) type Verify =
-    fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
-
-/// Traces a query at each of the case's times. If a driver makes the trees, alternates between rebuilds and refits.
-pub(super) fn asked(
-    c: &mut Check<'_>,
-    rays: Rays<'_>,
-    kind: QueryKind,
-    verify: Verify,
-) -> Result<()> {
+/// Traces a query at each of the case's times, and verifies the result.
+fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     c.open(c.case.times[0])?;
-    for (i, &time) in c.case.times.iter().enumerate() {
-        if i % 2 == 0 {
-            c.stand(time)?;
-        } else {
-            c.interpolate(time)?;
-            boxes_anew(c.subject)?;
-        }
+    for &time in &c.case.times {
+        c.stand(time)?;
         let found = ask(c.subject, rays, kind)?;
         verify(c, time, (rays, kind), &found)?;
     }
@@ -64,20 +50,20 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
 }
 
 /// Tests the closest hits of listed rays.
-pub(super) fn closest(c: &mut Check<'_>, verify: Verify) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Closest, verify)
+pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
+    asked(c, c.rays(), QueryKind::Closest)
 }
 
 /// Tests whether listed rays hit anything.
-pub(super) fn any(c: &mut Check<'_>, verify: Verify) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Any, verify)
+pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
+    asked(c, c.rays(), QueryKind::Any)
 }
 
 /// Tests rays that the device generates from a camera, with shadows, and the shadows of listed rays.
-pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
+pub(super) fn shadows(c: &mut Check<'_>) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {
-        asked(c, rays, QueryKind::ClosestAndShadow { light }, verify)?;
+        asked(c, rays, QueryKind::ClosestAndShadow { light })?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Key frames that arrive during playback, whose coordinates the host need not examine.
 
 use super::Check;
-use super::answers::Verify;
+use super::answers::verify;
 use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
@@ -27,7 +27,7 @@ const LEAPS: [Point; 6] = [
 ];
 
 /// Tests that key frames that arrive give the same hits and counts as an animation that holds them all.
-pub(super) fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
+pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
     let (case, live) = leaping(c.case, rng)?;
     // Resets the reference, which has another scene loaded.
@@ -97,15 +97,11 @@ fn push_all(
         let mut memory = memory(c.subject, live, rng)?;
         memory.copy_from_slice(frame);
         let time = live.push(memory)?;
-        let (anew, own) = (rng.bool(), c.subject.makes_own_trees());
-        if anew && !own {
+        if rng.bool() {
             let tree = tree_over(live, &frames[rng.usize(..frames.len())]);
             c.subject.adopt(&tree, Generation(generation))?;
         }
         c.subject.interpolate(live.pose(time))?;
-        if anew && own {
-            c.subject.rebuild(Generation(generation))?;
-        }
         boxes_anew(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
         started.push((start(c.subject, rays, kind)?, time, kind));

@@ -8,16 +8,14 @@ mod reports;
 mod still;
 mod trees;
 mod walk;
-mod within;
 
 use crate::stage::{self, open};
 use crate::{Case, Reference};
-use answers::verify;
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
 /// Selects the methods with which a property is tested, one after the other.
-pub(crate) type Methods = fn(&Check<'_>) -> Result<Vec<Method>>;
+pub(crate) type Methods = fn(&Check<'_>) -> Vec<Method>;
 
 /// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
@@ -80,58 +78,53 @@ impl<'a> Check<'a> {
     }
 }
 
-/// Returns every method that the subject supports.
-fn all(c: &Check<'_>) -> Result<Vec<Method>> {
+/// Returns every method.
+fn all(_: &Check<'_>) -> Vec<Method> {
+    by(|_| true)
+}
+
+/// Returns the methods of some intersectors.
+fn by(is_wanted: impl Fn(Intersector) -> bool) -> Vec<Method> {
     let with = |intersector| {
         Layout::ALL.map(|layout| Method {
             intersector,
             layout,
         })
     };
-    let mut all: Vec<_> = Intersector::ALL.into_iter().flat_map(with).collect();
-    all.retain(|&m| c.subject.supports(m));
-    let usual = all.contains(&Method::default());
-    ensure!(usual, "the backend does not support the usual method");
-    Ok(all)
-}
-
-/// Returns the supported methods with some intersectors.
-fn by(c: &Check<'_>, is_wanted: impl Fn(Intersector) -> bool) -> Result<Vec<Method>> {
-    let mut some = all(c)?;
-    some.retain(|m| is_wanted(m.intersector));
-    Ok(some)
+    let wanted = Intersector::ALL.into_iter().filter(|&i| is_wanted(i));
+    wanted.flat_map(with).collect()
 }
 
 /// Returns the default intersector with every layout.
-fn usual(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| i == Method::default().intersector)
+fn usual(_: &Check<'_>) -> Vec<Method> {
+    by(|i| i == Method::default().intersector)
 }
 
 /// Returns the exact intersector with every layout.
-fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| i == Intersector::Exact)
+fn exact(_: &Check<'_>) -> Vec<Method> {
+    by(|i| i == Intersector::Exact)
 }
 
 /// Returns the methods whose results are the same on every backend.
-fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| i.is_equal_across_backends())
+fn robust(_: &Check<'_>) -> Vec<Method> {
+    by(Intersector::is_equal_across_backends)
 }
 
-fn all_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
-    in_turn(c, all(c)?)
+fn all_in_turn(c: &Check<'_>) -> Vec<Method> {
+    in_turn(c, all(c))
 }
 
-fn robust_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
-    in_turn(c, robust(c)?)
+fn robust_in_turn(c: &Check<'_>) -> Vec<Method> {
+    in_turn(c, robust(c))
 }
 
 /// Returns the methods with one intersector, which rotates with the case number. A few cases test all intersectors.
-fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
+fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
     let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
     intersectors.dedup();
     let turn = intersectors[c.case.number as usize % intersectors.len()];
     methods.retain(|m| m.intersector == turn);
-    Ok(methods)
+    methods
 }
 
 /// Defines one property per line: its methods, its name and its test.
@@ -146,7 +139,7 @@ macro_rules! laws {
     };
 }
 
-/// Properties of backends that trace our trees.
+/// All properties.
 pub const LAWS: &[Law] = laws! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
@@ -154,10 +147,10 @@ pub const LAWS: &[Law] = laws! {
     usual positions_come_back_as_they_were: geometry::read_back;
     usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
     robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
-    robust key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, verify);
-    robust closest_hits_equal_the_reference: |c| answers::closest(c, verify);
-    robust any_hits_equal_the_reference: |c| answers::any(c, verify);
-    robust pictures_and_shadows_equal_the_reference: |c| answers::shadows(c, verify);
+    robust key_frames_that_arrive_are_played_as_those_held: arriving::pushed;
+    robust closest_hits_equal_the_reference: answers::closest;
+    robust any_hits_equal_the_reference: answers::any;
+    robust pictures_and_shadows_equal_the_reference: answers::shadows;
     all a_camera_is_its_rays: answers::camera_is_rays;
     all any_hit_agrees_with_closest_hit: answers::any_is_closest;
     all queries_together_find_what_each_does: answers::together;
@@ -176,24 +169,3 @@ pub const LAWS: &[Law] = laws! {
     usual tickets_finish_in_order_and_answers_are_kept: reports::tickets;
     usual loading_again_starts_afresh: reports::reload;
 };
-
-/// Properties of backends that make their own trees and whose driver determines hits.
-pub const OWN_TREE_LAWS: &[Law] = laws! {
-    usual positions_equal_the_formula: geometry::positions;
-    usual reports_name_what_was_done: reports::stages;
-    usual positions_come_back_as_they_were: geometry::read_back;
-    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
-    all a_camera_is_its_rays: within::camera_is_rays;
-    usual closest_hits_lie_within_rounding: within::closest;
-    usual any_hits_lie_within_rounding: |c| answers::any(c, within::verify);
-    usual pictures_and_shadows_lie_within_rounding: |c| answers::shadows(c, within::verify);
-    usual key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, within::verify);
-};
-
-/// Returns the properties that `backend` must have.
-pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {
-    match backend.makes_own_trees() {
-        true => OWN_TREE_LAWS,
-        false => LAWS,
-    }
-}

@@ -109,7 +109,7 @@ pub fn record(
         for seed in 1..=seeds {
             let test = StressTest::new(family, &Plan { seed, rays });
             for (&by, cells) in all.iter().zip(&mut cells) {
-                cells.extend(test.ask(subject, by)?);
+                cells.push(test.ask(subject, by)?);
             }
         }
         entries.extend(cells.iter().flat_map(|c| of_cells(c)));

@@ -60,6 +60,14 @@ const BACKENDS: &[(&str, RGBColor)] = &[
     ("vulkan", RGBColor(0xd5, 0x5e, 0x00)),
     ("wgpu", RGBColor(0x56, 0xb4, 0xe9)),
 ];
+/// Colours of names that are not in [`BACKENDS`], such as those of rivals.
+const OTHERS: [RGBColor; 5] = [
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0x00, 0x72, 0xb2),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0xf0, 0xe4, 0x42),
+];
 /// The shapes of [`Intersector::ALL`], in that order.
 const SHAPES: [Shape; Intersector::ALL.len()] = [(3, 0.0), (4, 0.125), CIRCLE, (4, 0.0)];
 /// The fills of [`Policy::ALL`], in that order.
@@ -83,7 +91,7 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
 /// Returns the appearance for four names. An unknown name uses the corresponding value of [`PLAIN`].
 pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Look {
     Look {
-        colour: find(BACKENDS, backend, PLAIN.colour),
+        colour: find(BACKENDS, backend, colour_of_other(backend)),
         shape: find(
             &pair(Intersector::ALL.map(Intersector::name), SHAPES),
             intersector,
@@ -96,6 +104,15 @@ pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Loo
         ),
         radius: find(LAYOUTS, layout, PLAIN.radius),
     }
+}
+
+/// Returns a colour that depends on the name alone; grey for no name.
+fn colour_of_other(name: &str) -> RGBColor {
+    if name.is_empty() {
+        return PLAIN.colour;
+    }
+    let mix = |hash: u32, byte: u8| hash.wrapping_mul(33).wrapping_add(byte.into());
+    OTHERS[name.bytes().fold(0, mix) as usize % OTHERS.len()]
 }
 
 pub(crate) fn of_point(point: &Point) -> Look {

@@ -203,40 +203,6 @@ fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_eve
     assert!(!r.built && r.log.adopted == [Generation(1)]);
 }
 
-/// Of a backend that makes its trees itself: their generations over six frames, the third of which stands where the
-/// second did. Nobody builds beside it, and nothing is read back.
-fn made_by_itself(update: Policy) -> Vec<u64> {
-    let times = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0];
-    let by = (update, false);
-    let scene = (&drifting(5), by);
-    let run = render(Fake::with_own_trees(), scene, times.into_iter(), |_| 0);
-    let (records, log) = (run.records, run.log);
-    let taken = |r: &FrameRecord| r.adopted.is_some() || r.fetched.is_some();
-    assert!(!run.built && !records.iter().any(taken));
-    assert_eq!((log.requested, log.adopted.len()), (0, 0));
-    assert_eq!((log.interpolated, log.refitted), (5, 5));
-    assert_eq!(log.traced.len(), records.len());
-    log.made.iter().map(|&Generation(g)| g).collect()
-}
-
-#[test]
-fn a_backend_makes_a_tree_for_each_frame_that_moved_or_the_first_alone() {
-    assert_eq!(made_by_itself(Policy::Rebuild), [1, 2, 3, 4, 5]);
-    assert_eq!(made_by_itself(Policy::DeviceRebuild), [1, 2, 3, 4, 5]);
-    assert_eq!(made_by_itself(Policy::Refit), [1]);
-}
-
-#[test]
-fn a_backend_that_makes_its_trees_takes_none_built_beside_the_frames() {
-    let policy = (Policy::Async, false);
-    let refused = driver(Fake::with_own_trees(), &drifting(5), policy);
-    let why = refused.err().unwrap().to_string();
-    assert!(
-        why.starts_with("fake does not support update policy"),
-        "{why}"
-    );
-}
-
 /// Returns the topologies adopted in frames at times 0 to 5, whose queries have the given kinds.
 fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
     let fake = Fake::new(Some(0));

@@ -57,9 +57,9 @@ pub fn warm_up<'a, E: From<PipelineError>>(
     query: Query<'_>,
     mut on_frame: impl FnMut(&FrameRecord) -> Result<(), E>,
 ) -> Result<(Option<Warmed>, &'a [Frame]), E> {
-    let seconds = seconds(asked, driver.backend().device().kind);
+    let kind = driver.backend().device().kind;
     // Nothing comes after a single frame that could gain by it.
-    if seconds <= 0.0 || frames.len() < 2 {
+    if seconds(asked, kind) <= 0.0 || frames.len() < 2 {
         return Ok((None, frames));
     }
     let (first, rest) = frames.split_at(1);
@@ -69,18 +69,50 @@ pub fn warm_up<'a, E: From<PipelineError>>(
         Wanted::default(),
         |record, _| on_frame(record),
     )?;
-    let (begun, mut seen) = (Instant::now(), Vec::new());
+    let mut progress = WarmUp::begin(asked, kind);
     driver.warm_up(query, |report: &FrameReport| {
-        let now = begun.elapsed().as_secs_f64();
-        seen.push((now, report.times.device_ms));
-        now < seconds || (now < seconds + PATIENCE && !is_steady(&seen))
+        let goes_on = |progress: &mut WarmUp| progress.goes_on(report.times.device_ms);
+        progress.as_mut().is_some_and(goes_on)
     })?;
-    let warmed = Warmed {
-        seconds: begun.elapsed().as_secs_f64(),
-        frames: seen.len(),
-        steady: is_steady(&seen),
-    };
-    Ok((Some(warmed), rest))
+    Ok((progress.map(WarmUp::end), rest))
+}
+
+/// A warm-up in progress.
+#[derive(Debug)]
+pub struct WarmUp {
+    begun: Instant,
+    seconds: f64,
+    seen: Vec<Moment>,
+}
+
+impl WarmUp {
+    /// Begins a warm-up of `asked` seconds, or as long as is usual on such a device. `None` if it needs none.
+    #[must_use]
+    pub fn begin(asked: Option<f64>, kind: DeviceKind) -> Option<Self> {
+        let seconds = seconds(asked, kind);
+        (seconds > 0.0).then(|| Self {
+            begun: Instant::now(),
+            seconds,
+            seen: Vec::new(),
+        })
+    }
+
+    /// Takes the device's milliseconds of a trace. Returns whether another trace should follow.
+    pub fn goes_on(&mut self, device_ms: f64) -> bool {
+        let now = self.begun.elapsed().as_secs_f64();
+        self.seen.push((now, device_ms));
+        now < self.seconds || (now < self.seconds + PATIENCE && !is_steady(&self.seen))
+    }
+
+    /// Ends the warm-up.
+    #[must_use]
+    pub fn end(self) -> Warmed {
+        Warmed {
+            seconds: self.begun.elapsed().as_secs_f64(),
+            frames: self.seen.len(),
+            steady: is_steady(&self.seen),
+        }
+    }
 }
 
 /// Time at which a frame was finished, in seconds, and its device time in milliseconds.

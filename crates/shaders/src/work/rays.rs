@@ -13,11 +13,6 @@ pub fn cleanse(mut params: Params, triangles: u32, point: Point) -> Work {
     Work::linear(common("cleanse"), params, triangles)
 }
 
-/// Returns the dispatch that counts the inactive and degenerate triangles among `triangles`.
-pub fn count_triangles(params: Params, triangles: u32) -> Work {
-    Work::linear(common("count_triangles"), params, triangles)
-}
-
 /// Returns the dispatches that count the answers to a query of `count_of_rays` rays, each with the buffer to bind as
 /// [`BufferName::Answers`].
 pub fn count_answers(

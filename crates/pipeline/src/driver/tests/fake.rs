@@ -78,7 +78,6 @@ pub(in crate::driver) struct Fake {
     polls: Option<u32>,
     pub(in crate::driver) gate: Option<Arc<Gate>>,
     hits: Hits,
-    own_trees: bool,
     /// Whether it measures costs.
     pub(in crate::driver) measures: bool,
     /// The current tree, if costs are measured.
@@ -95,13 +94,6 @@ impl Fake {
         Self {
             polls,
             ..Self::default()
-        }
-    }
-
-    pub(in crate::driver) fn with_own_trees() -> Self {
-        Self {
-            own_trees: true,
-            ..Self::new(Some(0))
         }
     }
 
@@ -147,11 +139,7 @@ impl Backend for Fake {
         self.animation = Some(animation);
         Ok(())
     }
-    fn makes_own_trees(&self) -> bool {
-        self.own_trees
-    }
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
-        assert!(!self.own_trees, "it makes its own");
         assert!(generation > self.generation, "generations rise");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.leaf_count(), live);

@@ -1,7 +1,6 @@
 // Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count.
 
-import package::geometry::triangle::{corner, is_finite, is_flat};
-import package::geometry::units::scaled_point;
+import package::geometry::triangle::{corner, is_finite};
 import package::lib::buffers::counts;
 import package::lib::params::{element, params};
 
@@ -29,22 +28,6 @@ fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     put_point(9u * triangle, select(point, a, hittable));
     put_point(9u * triangle + 3u, select(point, b, hittable));
     put_point(9u * triangle + 6u, select(point, c, hittable));
-}
-
-// Counts inactive and degenerate triangles, which a driver does not report.
-
-@compute @workgroup_size(128)
-fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let triangle = element(id, groups, 128u);
-    if triangle >= params.count { return; }
-    let a = corner(triangle, 0u);
-    let b = corner(triangle, 1u);
-    let c = corner(triangle, 2u);
-    if !(is_finite(a) && is_finite(b) && is_finite(c)) {
-        atomicAdd(&counts[0], 1u);
-    } else if is_flat(a, b, c, scaled_point(a), scaled_point(b), scaled_point(c)) {
-        atomicAdd(&counts[1], 1u);
-    }
 }
 
 // Answers to rays, `rounds` words each.

@@ -1,6 +1,6 @@
 //! `bvh`: binned builds in parallel; no refit.
 
-use super::{Node, Rival};
+use super::{CrateTree, Node};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
 use bvh::bvh::{Bvh as Tree, BvhNode};
@@ -68,7 +68,7 @@ impl Bvh {
     }
 }
 
-impl Rival for Bvh {
+impl CrateTree for Bvh {
     fn name(&self) -> &'static str {
         "bvh"
     }

@@ -1,6 +1,6 @@
 //! `obvhs`: parallel locally ordered clustering (Meister, Bittner 2018).
 
-use super::{Node, Rival};
+use super::{CrateTree, Node};
 use geom::{Aabb, Ray};
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
@@ -19,7 +19,7 @@ pub(super) struct Obvhs<const MEDIUM: bool> {
     tree: Bvh2,
 }
 
-impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
+impl<const MEDIUM: bool> CrateTree for Obvhs<MEDIUM> {
     fn name(&self) -> &'static str {
         match MEDIUM {
             true => "obvhs medium",

@@ -1,6 +1,6 @@
 //! The pipeline of rays, and the table by which the driver finds its shaders.
 
-use crate::support::RayTracing;
+use super::support::RayTracing;
 use ash::vk;
 use backend::Result;
 use gpu_common::GpuDevice;
@@ -168,7 +168,7 @@ impl Table {
 
 impl Drop for RayPipeline {
     fn drop(&mut self) {
-        // SAFETY: the backend waits for the device before it drops its pipeline; null is left alone.
+        // SAFETY: the rival waits for the device before it drops its pipeline; null is left alone.
         unsafe { self.rays.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }

@@ -1,6 +1,6 @@
 //! `parry3d`: sequential binned builds (Wald 2007) and parallel refits. Leaf boxes and memory are reused.
 
-use super::{Node, Rival};
+use super::{CrateTree, Node};
 use geom::{Aabb, Point, Ray};
 use parry3d::math::Vector;
 use parry3d::partitioning::{
@@ -29,7 +29,7 @@ impl Parry {
     }
 }
 
-impl Rival for Parry {
+impl CrateTree for Parry {
     fn name(&self) -> &'static str {
         "parry3d binned"
     }

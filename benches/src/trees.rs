@@ -1,13 +1,8 @@
 //! Trees of other crates, one file each, behind one trait, and the cost function that compares them.
 
 mod bvh;
-#[cfg(feature = "embree")]
-mod embree;
 mod obvhs;
 mod parry;
-
-#[cfg(feature = "embree")]
-pub use self::embree::{EmbreeScene, Made, Packet16};
 
 use self::bvh::Bvh;
 use self::obvhs::Obvhs;
@@ -15,7 +10,7 @@ use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
 
 /// A tree of another crate, with triangles in that crate's format. Memory is reused if the crate allows it.
-pub trait Rival: Send + Sync {
+pub trait CrateTree: Send + Sync {
     /// Returns the crate and variant.
     fn name(&self) -> &'static str;
 
@@ -56,14 +51,14 @@ pub trait Rival: Send + Sync {
 }
 
 /// Returns one tree of each crate and variant, with these triangles and not built yet.
-pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
-    let mut all: Vec<Box<dyn Rival>> = vec![
+pub fn trees(triangles: &[Triangle]) -> Vec<Box<dyn CrateTree>> {
+    let mut all: Vec<Box<dyn CrateTree>> = vec![
         Box::new(Obvhs::<false>::default()),
         Box::new(Obvhs::<true>::default()),
         Box::new(Bvh::default()),
         Box::new(Parry::default()),
     ];
-    all.iter_mut().for_each(|rival| rival.take(triangles));
+    all.iter_mut().for_each(|tree| tree.take(triangles));
     all
 }
 
@@ -97,7 +92,7 @@ mod tests {
         assert!(blocked.contains(&0) && blocked.contains(&1));
         let [start, middle] = [mesh.start(), mesh.middle()].map(|pose| mesh.triangles(pose));
         for threads in [1, 2] {
-            for mut tree in rivals(&middle) {
+            for mut tree in trees(&middle) {
                 pool(threads).install(|| tree.build());
                 // Refit the tree to the start, or build it again if the crate cannot refit.
                 tree.take(&start);

@@ -1,8 +1,9 @@
 //! The driver's tree of a scene: one structure of all triangles, and above it one of that alone,
 //! since rays are traced through no other.
 
-use crate::Prefer;
-use crate::support::RayTracing;
+use super::Prefer;
+use super::support::RayTracing;
+use crate::Upkeep;
 use ash::vk;
 use backend::Result;
 use gpu_common::{Engine, GpuDevice, SceneBuffers, refuse_above};
@@ -27,18 +28,10 @@ pub(crate) struct DriverTree {
     top: Structure,
     /// The one instance of `bottom`, as the driver reads it.
     instance: Buffer,
-    prefer: Prefer,
+    flags: Flags,
     triangles: u32,
-    made: Option<Made>,
-}
-
-/// How the tree was made last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Made {
-    /// So that it can be updated.
-    Updatable,
-    /// For once.
-    Fixed,
+    /// Whether there is a tree that an update can start from.
+    is_updatable: bool,
 }
 
 /// An instance as Vulkan lays it out: a matrix of three rows, a mask above an index, flags above an offset, an address.
@@ -50,7 +43,7 @@ impl DriverTree {
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
         cleansed: Option<&Buffer>,
-        prefer: Prefer,
+        (prefer, upkeep): (Prefer, Upkeep),
     ) -> Result<Self> {
         let scene = engine.scene();
         let triangles = scene.animation.triangle_count() as u64;
@@ -58,23 +51,23 @@ impl DriverTree {
         refuse_above(what, triangles, rays.bounds.triangles)?;
         let triangles = triangles as u32;
         let geometry = [triangles_of(scene, &scene.positions[0], cleansed)];
-        let flags = [flags(prefer, Made::Updatable), flags(prefer, Made::Fixed)];
-        let about = info(Level::BOTTOM_LEVEL).geometries(&geometry);
-        let bottom = Structure::new(rays, "the driver's tree", about, &flags, triangles)?;
+        let flags = flags(prefer, upkeep);
+        let about = info(Level::BOTTOM_LEVEL).flags(flags).geometries(&geometry);
+        let bottom = Structure::new(rays, "the driver's tree", about, triangles)?;
         let instance = Buffer::new(&rays.gpu, "the tree's instance", 64, BufferUse::Device)?;
         let words = instance_of(&bottom);
         engine
             .gpu
             .upload(&[(bytemuck::cast_slice(&words), &instance)])?;
         let geometry = [instances_of(&instance)];
-        let about = info(Level::TOP_LEVEL).geometries(&geometry);
+        let about = info(Level::TOP_LEVEL).flags(flags).geometries(&geometry);
         Ok(Self {
             bottom,
-            top: Structure::new(rays, "the tree above it", about, &flags, 1)?,
+            top: Structure::new(rays, "the tree above it", about, 1)?,
             instance,
-            prefer,
+            flags,
             triangles,
-            made: None,
+            is_updatable: false,
         })
     }
 
@@ -89,24 +82,20 @@ impl DriverTree {
         self.top.vk
     }
 
-    /// What was recorded last never ran.
+    /// Forgets the tree, because the commands that were recorded for it never ran.
     pub(crate) fn forget(&mut self) {
-        self.made = None;
+        self.is_updatable = false;
     }
 
-    /// Records a tree `anew`, or its update to vertices elsewhere where the last one allows that. The first tree can be updated,
-    /// and one made in place of an update; those made anew after the first are made for once, which may suit the driver.
-    pub(crate) fn make(&mut self, commands: &Commands, from: Geometry<'_>, anew: bool) {
-        let mode = match self.made {
-            Some(Made::Updatable) if !anew => Mode::UPDATE,
-            _ => Mode::BUILD,
+    /// Records a build of the tree, or an update where it follows the motion by updates and has been built.
+    pub(crate) fn make(&mut self, commands: &Commands, from: Geometry<'_>) {
+        let mode = if self.is_updatable {
+            Mode::UPDATE
+        } else {
+            Mode::BUILD
         };
-        let made = match self.made {
-            Some(_) if anew => Made::Fixed,
-            _ => Made::Updatable,
-        };
-        self.made = Some(made);
-        let flags = flags(self.prefer, made);
+        self.is_updatable = self.flags.contains(Flags::ALLOW_UPDATE);
+        let flags = self.flags;
         let geometry = [from];
         let about = |level| info(level).flags(flags).mode(mode);
         commands.barrier(KERNELS, BUILDS);
@@ -120,14 +109,14 @@ impl DriverTree {
     }
 }
 
-fn flags(prefer: Prefer, made: Made) -> Flags {
+fn flags(prefer: Prefer, upkeep: Upkeep) -> Flags {
     let speed = match prefer {
         Prefer::FastBuild => Flags::PREFER_FAST_BUILD,
         Prefer::FastTrace => Flags::PREFER_FAST_TRACE,
     };
-    match made {
-        Made::Updatable => speed | Flags::ALLOW_UPDATE,
-        Made::Fixed => speed,
+    match upkeep {
+        Upkeep::Rebuild => speed,
+        Upkeep::Refit => speed | Flags::ALLOW_UPDATE,
     }
 }
 
@@ -211,32 +200,22 @@ struct Structure {
 }
 
 impl Structure {
-    /// Room for what `info` describes, built with any of `flags`, over so many primitives.
-    fn new(
-        rays: &Arc<RayTracing>,
-        what: &str,
-        info: Info<'_>,
-        flags: &[Flags],
-        primitives: u32,
-    ) -> Result<Self> {
+    /// Creates a structure that `info` describes, over `primitives` primitives.
+    fn new(rays: &Arc<RayTracing>, what: &str, info: Info<'_>, primitives: u32) -> Result<Self> {
         let gpu = &rays.gpu;
-        let (mut bytes, mut scratch) = (0, 0);
-        for &flags in flags {
-            let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
-            let kind = vk::AccelerationStructureBuildTypeKHR::DEVICE;
-            // SAFETY: `info` describes one geometry and outlives the call.
-            unsafe {
-                rays.structures.get_acceleration_structure_build_sizes(
-                    kind,
-                    &info.flags(flags),
-                    &[primitives],
-                    &mut sizes,
-                );
-            }
-            bytes = sizes.acceleration_structure_size.max(bytes);
-            let most = sizes.build_scratch_size.max(sizes.update_scratch_size);
-            scratch = most.max(scratch);
+        let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
+        let kind = vk::AccelerationStructureBuildTypeKHR::DEVICE;
+        // SAFETY: `info` describes one geometry and outlives the call.
+        unsafe {
+            rays.structures.get_acceleration_structure_build_sizes(
+                kind,
+                &info,
+                &[primitives],
+                &mut sizes,
+            );
         }
+        let bytes = sizes.acceleration_structure_size;
+        let scratch = sizes.build_scratch_size.max(sizes.update_scratch_size);
         let storage = Buffer::new(gpu, what, bytes, BufferUse::Device)?;
         let room = scratch + rays.bounds.scratch_alignment;
         let scratch = Buffer::new(gpu, "room for the driver's builds", room, BufferUse::Device)?;
@@ -296,7 +275,7 @@ impl Structure {
 impl Drop for Structure {
     fn drop(&mut self) {
         let structures = &self.rays.structures;
-        // SAFETY: the backend waits for the device before it drops its trees.
+        // SAFETY: the rival waits for the device before it drops its trees.
         unsafe { structures.destroy_acceleration_structure(self.vk, None) };
     }
 }

@@ -1,8 +1,9 @@
 //! A scene as the driver's trees need it: its box, its tree, and what it does about vertices that are not finite.
 
-use crate::Prefer;
-use crate::support::RayTracing;
-use crate::tree::DriverTree;
+use super::Prefer;
+use super::support::RayTracing;
+use super::tree::DriverTree;
+use crate::Upkeep;
 use backend::Result;
 use geom::{Animation, Point};
 use gpu_common::{Engine, GpuDevice};
@@ -29,7 +30,7 @@ impl DriverScene {
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
-        prefer: Prefer,
+        how: (Prefer, Upkeep),
     ) -> Result<Self> {
         let animation = Arc::clone(&engine.scene().animation);
         let bytes = animation.triangle_count() as u64 * 36;
@@ -44,7 +45,7 @@ impl DriverScene {
             .gpu
             .upload(&[(bytemuck::cast_slice(&corners), &root)])?;
         Ok(Self {
-            tree: DriverTree::new(engine, rays, cleansed.as_ref(), prefer)?,
+            tree: DriverTree::new(engine, rays, cleansed.as_ref(), how)?,
             root,
             cleansed,
             centre: centre_of(&animation),

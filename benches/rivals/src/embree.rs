@@ -1,0 +1,287 @@
+//! Embree 4 (Wald, Woop, Benthin, Johnson, Ernst 2014) through its C interface.
+//!
+//! The library `libembree4` is loaded at run time from where the system finds libraries, such as a folder in
+//! `LD_LIBRARY_PATH`. The Python wheel `embreex` has it under another name.
+
+mod raw;
+mod scene;
+
+pub use scene::{EmbreeScene, Made, Packet16};
+
+use crate::{Rival, Upkeep};
+use backend::{
+    AdapterInfo, Arithmetic, BackendError, Device, DeviceKind, FrameReport, Hits, Query, QueryKind,
+    Rays, Result, StageTimes,
+};
+use cpu_ref::shadow::Light;
+use geom::{Animation, Hit, Moment, Point, Pose, Ray};
+use raw::{Handle, functions};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::ptr::null;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The rival's name.
+pub const NAME: &str = "embree";
+/// Rays that one task traces, and vertices that one task interpolates.
+const TASK: usize = 512;
+
+/// Embree's single rays over a scene of medium quality, in parallel tasks.
+pub struct Embree {
+    device: Device,
+    pool: ThreadPool,
+    loaded: Option<Loaded>,
+    hits: Hits,
+}
+
+/// A scene, which Embree has from its first frame on.
+struct Loaded {
+    animation: Arc<Animation>,
+    upkeep: Upkeep,
+    built: Option<(EmbreeScene, Pose)>,
+}
+
+/// Lists the host.
+///
+/// # Errors
+/// The library is absent.
+pub fn adapters() -> Result<Vec<AdapterInfo>> {
+    let driver = version()?;
+    Ok(vec![AdapterInfo {
+        index: 0,
+        name: "host".to_owned(),
+        driver,
+        kind: DeviceKind::Cpu,
+        limits: vec![("threads", host::cores().to_string())],
+    }])
+}
+
+/// Returns the version of the library.
+fn version() -> Result<String> {
+    /// `RTC_DEVICE_PROPERTY_VERSION`: ten thousands of the major number, hundreds of the minor one, and the patch.
+    const VERSION: u32 = 0;
+    let functions = functions().map_err(BackendError::NoDevice)?;
+    // SAFETY: a device without a configuration is made and released here.
+    let version = unsafe {
+        let device: Handle = (functions.new_device)(null());
+        let version = (functions.get_device_property)(device, VERSION);
+        (functions.release_device)(device);
+        version
+    };
+    let (major, minor, patch) = (version / 10_000, version / 100 % 100, version % 100);
+    Ok(format!("Embree {major}.{minor}.{patch}"))
+}
+
+impl Embree {
+    /// Opens the library, to use `threads` threads.
+    ///
+    /// # Errors
+    /// The library is absent, or threads cannot be started.
+    pub fn new(threads: usize) -> Result<Self> {
+        let driver = version()?;
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|e| BackendError::NoDevice(e.to_string()))?;
+        let device = Device {
+            backend: NAME,
+            adapter: "host".to_owned(),
+            driver,
+            kind: DeviceKind::Cpu,
+            threads,
+            arithmetic: Arithmetic::IEEE,
+        };
+        Ok(Self {
+            device,
+            pool,
+            loaded: None,
+            hits: Hits::default(),
+        })
+    }
+}
+
+impl Rival for Embree {
+    fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()> {
+        self.loaded = Some(Loaded {
+            animation,
+            upkeep,
+            built: None,
+        });
+        Ok(())
+    }
+
+    fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport> {
+        let loaded = self.loaded.as_mut().expect("a scene was loaded");
+        let mut report = FrameReport::default();
+        let moment = loaded.animation.moment(pose)?;
+        if !loaded.built.as_ref().is_some_and(|built| built.1 == pose) {
+            let scene = loaded.built.take().map(|built| built.0);
+            let scene = move_scene(
+                scene,
+                loaded.upkeep,
+                &moment,
+                (&self.pool, &mut report.times),
+            )?;
+            loaded.built = Some((scene, pose));
+        }
+        let (scene, _) = loaded.built.as_ref().expect("it is built");
+        let begun = Instant::now();
+        let light = query.kind.light().map(|at| light(&loaded.animation, at));
+        let tracer = Tracer {
+            scene,
+            moment: &moment,
+            query,
+            light,
+        };
+        let hits = &mut self.hits;
+        (report.hits, report.blocked) = self.pool.install(|| tracer.trace(hits));
+        let times = &mut report.times;
+        times.trace_primary_ms = Some(ms_since(begun));
+        let stages = [times.interpolate_ms, times.refit_ms, times.trace_primary_ms];
+        times.device_ms = stages.into_iter().flatten().sum();
+        Ok(report)
+    }
+
+    fn hits(&mut self) -> Result<&Hits> {
+        Ok(&self.hits)
+    }
+}
+
+/// Builds the scene, or moves it to `moment`.
+fn move_scene(
+    scene: Option<EmbreeScene>,
+    upkeep: Upkeep,
+    moment: &Moment<'_>,
+    (pool, times): (&ThreadPool, &mut StageTimes),
+) -> Result<EmbreeScene> {
+    let begun = Instant::now();
+    let interpolate = |vertices: &mut [Point]| {
+        let tasks = vertices.par_chunks_mut(TASK).enumerate();
+        tasks.for_each(|(task, vertices)| {
+            for (i, vertex) in (task * TASK..).zip(vertices) {
+                *vertex = moment.vertex(i as u32);
+            }
+        });
+        Some(ms_since(begun))
+    };
+    if let Some(mut scene) = scene {
+        times.interpolate_ms = pool.install(|| interpolate(scene.vertices()));
+        let begun = Instant::now();
+        scene.rebuild();
+        times.refit_ms = Some(ms_since(begun));
+        return Ok(scene);
+    }
+    let made = match upkeep {
+        Upkeep::Rebuild => Made::Fast,
+        Upkeep::Refit => Made::Refitted,
+    };
+    let mut vertices = vec![[0.0; 3]; moment.animation().vertex_count()];
+    times.interpolate_ms = pool.install(|| interpolate(&mut vertices));
+    let begun = Instant::now();
+    let threads = pool.current_num_threads();
+    let triangles = moment.animation().triangles();
+    let scene = EmbreeScene::new(&vertices, triangles, threads, made);
+    times.refit_ms = Some(ms_since(begun));
+    scene.map_err(BackendError::NoDevice)
+}
+
+fn ms_since(begun: Instant) -> f64 {
+    begun.elapsed().as_secs_f64() * 1e3
+}
+
+/// Returns the light that shadow rays are traced to, offset from their hits by the same rule as ours.
+fn light(animation: &Animation, at: Point) -> Light {
+    let [x, y, z] = animation.bounds().extent();
+    Light {
+        at,
+        given: at,
+        counted: x.max(y).max(z),
+    }
+}
+
+/// A query of a scene at a moment.
+struct Tracer<'a> {
+    scene: &'a EmbreeScene,
+    moment: &'a Moment<'a>,
+    query: Query<'a>,
+    light: Option<Light>,
+}
+
+impl Tracer<'_> {
+    /// Traces all rays, and returns how many hit and how many hits are in shadow.
+    fn trace(&self, hits: &mut Hits) -> (u64, u64) {
+        let rays = self.query.rays.count();
+        let only_any = self.query.kind == QueryKind::Any;
+        hits.closest
+            .resize(if only_any { 0 } else { rays }, Hit::MISS);
+        let has_marks = only_any || self.light.is_some();
+        hits.blocked.resize(if has_marks { rays } else { 0 }, 0);
+        let sum = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
+        if only_any {
+            let tasks = hits.blocked.par_chunks_mut(TASK).enumerate();
+            let marks = tasks.map(|(task, marks)| (self.mark_any(task * TASK, marks), 0));
+            return marks.reduce(|| (0, 0), sum);
+        }
+        let closest = hits.closest.par_chunks_mut(TASK).enumerate();
+        if self.light.is_none() {
+            let found = closest.map(|(task, hits)| self.find(task * TASK, (hits, &mut [])));
+            return found.reduce(|| (0, 0), sum);
+        }
+        let both = closest.zip(hits.blocked.par_chunks_mut(TASK));
+        let found = both.map(|((task, hits), marks)| self.find(task * TASK, (hits, marks)));
+        found.reduce(|| (0, 0), sum)
+    }
+
+    /// Marks the rays from `first` on that hit anything, and returns their number.
+    fn mark_any(&self, first: usize, marks: &mut [u8]) -> u64 {
+        for (i, mark) in (first..).zip(&mut *marks) {
+            let ray = self.ray(i);
+            *mark = u8::from(ray.is_some_and(|ray| self.scene.is_occluded(&ray)));
+        }
+        marks.iter().map(|&mark| u64::from(mark)).sum()
+    }
+
+    /// Finds the closest hits of the rays from `first` on, and marks those in shadow if there are marks. Returns the
+    /// number of hits and of marks.
+    fn find(&self, first: usize, (hits, marks): (&mut [Hit], &mut [u8])) -> (u64, u64) {
+        for (i, hit) in (first..).zip(&mut *hits) {
+            let ray = self.ray(i);
+            let found = ray.map(|ray| self.scene.closest_of(&ray));
+            *hit = found.filter(Hit::is_hit).unwrap_or(Hit::MISS);
+        }
+        for (i, (hit, mark)) in (first..).zip(hits.iter().zip(&mut *marks)) {
+            *mark = u8::from(self.is_in_shadow(i, hit));
+        }
+        let found = hits.iter().filter(|hit| hit.is_hit()).count() as u64;
+        (found, marks.iter().map(|&mark| u64::from(mark)).sum())
+    }
+
+    fn is_in_shadow(&self, ray: usize, hit: &Hit) -> bool {
+        let (Some(light), Some(ray)) = (&self.light, self.ray(ray)) else {
+            return false;
+        };
+        if !hit.is_hit() {
+            return false;
+        }
+        let corners = self.moment.corners(hit.triangle);
+        let ray = light.ray(hit, &corners, ray.origin);
+        self.scene.is_occluded(&ray)
+    }
+
+    /// Returns a ray that Embree can trace: a valid one, without the part behind its origin.
+    fn ray(&self, i: usize) -> Option<Ray> {
+        let ray = match self.query.rays {
+            Rays::List(rays) => rays[i],
+            Rays::Camera(camera) => {
+                let width = camera.width as usize;
+                camera.ray((i % width) as u32, (i / width) as u32)
+            }
+            Rays::OnDevice(_) => Ray::VOID,
+        };
+        let t_min = ray.t_min.max(0.0);
+        ray.is_valid().then_some(Ray { t_min, ..ray })
+    }
+}

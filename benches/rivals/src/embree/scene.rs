@@ -1,0 +1,222 @@
+//! A device and a scene of one mesh.
+
+use super::raw::*;
+use geom::{Hit, Point, Ray};
+use std::ffi::{CString, c_void};
+use std::ptr::NonNull;
+
+/// Owns a device and a committed scene of one mesh.
+pub struct EmbreeScene {
+    functions: &'static Functions,
+    device: NonNull<c_void>,
+    scene: NonNull<c_void>,
+    geometry: NonNull<c_void>,
+    /// Embree's own buffer of vertices, and their number.
+    vertices: NonNull<Point>,
+    vertex_count: usize,
+}
+
+// SAFETY: Embree's manual allows queries of a committed scene from any thread at once. Vertices change through `&mut self`.
+unsafe impl Send for EmbreeScene {}
+// SAFETY: as above.
+unsafe impl Sync for EmbreeScene {}
+
+/// The purpose of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Made {
+    /// The fastest rays.
+    Fast,
+    /// Rays that do not pass between neighbours.
+    Robust,
+    /// Vertices that move: each commit but the first refits.
+    Refitted,
+}
+
+/// Up to sixteen rays in Embree's layout.
+#[derive(Clone, Copy)]
+pub struct Packet16 {
+    rays: RayHits<16>,
+    valid: Valid,
+    coherent: bool,
+}
+
+/// -1 for each lane that holds a ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Valid([i32; 16]);
+
+impl Packet16 {
+    /// Packs at most sixteen rays. Embree traverses `coherent` rays together.
+    pub fn new(rays: &[Ray], coherent: bool) -> Self {
+        let valid = |lane| if lane < rays.len() { -1 } else { 0 };
+        Self {
+            rays: RayHits::new(rays),
+            valid: Valid(std::array::from_fn(valid)),
+            coherent,
+        }
+    }
+}
+
+type Trace1 = unsafe extern "C" fn(Handle, *mut RayHits<1>, *mut Arguments);
+type Trace16 = unsafe extern "C" fn(*const i32, Handle, *mut RayHits<16>, *mut Arguments);
+
+impl EmbreeScene {
+    /// Builds a scene over a mesh on `threads` threads, or on all cores if that is 0. All scenes of the process share the
+    /// largest number.
+    ///
+    /// # Errors
+    /// The library is absent, or it has no device.
+    pub fn new(
+        vertices: &[Point],
+        triangles: &[[u32; 3]],
+        threads: usize,
+        made: Made,
+    ) -> Result<Self, String> {
+        let functions = functions()?;
+        let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
+        // SAFETY: the configuration is a string that ends with a zero byte.
+        let device = NonNull::new(unsafe { (functions.new_device)(config.as_ptr()) });
+        let device = device.ok_or("Embree has no device for this processor")?;
+        let (quality, flags) = match made {
+            Made::Fast => (MEDIUM, 0),
+            Made::Robust => (MEDIUM, ROBUST),
+            Made::Refitted => (LOW, DYNAMIC),
+        };
+        // SAFETY: the device exists, and so do the objects that are made here. A new buffer has as many elements as requested,
+        // and numbers and indices are written to it in the stated format.
+        let (scene, geometry, buffer) = unsafe {
+            let scene = (functions.new_scene)(device.as_ptr());
+            (functions.set_scene_build_quality)(scene, quality);
+            (functions.set_scene_flags)(scene, flags);
+            let geometry = (functions.new_geometry)(device.as_ptr(), TRIANGLES);
+            if made == Made::Refitted {
+                (functions.set_geometry_build_quality)(geometry, REFIT);
+            }
+            let buffer = fill(functions, geometry, VERTICES, vertices);
+            fill(functions, geometry, INDICES, triangles);
+            (functions.commit_geometry)(geometry);
+            (functions.attach_geometry)(scene, geometry);
+            (functions.commit_scene)(scene);
+            (scene, geometry, buffer)
+        };
+        Ok(Self {
+            functions,
+            device,
+            scene: NonNull::new(scene).expect("Embree has memory"),
+            geometry: NonNull::new(geometry).expect("Embree has memory"),
+            vertices: buffer,
+            vertex_count: vertices.len(),
+        })
+    }
+
+    /// Returns the vertices, to be overwritten before [`EmbreeScene::rebuild`].
+    pub fn vertices(&mut self) -> &mut [Point] {
+        // SAFETY: Embree keeps the buffer as long as the geometry, and traces nothing while `self` is borrowed.
+        unsafe { std::slice::from_raw_parts_mut(self.vertices.as_ptr(), self.vertex_count) }
+    }
+
+    /// Rebuilds or refits the tree in place, by the current vertices.
+    pub fn rebuild(&mut self) {
+        // SAFETY: both exist, and no query runs while `self` is borrowed.
+        unsafe {
+            (self.functions.update_geometry_buffer)(self.geometry.as_ptr(), VERTICES[0], 0);
+            (self.functions.commit_geometry)(self.geometry.as_ptr());
+            (self.functions.commit_scene)(self.scene.as_ptr());
+        }
+    }
+
+    /// Returns the closest hit of a ray.
+    pub fn closest_of(&self, ray: &Ray) -> Hit {
+        self.trace(ray, self.functions.intersect_1).hit(0)
+    }
+
+    /// Returns whether a ray hits anything.
+    pub fn is_occluded(&self, ray: &Ray) -> bool {
+        // Embree marks a ray that hit something by a negative `t_max`.
+        self.trace(ray, self.functions.occluded_1).t_max < [0.0]
+    }
+
+    /// Writes the closest hits of rays, as many as `out` holds.
+    pub fn closest(&self, rays: &[Ray], out: &mut [Hit]) {
+        for (ray, out) in rays.iter().zip(out) {
+            *out = self.closest_of(ray);
+        }
+    }
+
+    /// Writes 1 for a ray that hits anything, 0 for the others, as many as `out` holds.
+    pub fn occluded(&self, rays: &[Ray], out: &mut [u8]) {
+        for (ray, out) in rays.iter().zip(out) {
+            *out = u8::from(self.is_occluded(ray));
+        }
+    }
+
+    /// Writes the closest hits of the rays of packets.
+    pub fn closest_packets(&self, packets: &[Packet16], out: &mut [Hit]) {
+        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
+            let found = self.trace_packet(packet, self.functions.intersect_16);
+            for (lane, out) in out.iter_mut().enumerate() {
+                *out = found.hit(lane);
+            }
+        }
+    }
+
+    /// Writes 1 for a ray of the packets that hits anything, 0 for the others.
+    pub fn occluded_packets(&self, packets: &[Packet16], out: &mut [u8]) {
+        for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
+            let found = self.trace_packet(packet, self.functions.occluded_16);
+            for (out, t) in out.iter_mut().zip(&found.t_max) {
+                *out = u8::from(*t < 0.0);
+            }
+        }
+    }
+
+    fn trace_packet(&self, packet: &Packet16, trace: Trace16) -> RayHits<16> {
+        let mut arguments = Arguments::new(packet.coherent);
+        let (valid, mut rays) = (packet.valid, packet.rays);
+        let scene = self.scene.as_ptr();
+        // SAFETY: the scene is committed; rays, their marks and the arguments live as long as the call.
+        unsafe {
+            trace(valid.0.as_ptr(), scene, &raw mut rays, &raw mut arguments);
+        }
+        rays
+    }
+
+    fn trace(&self, ray: &Ray, trace: Trace1) -> RayHits<1> {
+        let mut arguments = Arguments::new(false);
+        let mut found = RayHits::new(std::slice::from_ref(ray));
+        // SAFETY: the scene is committed, and ray and arguments live as long as the call.
+        unsafe { trace(self.scene.as_ptr(), &raw mut found, &raw mut arguments) };
+        found
+    }
+}
+
+/// Copies `elements` to a new buffer of `geometry`, and returns the buffer.
+///
+/// # Safety
+/// The geometry exists, and the format is that of `T`.
+unsafe fn fill<T: Copy>(
+    functions: &Functions,
+    geometry: Handle,
+    [kind, format]: [u32; 2],
+    elements: &[T],
+) -> NonNull<T> {
+    let (size, count) = (size_of::<T>(), elements.len());
+    // SAFETY: the caller vouches for the geometry; the buffer is as long as the elements.
+    unsafe {
+        let buffer = (functions.set_new_geometry_buffer)(geometry, kind, 0, format, size, count);
+        let buffer = NonNull::new(buffer.cast()).expect("Embree has memory");
+        std::ptr::copy_nonoverlapping(elements.as_ptr(), buffer.as_ptr(), count);
+        buffer
+    }
+}
+
+impl Drop for EmbreeScene {
+    fn drop(&mut self) {
+        // SAFETY: all exist until here.
+        unsafe {
+            (self.functions.release_geometry)(self.geometry.as_ptr());
+            (self.functions.release_scene)(self.scene.as_ptr());
+            (self.functions.release_device)(self.device.as_ptr());
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! The Vulkan driver's own trees: acceleration structures that are built or updated in each frame and traced by a
+//! ray-tracing pipeline.
+//!
+//! The kernel that interpolates our positions writes the vertices, and the driver's structure is built from them in place.
+//! Primary and shadow rays are made by our arithmetic and traced in one launch. The driver decides what they hit, within the
+//! Vulkan specification. Kernels count hits after the end of the last stage, so that the driver's time excludes the counting.
+
+mod frame;
+mod pipeline;
+mod scene;
+mod support;
+mod tree;
+
+pub use support::ray_adapters;
+
+use backend::{Result, Ticket};
+use geom::Pose;
+use gpu_common::{Engine, GpuDevice, Options};
+use gpu_vulkan::VulkanDevice;
+use gpu_vulkan::gpu::Gpu;
+use gpu_vulkan::instance::Host;
+use pipeline::RayPipeline;
+use scene::DriverScene;
+use shaders::{RAY_KERNELS, common};
+use support::RayTracing;
+
+/// The driver's preference in a build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Prefer {
+    /// `PREFER_FAST_BUILD`.
+    #[default]
+    FastBuild,
+    /// `PREFER_FAST_TRACE`.
+    FastTrace,
+}
+
+impl Prefer {
+    /// Returns the rival's name.
+    pub fn rival(self) -> &'static str {
+        match self {
+            Self::FastBuild => "vulkan-rt",
+            Self::FastTrace => "vulkan-rt:fast-trace",
+        }
+    }
+}
+
+/// A device whose driver makes trees and traces them.
+pub struct VulkanRt {
+    engine: Engine<VulkanDevice>,
+    prefer: Prefer,
+    scene: Option<DriverScene>,
+    /// The pose of the tree; `None` before the first frame.
+    pose: Option<Pose>,
+    /// The last frame.
+    traced: Option<Ticket>,
+    rays: RayPipeline,
+}
+
+impl VulkanRt {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::NoDevice`] with the extension or feature that the device lacks, or
+    /// [`backend::BackendError::Limit`] if it is too small for any scene.
+    pub fn new(options: &Options, prefer: Prefer) -> Result<Self> {
+        let host = Host::new(options.validation)?;
+        let able = support::able(&host, options.adapter)?;
+        let gpu = Gpu::open(host, &able, options, true)?;
+        let rays = RayTracing::of(&gpu)?;
+        let device = VulkanDevice::over(&gpu, prefer.rival())?;
+        let shared = ["arithmetic", "interpolate"].map(common);
+        let mut engine = Engine::new(device, shared.into_iter().chain(RAY_KERNELS))?;
+        let rays = RayPipeline::new(&mut engine.gpu, &rays)?;
+        Ok(Self {
+            engine,
+            prefer,
+            scene: None,
+            pose: None,
+            traced: None,
+            rays,
+        })
+    }
+
+    /// Returns the messages of the validation layer in this process.
+    pub fn complaints(&mut self) -> Vec<String> {
+        self.engine.gpu.complaints()
+    }
+}

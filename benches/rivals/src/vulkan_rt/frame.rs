@@ -1,0 +1,202 @@
+//! A frame: positions, the driver's tree, rays, counts.
+
+use super::VulkanRt;
+use super::scene::DriverScene;
+use super::tree::triangles_of;
+use crate::{Rival, Upkeep};
+use backend::{
+    Device, DeviceBytes, FrameReport, Hits, Intersector, Layout, Query, QueryKind, Rays, Result,
+};
+use geom::{Animation, Pose};
+use gpu_common::{Stage, Trace, are_given, refuse_above};
+use gpu_vulkan::VulkanDevice;
+use gpu_vulkan::commands::{KERNELS, RAYS};
+use gpu_vulkan::memory::Buffer;
+use shaders::work;
+use shaders::{BufferName, Params, Shape};
+use std::sync::Arc;
+
+impl Rival for VulkanRt {
+    fn device(&self) -> &Device {
+        &self.engine.device
+    }
+
+    fn load(&mut self, animation: Arc<Animation>, upkeep: Upkeep) -> Result<()> {
+        self.engine.unload()?;
+        (self.scene, self.pose, self.traced) = (None, None, None);
+        self.engine.load(animation)?;
+        let how = (self.prefer, upkeep);
+        let scene = DriverScene::new(&mut self.engine, &self.rays.rays, how)?;
+        self.scene = Some(scene);
+        Ok(())
+    }
+
+    fn frame(&mut self, pose: Pose, query: Query<'_>) -> Result<FrameReport> {
+        let recorded = self.record(pose, &query);
+        let submitted = recorded.and_then(|()| self.engine.submit(0));
+        if submitted.is_err() {
+            // The recorded commands never run.
+            self.engine.abandon();
+            self.pose = None;
+            self.scene.iter_mut().for_each(|scene| scene.tree.forget());
+        }
+        let ticket = submitted?;
+        self.traced = Some(ticket);
+        self.engine.wait(ticket)
+    }
+
+    fn hits(&mut self) -> Result<&Hits> {
+        let ticket = self.traced.expect("a frame was traced");
+        Ok(self.engine.hits(ticket, 0)?)
+    }
+
+    fn device_bytes(&self) -> Option<DeviceBytes> {
+        let scene = self.scene.as_ref();
+        let [tree, scratch] = scene.map_or([0; 2], DriverScene::held);
+        Some(self.engine.bytes([tree, scratch, 0]))
+    }
+}
+
+/// Returns the entry point that makes a query's rays.
+fn maker(query: &Query<'_>) -> &'static str {
+    match (query.kind, are_given(query)) {
+        (QueryKind::Any, _) => "given_any",
+        (QueryKind::Closest, true) => "given_closest",
+        (QueryKind::Closest, false) => "camera_closest",
+        (QueryKind::ClosestAndShadow { .. }, true) => "given_shadow",
+        (QueryKind::ClosestAndShadow { .. }, false) => "camera_shadow",
+    }
+}
+
+impl VulkanRt {
+    /// Returns the parameters that all kernels and rays share.
+    fn params(&self) -> Params {
+        Params::of(
+            self.engine.scene().scale_exponent,
+            &Shape::none(Layout::Bvh2),
+        )
+    }
+
+    /// Records all commands of a frame.
+    fn record(&mut self, pose: Pose, query: &Query<'_>) -> Result<()> {
+        if self.pose != Some(pose) {
+            let params = Params {
+                alpha: pose.alpha,
+                ..self.params()
+            };
+            self.engine.interpolate(pose, params, None)?;
+            self.cleanse()?;
+            self.make_tree()?;
+            self.pose = Some(pose);
+        }
+        self.trace(query)?;
+        self.count()
+    }
+
+    /// Records the copy of the triangles that leaves out vertices that are not finite, where there may be any.
+    fn cleanse(&mut self) -> Result<()> {
+        let params = self.params();
+        let triangles = self.engine.scene().animation.triangle_count() as u32;
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let cleansed = scene.cleansed.as_ref();
+        let work = cleansed.map(|_| work::cleanse(params, triangles, scene.centre));
+        let own = |name| cleansed.filter(|_| name == BufferName::Cleansed);
+        self.engine
+            .run(Some(Stage::Preprocess), work.as_slice(), own)
+    }
+
+    /// Records the driver's build of its tree, or the update.
+    fn make_tree(&mut self) -> Result<()> {
+        let (engine, scene) = (&mut self.engine, self.scene.as_mut());
+        let scene = scene.expect("a scene was loaded");
+        let positions = &engine.scene().positions[engine.position];
+        let from = triangles_of(engine.scene(), positions, scene.cleansed.as_ref());
+        let slot = engine.frames.record()?;
+        slot.record_as(Stage::Refit, |slot| {
+            scene.tree.make(&slot.commands, from);
+            Ok(())
+        })
+    }
+
+    /// Records the rays of a query.
+    fn trace(&mut self, query: &Query<'_>) -> Result<()> {
+        let size = self.launch_size(query)?;
+        let has_tree = self.engine.scene().animation.live_count() > 0;
+        let how = (Intersector::Watertight, has_tree);
+        let engine = &mut self.engine;
+        let old = engine.frames.expired();
+        let trace = Trace::new(&mut engine.gpu, query, how, old, |_| false)?;
+        self.launch(query, &trace, size)?;
+        self.engine.frames.pending.push(trace);
+        Ok(())
+    }
+
+    /// Returns the columns and rows of a launch.
+    fn launch_size(&self, query: &Query<'_>) -> Result<[u32; 2]> {
+        let bounds = self.rays.rays.bounds;
+        let size = match query.rays {
+            Rays::Camera(c) if !are_given(query) => [u64::from(c.width), u64::from(c.height)],
+            _ => {
+                let count = query.rays.count() as u64;
+                let rows = count.div_ceil(bounds.along[0]).max(1);
+                [count.div_ceil(rows), rows]
+            }
+        };
+        let what = || "rays (of one launch, maxRayDispatchInvocationCount)".to_owned();
+        let [x, y] = bounds.along;
+        for (need, most) in [(size[0], x), (size[1], y), (size[0] * size[1], bounds.rays)] {
+            refuse_above(what, need, most)?;
+        }
+        Ok(size.map(|n| n as u32))
+    }
+
+    /// Records a launch of rays, unless the scene has no live triangle that they could hit.
+    fn launch(
+        &mut self,
+        query: &Query<'_>,
+        trace: &Trace<VulkanDevice>,
+        size: [u32; 2],
+    ) -> Result<()> {
+        let params = work::rays(self.params(), query, are_given(query));
+        let engine = &mut self.engine;
+        let slot = engine.frames.record()?;
+        if size[0] == 0 || !trace.has_tree {
+            return slot.record_as(Stage::TracePrimary, |_| Ok(()));
+        }
+        let scene = self.scene.as_ref().expect("a scene was loaded");
+        let buffers = engine.scene.as_ref().expect("a scene was loaded");
+        let (key, position) = (engine.pose.key, engine.position);
+        let find = |name: BufferName| -> &Buffer {
+            let found = match name {
+                BufferName::Nodes => None,
+                name => trace.get(name).or_else(|| buffers.get(name, key, position)),
+            };
+            // A binding that the query does not use still needs a buffer.
+            found.unwrap_or(&scene.root)
+        };
+        let rays = &self.rays;
+        slot.record_as(Stage::TracePrimary, |slot| {
+            slot.commands.barrier(KERNELS, RAYS);
+            let pipeline = (rays.vk, &rays.layouts);
+            slot.bind_rays(pipeline, &params, scene.tree.top(), find)?;
+            rays.launch(slot.commands.vk(), maker(query), size);
+            slot.commands.barrier(RAYS, KERNELS);
+            Ok(())
+        })
+    }
+
+    /// Records the kernels that count hits, after the end of the last stage.
+    fn count(&mut self) -> Result<()> {
+        let params = self.params();
+        let pending = std::mem::take(&mut self.engine.frames.pending);
+        let counted = pending.iter().filter(|t| t.has_tree).try_for_each(|trace| {
+            let mut all = work::count_answers(params, trace.kind, trace.count as u32).into_iter();
+            all.try_for_each(|(work, buffer)| {
+                let own = |name| (name == BufferName::Answers).then(|| trace.get(buffer))?;
+                self.engine.run(None, &[work], own)
+            })
+        });
+        self.engine.frames.pending = pending;
+        counted
+    }
+}

@@ -1,0 +1,329 @@
+//! Every rival: its hits, its times, its row in `abvh bench`, and its absence.
+//!
+//! A rival that this machine lacks shows as ignored, with the reason. `ABVH_REQUIRE_RIVALS=vulkan-rt,embree` turns its
+//! absence into a failure. The Vulkan driver runs under the validation layers where they are installed, and any message
+//! is a failure.
+
+use backend::{Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays};
+use conformance::stage;
+use cpu_ref::CpuBackend;
+use geom::{Animation, Camera, Point, Pose, Ray};
+use gpu_common::{Options, Validation};
+use integration::program;
+use rivals::vulkan_rt::{Prefer, VulkanRt};
+use rivals::{Known, RIVALS, Rival, Upkeep, known};
+use std::ffi::OsStr;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// The largest share of rays whose triangle or shadow may differ from ours.
+const SHARE: f64 = 0.002;
+const SIZE: [u32; 2] = [160, 100];
+
+type Test = (&'static str, fn(&'static Known));
+
+const TESTS: &[Test] = &[
+    ("hits_are_ours_but_for_a_small_share", hits),
+    (
+        "triangles_with_a_vertex_that_is_not_finite_are_not_hit",
+        not_finite,
+    ),
+    ("every_kind_of_query_finds_the_same", queries),
+    (
+        "stages_are_timed_and_a_pose_that_stays_costs_no_tree",
+        times,
+    ),
+    ("bench_has_its_rows_and_the_differing_share", rows),
+    ("chart_has_its_points", points),
+];
+
+fn main() -> ExitCode {
+    let arguments = integration::arguments();
+    let required = std::env::var("ABVH_REQUIRE_RIVALS").unwrap_or_default();
+    let mut trials = vec![
+        integration::trial("an_unknown_adapter_is_a_reason", unknown_adapter),
+        integration::trial("an_absent_rival_has_rows_with_the_reason", absent),
+    ];
+    for rival in RIVALS {
+        let family = rival.name.split(':').next();
+        let is_required = required.split(',').any(|name| Some(name) == family);
+        let absent = rival.adapters().err().map(|e| e.to_string());
+        for &(name, test) in TESTS {
+            let trial = integration::trial(format!("{}::{name}", rival.name), move || test(rival));
+            trials.push(match &absent {
+                Some(why) if !is_required => trial.with_kind(why).with_ignored_flag(true),
+                _ => trial,
+            });
+        }
+    }
+    libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+/// A rival with a scene, and the Vulkan driver's messages.
+enum Subject {
+    Vulkan(Box<VulkanRt>),
+    Other(Box<dyn Rival>),
+}
+
+impl Subject {
+    fn load(rival: &Known, animation: &Arc<Animation>, upkeep: Upkeep) -> Self {
+        let options = Options {
+            validation: Validation::IfInstalled,
+            ..Options::default()
+        };
+        let prefers = [Prefer::FastBuild, Prefer::FastTrace];
+        let prefer = prefers.into_iter().find(|p| p.rival() == rival.name);
+        let mut subject = match prefer {
+            Some(prefer) => Self::Vulkan(Box::new(VulkanRt::new(&options, prefer).unwrap())),
+            None => Self::Other(rival.open(None, 2).unwrap()),
+        };
+        subject.rival().load(Arc::clone(animation), upkeep).unwrap();
+        subject
+    }
+
+    fn rival(&mut self) -> &mut dyn Rival {
+        match self {
+            Self::Vulkan(vulkan) => vulkan.as_mut(),
+            Self::Other(other) => other.as_mut(),
+        }
+    }
+
+    fn trace(&mut self, pose: Pose, query: Query<'_>) -> (Hits, FrameReport) {
+        let report = self.rival().frame(pose, query).unwrap();
+        let hits = self.rival().hits().unwrap().clone();
+        if let Self::Vulkan(vulkan) = self {
+            assert_eq!(vulkan.complaints(), [""; 0]);
+        }
+        (hits, report)
+    }
+}
+
+/// A scene with a camera and a light.
+struct Shot {
+    animation: Arc<Animation>,
+    camera: Camera,
+    light: Point,
+}
+
+impl Shot {
+    fn of(animation: Arc<Animation>) -> Self {
+        let view = shading::frame_scene(&animation, 40.0, SIZE);
+        Self {
+            camera: view.camera(SIZE).unwrap(),
+            light: view.light,
+            animation,
+        }
+    }
+
+    fn demo() -> Self {
+        let scene = scene::open("demo:collide:3000", &scene::Options::default()).unwrap();
+        Self::of(scene.animation)
+    }
+
+    fn query(&self) -> Query<'_> {
+        shading::query((&self.camera, self.light))
+    }
+
+    /// Returns our hits, those of `watertight` on the host.
+    fn ours(&self, time: f64) -> Hits {
+        let mut host = CpuBackend::new(Some(2)).unwrap();
+        host.load(Arc::clone(&self.animation), Method::default())
+            .unwrap();
+        let tree = stage::tree_over(&self.animation, &stage::vertices(&self.animation, time));
+        host.adopt(&tree, Generation(1)).unwrap();
+        stage::stand(&mut host, &self.animation, time).unwrap();
+        let Query { rays, kind } = self.query();
+        stage::ask(&mut host, rays, kind).unwrap().0
+    }
+}
+
+/// Returns the share of rays whose triangle or shadow differs.
+fn differing(a: &Hits, b: &Hits) -> f64 {
+    let both = |of: &Hits| {
+        let triangles = of.closest.iter().map(|hit| hit.triangle);
+        triangles.zip(of.blocked.clone()).collect::<Vec<_>>()
+    };
+    let (a, b) = (both(a), both(b));
+    assert_eq!(a.len(), b.len());
+    let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+    differ as f64 / a.len() as f64
+}
+
+fn count(hits: &Hits) -> (u64, u64) {
+    let found = hits.closest.iter().filter(|hit| hit.is_hit()).count();
+    let blocked = hits.blocked.iter().filter(|&&mark| mark == 1).count();
+    (found as u64, blocked as u64)
+}
+
+fn hits(rival: &'static Known) {
+    let shot = Shot::demo();
+    let times = [0.0, 1.5, 3.25];
+    let ours = times.map(|time| shot.ours(time));
+    assert!(
+        ours.iter()
+            .all(|hits| count(hits).0 > 1000 && count(hits).1 > 100)
+    );
+    for upkeep in Upkeep::ALL {
+        let mut subject = Subject::load(rival, &shot.animation, upkeep);
+        for (&time, ours) in times.iter().zip(&ours) {
+            let (hits, report) = subject.trace(shot.animation.pose(time), shot.query());
+            let share = differing(&hits, ours);
+            assert!(share <= SHARE, "{upkeep} at {time}: {share}");
+            assert_eq!((report.hits, report.blocked), count(&hits));
+        }
+        // Hits of another time are recognised as wrong.
+        let (hits, _) = subject.trace(shot.animation.pose(1.5), shot.query());
+        assert!(differing(&hits, &ours[2]) > SHARE);
+    }
+}
+
+fn not_finite(rival: &'static Known) {
+    let shot = Shot::demo();
+    let keys = shot.animation.all_keys().unwrap();
+    let mut keys: Vec<Vec<Point>> = keys.iter().map(|key| key.to_vec()).collect();
+    let hits = shot.ours(0.0).closest;
+    let hit = hits.iter().find(|hit| hit.is_hit()).unwrap();
+    let broken = shot.animation.triangles()[hit.triangle as usize];
+    keys[0][broken[0] as usize] = [f32::NAN; 3];
+    let triangles = shot.animation.triangles().to_vec();
+    let animation = Animation::new(keys, triangles).unwrap();
+    let damaged = Shot {
+        animation: Arc::new(animation),
+        ..shot
+    };
+    let mut subject = Subject::load(rival, &damaged.animation, Upkeep::Rebuild);
+    for time in [0.0, 1.0] {
+        let (hits, _) = subject.trace(damaged.animation.pose(time), damaged.query());
+        let share = differing(&hits, &damaged.ours(time));
+        assert!(share <= SHARE, "at {time}: {share}");
+    }
+}
+
+fn queries(rival: &'static Known) {
+    let shot = Shot::demo();
+    let pose = shot.animation.pose(1.5);
+    let mut subject = Subject::load(rival, &shot.animation, Upkeep::Refit);
+    let (both, _) = subject.trace(pose, shot.query());
+    let mut list: Vec<Ray> = shot.camera.rays().collect();
+    // A ray that is not valid hits nothing.
+    list[0].direction = [0.0; 3];
+    let mut trace = |kind| {
+        let rays = Rays::List(&list);
+        subject.trace(pose, Query { rays, kind }).0
+    };
+    let light = shot.light;
+    let given = trace(QueryKind::ClosestAndShadow { light });
+    assert!(differing(&given, &both) <= 1.5 / list.len() as f64);
+    assert!(!given.closest[0].is_hit());
+    let closest = trace(QueryKind::Closest);
+    assert!(closest.closest == given.closest && closest.blocked.is_empty());
+    let any = trace(QueryKind::Any);
+    let met = closest.closest.iter().map(|hit| u8::from(hit.is_hit()));
+    assert!(any.blocked.iter().copied().eq(met) && any.closest.is_empty());
+}
+
+fn times(rival: &'static Known) {
+    let shot = Shot::demo();
+    let mut subject = Subject::load(rival, &shot.animation, Upkeep::Rebuild);
+    let (_, moved) = subject.trace(shot.animation.pose(0.5), shot.query());
+    let (_, stayed) = subject.trace(shot.animation.pose(0.5), shot.query());
+    for (times, is_moved) in [(moved.times, true), (stayed.times, false)] {
+        let tree = [times.interpolate_ms, times.refit_ms];
+        assert_eq!(tree.map(|ms| ms.is_some()), [is_moved; 2]);
+        let stages = tree
+            .into_iter()
+            .chain([times.preprocess_ms, times.trace_primary_ms]);
+        let sum: f64 = stages.flatten().sum();
+        assert!(
+            sum > 0.0 && (sum - times.device_ms).abs() < 1e-6,
+            "{times:?}"
+        );
+        assert_eq!(times.trace_shadow_ms, None);
+    }
+}
+
+/// Runs the program in an empty folder; returns the exit code, standard output and a file.
+fn run(words: &str, file: &str, variables: &[(&str, &OsStr)]) -> (Option<i32>, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = program::run_where(folder.path(), words.split_whitespace(), variables);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let file = std::fs::read_to_string(folder.path().join(file)).unwrap_or_default();
+    (output.status.code(), text, file)
+}
+
+fn rows(rival: &'static Known) {
+    let words = format!(
+        "bench demo:collide:600 --backend cpu --rival {} --update refit,rebuild --rays camera,random --frames 3 --size 64x40 --quiet --json b.json",
+        rival.name
+    );
+    let (code, text, json) = run(&words, "b.json", &[]);
+    assert_eq!(code, Some(0), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let rows = json["rows"].as_array().unwrap();
+    let own: Vec<_> = rows
+        .iter()
+        .filter(|row| row["backend"] == rival.name)
+        .collect();
+    let names: Vec<_> = own
+        .iter()
+        .filter_map(|row| row["update"].as_str())
+        .collect();
+    assert_eq!(names, ["refit", "rebuild", "refit", "rebuild"], "{json:#}");
+    for row in own {
+        let numbers = ["device_ms", "wall_ms", "mrays_per_s", "differing"];
+        assert!(numbers.iter().all(|name| row[name].is_number()), "{row:#}");
+        assert!(row["differing"].as_f64().unwrap() < 0.02, "{row:#}");
+        assert_eq!(row["per_frame"].as_array().unwrap().len(), 3);
+    }
+    assert!(
+        rows.iter()
+            .any(|row| row["backend"] == "cpu" && row.get("differing").is_none())
+    );
+    assert!(text.contains("of rays hit otherwise than ours"), "{text}");
+}
+
+fn points(rival: &'static Known) {
+    let words = format!(
+        "chart demo:collide:300 --backend cpu --intersector watertight --rival {} --update refit --frames 3 --size 64x40 --rays 2000 --out c --quiet",
+        rival.name
+    );
+    let (code, text, json) = run(&words, "c/points.json", &[]);
+    assert_eq!(code, Some(0), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let points = json["points"].as_array().unwrap();
+    let own: Vec<_> = points
+        .iter()
+        .filter(|p| p["backend"] == rival.name)
+        .collect();
+    assert_eq!(own.len(), 1, "{json:#}");
+    let [tested, wrong] = ["rays_tested", "wrong"].map(|name| own[0][name].as_u64().unwrap());
+    assert!(tested == 2000 && wrong <= 20, "{:#}", own[0]);
+    assert!(own[0]["ms_per_frame"]["median"].is_number(), "{:#}", own[0]);
+    let command = own[0]["command"].as_str().unwrap();
+    assert!(
+        command.contains(&format!("--rival {}", rival.name)),
+        "{command}"
+    );
+}
+
+fn unknown_adapter() {
+    let opened = known("vulkan-rt").unwrap().open(Some(999), 1);
+    let why = opened.err().unwrap().to_string();
+    assert!(why.starts_with("no device: "), "{why}");
+}
+
+/// The driver is hidden from the loader. The backend keeps its row.
+fn absent() {
+    let nothing = OsStr::new("/nonexistent");
+    let hidden = [("VK_DRIVER_FILES", nothing), ("VK_ICD_FILENAMES", nothing)];
+    let words = "bench demo:collide:300 --backend cpu --rival vulkan-rt --update refit --frames 2 --size 16x12 --quiet --json b.json";
+    let (code, text, json) = run(words, "b.json", &hidden);
+    assert_eq!(code, Some(1), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let rows = json["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 2, "{json:#}");
+    assert!(rows[0]["backend"] == "cpu" && rows[0]["wall_ms"].is_number());
+    let why = rows[1]["error"].as_str().unwrap();
+    assert!(why.starts_with("rival vulkan-rt cannot run: "), "{why}");
+    assert!(text.contains(why), "{text}");
+}
