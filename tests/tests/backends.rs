@@ -6,7 +6,7 @@
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
 
 use backend::Backend;
-use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
+use conformance::{OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold, properties_of};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
@@ -73,10 +73,10 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let opened = open();
     let absent = opened.as_ref().err().map(|e| format!("absent: {e}"));
     let is_ignored = absent.is_some() && !is_required(requirement);
-    let laws = match &opened {
-        Ok(subject) => laws_of(&**subject),
-        Err(_) if name.starts_with("vulkan-rt") => OWN_TREE_LAWS,
-        Err(_) => LAWS,
+    let properties = match &opened {
+        Ok(subject) => properties_of(&**subject),
+        Err(_) if name.starts_with("vulkan-rt") => OWN_TREE_PROPERTIES,
+        Err(_) => PROPERTIES,
     };
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
@@ -84,19 +84,19 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A software driver would take a minute to compile a third variant of all kernels.
     let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();
-    let trial = |law: &Law| {
+    let trial = |property: &Property| {
         let shared = Arc::clone(&shared);
-        let law = if is_narrowed {
-            law.by_usual_intersector()?
+        let property = if is_narrowed {
+            property.by_usual_intersector()?
         } else {
-            *law
+            *property
         };
-        let trial = Trial::test(format!("{name}::{}", law.name), move || {
+        let trial = Trial::test(format!("{name}::{}", property.name), move || {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
             let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(&law, &mut **subject, reference, seed, 0..cases(name));
+            let held = hold(&property, &mut **subject, reference, seed, 0..cases(name));
             let complaints = subject.inspect().complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
@@ -108,7 +108,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
         let trial = trial.with_kind(absent.as_deref().unwrap_or_default());
         Some(trial.with_ignored_flag(is_ignored))
     };
-    laws.iter().filter_map(trial).collect()
+    properties.iter().filter_map(trial).collect()
 }
 
 /// Returns the number of cases: by default one for each kind of scene, and fewer for backends that differ from another

@@ -32,7 +32,7 @@ pub(crate) enum Command {
     Bench(Box<BenchArgs>),
     /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
     Chart(ChartArgs),
-    /// Hold backends to the laws that all of them keep
+    /// Hold backends to the properties that all of them keep
     Conform(ConformArgs),
     /// Count wrong answers, leaks and double hits where arithmetic is hardest, against what is to be expected
     Stability(StabilityArgs),

@@ -1,4 +1,4 @@
-//! `abvh conform`: every law on every backend, on the user's own machine.
+//! `abvh conform`: every property on every backend, on the user's own machine.
 
 mod oracle;
 
@@ -10,7 +10,7 @@ use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
 use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
-use conformance::{Law, Reference, hold, laws_of};
+use conformance::{Property, Reference, hold, properties_of};
 use oracle::OracleRow;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
-        rows: laws(args, &mut subjects)?,
+        rows: properties(args, &mut subjects)?,
         oracle_rays: args.oracle_rays,
         ..Report::default()
     };
@@ -47,11 +47,12 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     }
 }
 
-/// Every law on every subject, against the host on one thread.
-fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
-    let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
-    let laws = |s: &Subject| laws_of(s.as_ref()).iter().filter(named);
-    let total: usize = subjects.iter().map(|s| laws(s).count()).sum();
+/// Every property on every subject, against the host on one thread.
+fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
+    let named =
+        |l: &&Property| args.property.is_empty() || args.property.iter().any(|n| n == l.name);
+    let properties = |s: &Subject| properties_of(s.as_ref()).iter().filter(named);
+    let total: usize = subjects.iter().map(|s| properties(s).count()).sum();
     let cases = match (args.case, args.cases) {
         (Some(case), _) => case..=case,
         (None, 0) => return Ok(Vec::new()),
@@ -62,18 +63,18 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     let mut rows = Vec::new();
     for subject in &mut *subjects {
         let name = subject.device().backend;
-        for law in laws(subject) {
+        for property in properties(subject) {
             let begun = Instant::now();
             let backend = subject.as_mut();
-            let held = hold(law, backend, &mut reference, args.seed, cases.clone());
+            let held = hold(property, backend, &mut reference, args.seed, cases.clone());
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
-                law: law.name,
+                property: property.name,
                 backend: name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
                 reproduce: held.as_ref().err().map(|e| {
-                    let rest = format!("--law {} --case {}", e.law, e.case);
+                    let rest = format!("--property {} --case {}", e.property, e.case);
                     command(args, "", name, &rest)
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
@@ -83,7 +84,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 Some(_) => "failed after",
             };
             let cases = counted(row.held as usize, ["case", "cases"]);
-            let line = format!("{name} {}: {so} {cases}", law.name);
+            let line = format!("{name} {}: {so} {cases}", property.name);
             progress.step(&format!("{line}, {seconds:.1} s"));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
@@ -140,7 +141,7 @@ struct Report {
     #[serde(flatten)]
     tested: Tested,
     seed: u64,
-    /// Cases that each law was to see.
+    /// Cases that each property was to see.
     cases: u32,
     leak_rays: u64,
     rows: Vec<PropertyRow>,
@@ -156,7 +157,7 @@ struct Report {
 
 #[derive(Serialize)]
 struct PropertyRow {
-    law: &'static str,
+    property: &'static str,
     backend: &'static str,
     /// Cases that held, up to the first that did not.
     held: u32,
@@ -190,7 +191,7 @@ fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
 }
 
 impl Report {
-    /// Laws broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
+    /// Properties broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
         let leaks = |r: &&Value| r["leaks"] != 0 || r["miscounts"] != 0;
@@ -202,7 +203,7 @@ impl Report {
     fn text(&self) -> String {
         let mut text = self.tested.text.clone();
         if !self.rows.is_empty() {
-            text += &self.law_table();
+            text += &self.property_table();
         }
         if !self.leaks.is_empty() {
             text += &self.leak_table();
@@ -219,29 +220,29 @@ impl Report {
         text
     }
 
-    /// Laws down, backends across.
-    fn law_table(&self) -> String {
-        let held = |law: &str, backend: &str| {
-            let this = |r: &&PropertyRow| (r.law, r.backend) == (law, backend);
+    /// Properties down, backends across.
+    fn property_table(&self) -> String {
+        let held = |property: &str, backend: &str| {
+            let this = |r: &&PropertyRow| (r.property, r.backend) == (property, backend);
             match self.rows.iter().find(this) {
                 None => "-".to_owned(),
                 Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
                 Some(r) => format!("held {}", r.held),
             }
         };
-        let row = |law: &str| -> Cells<'_> {
-            let held = self.tested.names.iter().map(|&on| (on, held(law, on)));
-            let law = ("law", law.replace('_', " "));
-            [law].into_iter().chain(held).collect()
+        let row = |property: &str| -> Cells<'_> {
+            let held = self.tested.names.iter().map(|&on| (on, held(property, on)));
+            let property = ("property", property.replace('_', " "));
+            [property].into_iter().chain(held).collect()
         };
         // In the order in which they are tried.
         let mut seen = BTreeSet::new();
-        let laws = self
+        let properties = self
             .rows
             .iter()
-            .map(|r| r.law)
-            .filter(|&law| seen.insert(law));
-        table(laws.map(row), 1)
+            .map(|r| r.property)
+            .filter(|&property| seen.insert(property));
+        table(properties.map(row), 1)
     }
 
     fn leak_table(&self) -> String {
@@ -261,8 +262,8 @@ mod tests {
     use super::*;
 
     fn report(disagreement: Option<&str>) -> Report {
-        let row = |backend, law, disagreement: Option<&str>| PropertyRow {
-            law,
+        let row = |backend, property, disagreement: Option<&str>| PropertyRow {
+            property,
             backend,
             held: 3,
             disagreement: disagreement.map(str::to_owned),
@@ -285,17 +286,17 @@ mod tests {
 
     #[test]
     fn a_disagreement_comes_with_the_command_that_shows_it() {
-        let text = report(Some("law a_b: 1 is not 2")).text();
+        let text = report(Some("property a_b: 1 is not 2")).text();
         let words: Vec<_> = text.split(' ').filter(|word| !word.is_empty()).collect();
         let table = words.join(" ");
         assert!(table.contains("a b held 3 DISAGREES") && table.contains("c d held 3 - "));
-        let told = "y: law a_b: 1 is not 2\n    abvh conform --case 3\n";
+        let told = "y: property a_b: 1 is not 2\n    abvh conform --case 3\n";
         assert!(text.contains(told), "{text}");
         assert!(!report(None).text().contains("DISAGREES"));
     }
 
     #[test]
-    fn broken_laws_and_leaky_rows_are_failures() {
+    fn broken_properties_and_leaky_rows_are_failures() {
         assert_eq!(report(None).failures(), 0);
         let mut bad = report(Some("no"));
         let leak = leaks::LeakRow {

@@ -1,17 +1,17 @@
 //! Properties that every backend must have, written once and independent of any particular backend.
 //!
-//! A [`Law`] is one property. It takes a subject, a reference and a [`Case`] generated from a seed, and fails with the
-//! first disagreement. The test suite runs [`LAWS`] on every backend, and so does `abvh conform` on the user's machine.
-//! Backends whose drivers determine hits are tested with [`OWN_TREE_LAWS`] instead. [`leaks`] traces many more rays at
-//! closed bodies than a property can. [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`],
-//! which shares no code with any backend.
+//! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
+//! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
+//! Backends whose drivers determine hits are tested with [`OWN_TREE_PROPERTIES`] instead. [`leaks`] traces many more
+//! rays at closed bodies than a property can. [`stress`] counts wrong answers where arithmetic is hardest, against
+//! [`oracle`], which shares no code with any backend.
 
 mod compare;
 mod crossings;
 mod generate;
-mod laws;
 pub mod leaks;
 pub mod oracle;
+mod properties;
 mod reference;
 mod rounding;
 pub mod stage;
@@ -21,20 +21,20 @@ pub use generate::cases::Case;
 pub use generate::cases::nth_case;
 pub use generate::rays::{RayKind, Target, aimed};
 pub use generate::topologies::record;
-pub use laws::{LAWS, Law, OWN_TREE_LAWS, laws_of};
+pub use properties::{OWN_TREE_PROPERTIES, PROPERTIES, Property, properties_of};
 pub use reference::Reference;
 
 use anyhow::{Context, anyhow};
 use backend::{Backend, Method};
-use laws::Check;
+use properties::Check;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A case in which a property fails, with a description of the disagreement between subject and reference.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("law {law}, seed {seed}, case {case}: {what}; the case is {about}")]
+#[error("property {property}, seed {seed}, case {case}: {what}; the case is {about}")]
 pub struct Disagreement {
     /// Name of the property.
-    pub law: &'static str,
+    pub property: &'static str,
     /// Seed of the whole run.
     pub seed: u64,
     /// Number of the case.
@@ -55,7 +55,7 @@ pub struct Disagreement {
 /// # Errors
 /// The first disagreement.
 pub fn hold(
-    law: &Law,
+    property: &Property,
     subject: &mut dyn Backend,
     reference: &mut Reference,
     seed: u64,
@@ -66,9 +66,9 @@ pub fn hold(
         let case = nth_case(seed, number);
         // Resets the reference, which has another case loaded.
         reference.backend();
-        let found = by_each_method(law, &case, subject, reference);
+        let found = by_each_method(property, &case, subject, reference);
         found.map_err(|what| Disagreement {
-            law: law.name,
+            property: property.name,
             seed,
             case: number,
             what: format!("{what:#}"),
@@ -81,7 +81,7 @@ pub fn hold(
 }
 
 fn by_each_method(
-    law: &Law,
+    property: &Property,
     case: &Case,
     subject: &mut dyn Backend,
     reference: &mut Reference,
@@ -92,9 +92,9 @@ fn by_each_method(
         reference,
         method: Method::default(),
     };
-    for method in (law.methods)(&check)? {
+    for method in (property.methods)(&check)? {
         check.method = method;
-        let held = catch_unwind(AssertUnwindSafe(|| (law.check)(&mut check)));
+        let held = catch_unwind(AssertUnwindSafe(|| (property.check)(&mut check)));
         let held = held.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied());

@@ -4,7 +4,7 @@
 use backend::{Backend, Generation, Intersector, Layout, Method, QueryKind, Rays};
 use bvh_layout::{First, Topology};
 use conformance::stage::{ask, stand, tree_at};
-use conformance::{LAWS, Reference, hold, record};
+use conformance::{PROPERTIES, Reference, hold, record};
 use cpu_ref::CpuBackend;
 use cpu_simd::{Level, open_at};
 use geom::{Animation, Camera, Point, Ray};
@@ -15,12 +15,12 @@ use std::sync::Arc;
 const CASES: u32 = 4;
 
 #[test]
-fn every_instruction_set_keeps_every_law() {
+fn every_instruction_set_keeps_every_property() {
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
     for level in Level::all() {
         let mut subject = open_at(level, Some(2)).unwrap();
-        for law in LAWS {
-            let held = hold(law, &mut subject, &mut reference, 7, 0..CASES);
+        for property in PROPERTIES {
+            let held = hold(property, &mut subject, &mut reference, 7, 0..CASES);
             held.unwrap_or_else(|e| panic!("{level:?}: {e}"));
         }
     }
@@ -30,11 +30,14 @@ fn every_instruction_set_keeps_every_law() {
 #[test]
 fn areas_too_large_to_add_up_make_no_cost() {
     let name = "what_never_moves_may_be_passed_over";
-    let law = LAWS.iter().find(|law| law.name == name).unwrap();
+    let property = PROPERTIES
+        .iter()
+        .find(|property| property.name == name)
+        .unwrap();
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
     let mut subject = open_at(Level::all()[0], Some(2)).unwrap();
     assert_eq!(
-        hold(law, &mut subject, &mut reference, 1, [29]),
+        hold(property, &mut subject, &mut reference, 1, [29]),
         Ok::<_, conformance::Disagreement>(1)
     );
 }

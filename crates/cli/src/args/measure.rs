@@ -6,7 +6,7 @@ use backend::Intersector;
 use clap::builder::{ArgPredicate, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use conformance::stress::Plan;
-use conformance::{LAWS, OWN_TREE_LAWS};
+use conformance::{OWN_TREE_PROPERTIES, PROPERTIES};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -155,13 +155,13 @@ pub(crate) struct ConformArgs {
     /// Decides scenes and rays
     #[arg(long, value_name = "S", default_value = "1")]
     pub(crate) seed: u64,
-    /// Random cases that each law is tried on; 0 tries no law, only what else is asked for
+    /// Random cases that each property is tried on; 0 tries no property, only what else is asked for
     #[arg(long, value_name = "N", default_value = "36", conflicts_with = "case")]
     pub(crate) cases: u32,
-    /// Try only these laws, by name; a name that is none is answered by all that there are
+    /// Try only these properties, by name; a name that is none is answered by all that there are
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
-        value_parser = PossibleValuesParser::new(law_names()))]
-    pub(crate) law: Vec<String>,
+        value_parser = PossibleValuesParser::new(property_names()))]
+    pub(crate) property: Vec<String>,
     /// Only the case of this number
     #[arg(long, value_name = "N")]
     pub(crate) case: Option<u32>,
@@ -240,6 +240,10 @@ pub(crate) struct StressArgs {
     pub(crate) size: [u32; 2],
 }
 
-fn law_names() -> BTreeSet<&'static str> {
-    LAWS.iter().chain(OWN_TREE_LAWS).map(|l| l.name).collect()
+fn property_names() -> BTreeSet<&'static str> {
+    PROPERTIES
+        .iter()
+        .chain(OWN_TREE_PROPERTIES)
+        .map(|l| l.name)
+        .collect()
 }

@@ -3,7 +3,7 @@
 
 mod faulty;
 
-use conformance::{Disagreement, LAWS, Law, OWN_TREE_LAWS, Reference, hold};
+use conformance::{Disagreement, OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold};
 use cpu_ref::CpuBackend;
 use faulty::Faulty;
 
@@ -55,23 +55,36 @@ key_frames_that_arrive_are_played_as_those_held: key frames that arrive come lat
 /// Number of cases per property, as in the full tier.
 const CASES: u32 = 36;
 
-fn verdict(laws: &[Law], law: &str, fault: &'static str) -> Result<u32, Disagreement> {
-    let law = laws.iter().find(|l| l.name == law).expect(law);
+fn verdict(
+    properties: &[Property],
+    property: &str,
+    fault: &'static str,
+) -> Result<u32, Disagreement> {
+    let property = properties
+        .iter()
+        .find(|l| l.name == property)
+        .expect(property);
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    hold(law, &mut Faulty::new(fault), &mut reference, 1, 0..CASES)
+    hold(
+        property,
+        &mut Faulty::new(fault),
+        &mut reference,
+        1,
+        0..CASES,
+    )
 }
 
 /// Checks that every property holds without a fault, and detects each of its faults. Returns the properties without
 /// any.
-fn notices(laws: &[Law], noticed: &'static str) -> Vec<&'static str> {
-    let mut idle: Vec<_> = laws.iter().map(|l| l.name).collect();
-    for law in laws {
-        verdict(laws, law.name, "none").unwrap();
+fn notices(properties: &[Property], noticed: &'static str) -> Vec<&'static str> {
+    let mut idle: Vec<_> = properties.iter().map(|l| l.name).collect();
+    for property in properties {
+        verdict(properties, property.name, "none").unwrap();
     }
-    for (law, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
-        idle.retain(|l| *l != law);
+    for (property, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
+        idle.retain(|l| *l != property);
         for fault in faults.split(", ") {
-            let found = verdict(laws, law, fault).expect_err(fault);
+            let found = verdict(properties, property, fault).expect_err(fault);
             assert!(!found.what.contains("panicked"), "{fault}: {found}");
         }
     }
@@ -79,19 +92,19 @@ fn notices(laws: &[Law], noticed: &'static str) -> Vec<&'static str> {
 }
 
 #[test]
-fn every_law_holds_without_a_fault_and_notices_its_own() {
-    assert_eq!(notices(LAWS, NOTICED), [""; 0]);
+fn every_property_holds_without_a_fault_and_notices_its_own() {
+    assert_eq!(notices(PROPERTIES, NOTICED), [""; 0]);
 }
 
 #[test]
 fn rounding_explains_all_of_the_reference_and_no_fault() {
-    assert_eq!(notices(OWN_TREE_LAWS, NOTICED_WITHIN), [""; 0]);
-    let law = "closest_hits_lie_within_rounding";
-    verdict(OWN_TREE_LAWS, law, "distances one ulp off").unwrap();
+    assert_eq!(notices(OWN_TREE_PROPERTIES, NOTICED_WITHIN), [""; 0]);
+    let property = "closest_hits_lie_within_rounding";
+    verdict(OWN_TREE_PROPERTIES, property, "distances one ulp off").unwrap();
 }
 
 #[test]
 fn a_backend_that_panics_disagrees() {
-    let found = verdict(LAWS, "closest_hits_equal_the_reference", "panics").unwrap_err();
+    let found = verdict(PROPERTIES, "closest_hits_equal_the_reference", "panics").unwrap_err();
     assert!(found.what.contains("this backend panics"), "{found}");
 }

@@ -21,7 +21,7 @@ pub(crate) type Methods = fn(&Check<'_>) -> Result<Vec<Method>>;
 
 /// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
-pub struct Law {
+pub struct Property {
     /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
     pub(crate) methods: Methods,
@@ -31,7 +31,7 @@ pub struct Law {
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
-impl Law {
+impl Property {
     /// Returns this property for the usual intersector alone, or `None` if it holds for `exact` only.
     #[must_use]
     pub fn by_usual_intersector(self) -> Option<Self> {
@@ -137,9 +137,9 @@ fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
 }
 
 /// Defines one property per line: its methods, its name and its test.
-macro_rules! laws {
+macro_rules! properties {
     ($($methods:ident $name:ident: $check:expr;)+) => {
-        &[$(Law {
+        &[$(Property {
             name: stringify!($name),
             methods: $methods,
             method_set: stringify!($methods),
@@ -149,7 +149,7 @@ macro_rules! laws {
 }
 
 /// Properties of backends that trace our trees.
-pub const LAWS: &[Law] = laws! {
+pub const PROPERTIES: &[Property] = properties! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
     usual reports_name_what_was_done: reports::stages;
@@ -180,7 +180,7 @@ pub const LAWS: &[Law] = laws! {
 };
 
 /// Properties of backends that make their own trees and whose driver determines hits.
-pub const OWN_TREE_LAWS: &[Law] = laws! {
+pub const OWN_TREE_PROPERTIES: &[Property] = properties! {
     usual positions_equal_the_formula: geometry::positions;
     usual reports_name_what_was_done: reports::stages;
     usual positions_come_back_as_they_were: geometry::read_back;
@@ -193,9 +193,9 @@ pub const OWN_TREE_LAWS: &[Law] = laws! {
 };
 
 /// Returns the properties that `backend` must have.
-pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {
+pub fn properties_of(backend: &dyn Backend) -> &'static [Property] {
     match backend.makes_own_trees() {
-        true => OWN_TREE_LAWS,
-        false => LAWS,
+        true => OWN_TREE_PROPERTIES,
+        false => PROPERTIES,
     }
 }

@@ -5,7 +5,7 @@
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
-use crate::laws::still::COST_TOLERANCE;
+use crate::properties::still::COST_TOLERANCE;
 use crate::reference::Answer;
 use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
