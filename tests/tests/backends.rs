@@ -4,14 +4,18 @@
 //! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` makes them fail instead. GPU backends run under the Vulkan validation layers
 //! where these are installed, and any message is a failure. A required `vulkan` needs the layers too, unless
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
+//! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
 
 use backend::Backend;
-use conformance::{OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold, properties_of};
+use conformance::{
+    Cases, OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold, properties_of,
+};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
+use integration::regressions::Regressions;
 use integration::{is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -96,11 +100,23 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
             let (subject, reference, heard) = &mut *shared;
             let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(&property, &mut **subject, reference, seed, 0..cases(name));
+            let last = cases(name).checked_sub(1);
+            let mut regressions = Regressions::of(property.name);
+            let stored = regressions.cases().into_iter();
+            let stored = stored.map(|case| Cases::new(case.seed, case.number..=case.number));
+            let mut all = stored.chain(last.map(|last| Cases::new(seed, 0..=last)));
+            let held = all
+                .try_for_each(|cases| hold(&property, &mut **subject, reference, &cases).map(drop));
+            if let Err(found) = &held {
+                regressions.add(found);
+            }
             let complaints = subject.inspect().complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
-            held.map_err(|e| e.to_string())?;
+            held.map_err(|found| {
+                let (backend, options) = (found.backend, found.options());
+                format!("{found}\nabvh conform --backend {backend} {options}")
+            })?;
             new.map_or(Ok(()), |m| {
                 Err(format!("the validation layer says: {m}").into())
             })

@@ -10,7 +10,7 @@ use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
 use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
-use conformance::{Property, Reference, hold, properties_of};
+use conformance::{Cases, Property, Reference, hold, properties_of};
 use oracle::OracleRow;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -53,11 +53,12 @@ fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Proper
         |l: &&Property| args.property.is_empty() || args.property.iter().any(|n| n == l.name);
     let properties = |s: &Subject| properties_of(s.as_ref()).iter().filter(named);
     let total: usize = subjects.iter().map(|s| properties(s).count()).sum();
-    let cases = match (args.case, args.cases) {
+    let numbers = match (args.case, args.cases) {
         (Some(case), _) => case..=case,
         (None, 0) => return Ok(Vec::new()),
         (None, cases) => 0..=cases - 1,
     };
+    let cases = Cases::new(args.seed, numbers);
     let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
@@ -66,7 +67,7 @@ fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Proper
         for property in properties(subject) {
             let begun = Instant::now();
             let backend = subject.as_mut();
-            let held = hold(property, backend, &mut reference, args.seed, cases.clone());
+            let held = hold(property, backend, &mut reference, &cases);
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
                 property: property.name,
