@@ -17,9 +17,6 @@ const FIRST_USE: f64 = 1.0;
 /// A tree made of groups of the last one takes about so much of the time of one from scratch.
 const GROUPS: f64 = 0.5;
 
-/// The time between both evaluations of a tree, as a share of the time of its use.
-const EVALUATION_SPACING: f64 = 0.125;
-
 /// Watches frames go by and trees come; guesses what comes next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LatencyPredictor {
@@ -157,14 +154,9 @@ impl LatencyPredictor {
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
     }
 
-    /// Returns for how many frames a tree is used if it is adopted now: until one arrives that is requested then.
-    pub(crate) fn frames_of_use(&self) -> f64 {
-        self.expected().max(1.0)
-    }
-
-    /// Returns how many frames lie between both evaluations of a tree.
-    pub(crate) fn frames_between_evaluations(&self) -> u64 {
-        (EVALUATION_SPACING * self.frames_of_use()).ceil() as u64
+    /// Returns for how many frames a tree that is adopted now is used, rounded up.
+    pub(crate) fn frames_of_use(&self) -> u64 {
+        self.expected().ceil() as u64
     }
 
     fn expected(&self) -> f64 {

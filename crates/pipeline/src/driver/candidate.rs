@@ -12,8 +12,6 @@ pub(super) struct Candidate {
     pub(super) state: State,
     /// How far its moment was away, in key frames, when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
-    /// The result of the first evaluation, if the candidate cost less.
-    pub(super) cheaper: Option<RelativeCost>,
 }
 
 /// Which tree was requested, when, and what for.
@@ -44,12 +42,10 @@ pub(super) struct Request {
 ///
 /// ```text
 /// Building -> Arrived -> Due -> Evaluating -> Accepted -> (adopted)
-///                ^                  |  |
-///                `------------------'  `----> Rejected -> (dropped)
+///                ^ |                |  |
+///                | `----------------'  `----> Rejected -> (dropped)
+///                `- still dearer, but its moment is yet to come
 /// ```
-///
-/// An evaluated candidate returns to `Arrived` to be evaluated again: after the first evaluation, if it costs less than the
-/// current tree, and while it costs more, but its moment is still to come.
 pub(super) enum State {
     /// It waits for vertices, or the builder works on it.
     Building,
@@ -77,57 +73,25 @@ pub(super) struct Evaluation {
     pub(super) approach: Option<f64>,
 }
 
-/// The cost of a candidate relative to the current tree's at the same positions, less one. Negative if it costs less.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RelativeCost {
-    /// Frames begun before the one that evaluated the candidate.
-    pub(super) frame: u64,
-    pub(super) value: f64,
-}
-
-impl RelativeCost {
-    /// Returns the relative cost that a report contains, if the backend measures costs.
-    pub(super) fn of(report: &FrameReport, frame: u64) -> Option<Self> {
-        let (candidate, current) = report.candidate_cost.zip(report.sah_cost)?;
-        let value = candidate / current - 1.0;
-        Some(Self { frame, value })
-    }
-
-    /// Returns the mean over the next `frames` frames if the relative cost goes on changing as it did since `earlier`.
-    fn mean_ahead(self, earlier: Self, frames: f64) -> f64 {
-        let elapsed = (self.frame - earlier.frame).max(1) as f64;
-        self.value + (self.value - earlier.value) / elapsed * 0.5 * frames
-    }
-}
-
 /// What follows from an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Accept,
-    /// It costs less for the first time. A second evaluation shows whether it will continue to.
-    EvaluateAgain(RelativeCost),
     /// It costs more, but its moment is yet to come.
     Wait,
     Reject,
 }
 
-/// Decides about a candidate that costs `now`, relative to the current tree. It would be used for `frames` frames.
-///
-/// Costs at one moment do not suffice where the motion is unknown: while vertices move to and fro, a tree that was built for one
-/// pose costs less there and several times more a few frames later. So a candidate must cost less twice, and in the mean over
-/// the time of its use, which is extrapolated from both evaluations. A tree from known key frames was built for that time.
-pub(super) fn judge(
-    now: RelativeCost,
-    earlier: Option<RelativeCost>,
-    frames: f64,
-    is_approaching: bool,
-) -> Verdict {
-    match earlier {
-        _ if now.value >= 0.0 && is_approaching => Verdict::Wait,
-        _ if now.value.is_nan() || now.value >= 0.0 => Verdict::Reject,
-        None => Verdict::EvaluateAgain(now),
-        Some(earlier) if now.mean_ahead(earlier, frames) < 0.0 => Verdict::Accept,
-        Some(_) => Verdict::Reject,
+impl Verdict {
+    /// Compares costs at the same positions. A candidate whose cost is unknown is accepted.
+    pub(super) fn of(report: &FrameReport, is_approaching: bool) -> Self {
+        match report.candidate_cost.zip(report.sah_cost) {
+            Some((candidate, current)) if candidate >= current => match is_approaching {
+                true => Self::Wait,
+                false => Self::Reject,
+            },
+            _ => Self::Accept,
+        }
     }
 }
 
@@ -137,7 +101,6 @@ impl Candidate {
             request,
             state: State::Building,
             dearer_at: None,
-            cheaper: None,
         }
     }
 
@@ -219,62 +182,29 @@ pub(super) fn file(candidate: Option<Candidate>, result: BuildResult<Built>) -> 
 mod tests {
     use super::*;
 
-    fn cost(frame: u64, value: f64) -> RelativeCost {
-        RelativeCost { frame, value }
-    }
-
     #[test]
-    fn a_candidate_that_costs_more_is_rejected_unless_its_moment_is_to_come() {
-        for earlier in [None, Some(cost(10, -0.1))] {
-            for value in [0.0, 0.1] {
-                let verdict =
-                    |is_approaching| judge(cost(14, value), earlier, 32.0, is_approaching);
-                assert_eq!(verdict(false), Verdict::Reject);
-                assert_eq!(verdict(true), Verdict::Wait);
-            }
-            assert_eq!(
-                judge(cost(14, f64::NAN), earlier, 32.0, false),
-                Verdict::Reject
-            );
-        }
-    }
-
-    #[test]
-    fn a_candidate_is_accepted_if_it_costs_less_in_the_mean_over_its_use() {
-        let first = cost(10, -0.2);
-        assert_eq!(
-            judge(first, None, 32.0, true),
-            Verdict::EvaluateAgain(first)
-        );
-        // Over four frames the cost rises by 0.1: by 0.4 until the middle of 32 frames.
-        for (value, frames, expected) in [
-            (-0.2, 32.0, Verdict::Accept),
-            (-0.3, 1e6, Verdict::Accept),
-            (-0.1, 7.0, Verdict::Accept),
-            (-0.1, 9.0, Verdict::Reject),
-            (-0.1, 32.0, Verdict::Reject),
-        ] {
-            let verdict = judge(cost(14, value), Some(first), frames, false);
-            assert_eq!(verdict, expected, "{value} over {frames} frames");
-        }
-        // Two evaluations in one frame cannot happen; they would not divide by zero.
-        assert_eq!(judge(first, Some(first), 32.0, false), Verdict::Accept);
-    }
-
-    #[test]
-    fn costs_are_relative_and_unknown_if_one_is() {
-        let of = |candidate_cost, sah_cost| {
+    fn only_a_lower_cost_is_accepted_and_a_moment_to_come_is_waited_for() {
+        let verdict = |candidate_cost, sah_cost, is_approaching| {
             let report = FrameReport {
                 candidate_cost,
                 sah_cost,
                 ..FrameReport::default()
             };
-            RelativeCost::of(&report, 3)
+            Verdict::of(&report, is_approaching)
         };
-        assert_eq!(of(Some(1.5), Some(2.0)), Some(cost(3, -0.25)));
-        for unknown in [[None, Some(2.0)], [Some(2.0), None], [None; 2]] {
-            let [candidate, current] = unknown;
-            assert_eq!(of(candidate, current), None);
+        for is_approaching in [false, true] {
+            for unknown in [[None, Some(2.0)], [Some(2.0), None], [None; 2]] {
+                let [candidate, current] = unknown;
+                assert_eq!(verdict(candidate, current, is_approaching), Verdict::Accept);
+            }
+            assert_eq!(
+                verdict(Some(1.9), Some(2.0), is_approaching),
+                Verdict::Accept
+            );
+        }
+        for dearer in [2.0, 2.1] {
+            assert_eq!(verdict(Some(dearer), Some(2.0), false), Verdict::Reject);
+            assert_eq!(verdict(Some(dearer), Some(2.0), true), Verdict::Wait);
         }
     }
 }

@@ -179,31 +179,43 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
                 assert!(candidate < current, "{generation:?}");
             }
             if rejected.contains(generation) {
-                let is_rising = is_rising(&run.log, *generation);
-                assert!(candidate >= current || is_rising, "{generation:?}");
+                assert!(candidate >= current, "{generation:?}");
             }
         }
     }
 }
 
-/// Returns whether a tree's cost, relative to the current tree's, rose between its evaluations.
-fn is_rising(log: &Log, generation: Generation) -> bool {
-    let of_tree = log.evaluated.iter().filter(|(g, _)| *g == generation);
-    let relative: Vec<f64> = of_tree
-        .map(|(_, [candidate, current])| candidate / current)
-        .collect();
-    relative.first() < relative.last()
-}
-
 #[test]
-fn vertices_that_only_the_device_knows_have_each_adopted_tree_evaluated_twice() {
-    let run = weighed(FREE, 199, false);
-    let later = &run.log.adopted[1..];
-    assert!(!later.is_empty());
-    for generation in later {
-        let evaluated = run.log.evaluated.iter().filter(|(g, _)| g == generation);
-        assert!(evaluated.count() >= 2, "{generation:?}");
+fn a_replaced_tree_returns_if_it_costs_less_than_the_one_that_replaced_it() {
+    // Vertices reach the builder late, so that the next tree does not come at once.
+    let mut fake = Fake::new(Some(12));
+    fake.measures = true;
+    let (animation, log) = (shuffled(40, 64), Arc::clone(&fake.log));
+    let mut driver = driver(fake, &animation, FREE).unwrap();
+    driver.forget_key_frames();
+    // To and fro over a few key frames.
+    let times = (0..60).map(|frame: i32| f64::from(3 - (frame % 6 - 3).abs()));
+    let mut records = Vec::new();
+    while log.lock().unwrap().returned.is_empty() && records.len() < 20_000 {
+        records.extend(play(&mut driver, times.clone(), |_| 1));
     }
+    drop(driver);
+    let log = read(log);
+    let returned: Vec<_> = records.iter().filter(|r| r.returned).collect();
+    assert!(!returned.is_empty());
+    let generations: Vec<_> = returned.iter().map(|r| r.tree_generation).collect();
+    assert_eq!(generations, log.returned);
+    for record in &returned {
+        assert!(record.adopted.is_none());
+        let generation = record.tree_generation;
+        let is_cheaper = |(g, [replaced, current]): &(Generation, [f64; 2])| {
+            *g == generation && replaced < current
+        };
+        assert!(log.compared.iter().any(is_cheaper), "{generation:?}");
+    }
+    // Key frames that are known need no such tree.
+    let known = weighed(FREE, 199, true);
+    assert!(known.log.returned.is_empty());
 }
 
 #[test]
@@ -279,7 +291,9 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
         let records = render(measuring(), scene, times, |_| 1).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
         left += u32::from(last.is_some_and(|frame| frame > 12));
-        assert!(records[30..].iter().all(|r| r.asked.is_none()), "{seed}");
+        // A slow builder may work on an earlier pose when the scene comes to rest.
+        let at_rest = records[11..].iter().filter(|r| r.asked.is_some());
+        assert!(at_rest.count() <= 2, "{seed}");
     }
     assert!(left > 0);
 }
