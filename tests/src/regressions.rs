@@ -27,8 +27,8 @@ impl Regressions {
         ))
     }
 
-    /// Proptest keeps the path for as long as the program runs.
-    fn at(path: String) -> Self {
+    /// Returns the cases in a file. Proptest keeps the path for as long as the program runs.
+    pub fn at(path: String) -> Self {
         Self(FileFailurePersistence::Direct(path.leak()))
     }
 

@@ -8,14 +8,15 @@
 
 use backend::Backend;
 use conformance::{
-    Cases, OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold, properties_of,
+    Cases, Disagreement, Minimal, OWN_TREE_PROPERTIES, PROPERTIES, Property, Reference, hold,
+    properties_of,
 };
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use gpu_wgpu::WgpuBackend;
-use integration::regressions::Regressions;
+use integration::regressions::{Regressions, StoredCase};
 use integration::{is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -68,8 +69,45 @@ fn main() {
     // Interleaves the backends' tests: tests of one backend wait for each other, tests of different backends do not.
     let mut trials: Vec<_> = of_each.flat_map(|all| (0..).zip(all)).collect();
     trials.sort_by_key(|&(n, _): &(u32, _)| n);
-    let trials = trials.into_iter().map(|(_, trial)| trial).collect();
+    let mut trials: Vec<_> = trials.into_iter().map(|(_, trial)| trial).collect();
+    trials.push(integration::trial(
+        "regressions::cases_are_stored_once",
+        cases_are_stored_once,
+    ));
     libtest_mimic::run(&arguments, trials).exit();
+}
+
+fn cases_are_stored_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("property.txt");
+    let mut regressions = Regressions::at(path.to_str().unwrap().to_owned());
+    assert_eq!(regressions.cases(), []);
+    for case in [3, u32::MAX, 3] {
+        regressions.add(&Disagreement {
+            property: "a_property",
+            backend: "cpu",
+            seed: u64::MAX - 1,
+            case,
+            what: "1 is not 2".to_owned(),
+            minimal: Minimal {
+                triangles: 1,
+                keys: 1,
+                rays: 1,
+                text: "a case\n  of two lines".to_owned(),
+            },
+            held: 0,
+        });
+    }
+    let stored = [3, u32::MAX].map(|number| StoredCase {
+        seed: u64::MAX - 1,
+        number,
+    });
+    assert_eq!(regressions.cases(), stored);
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(
+        text.contains("# shrinks to a case   of two lines\n"),
+        "{text}"
+    );
 }
 
 /// Creates a backend's tests. Those of an absent backend are ignored, or fail if the backend is required.

@@ -107,6 +107,7 @@ render --threads 0 | --threads
 trace demo:twist | --rays
 conform --backend opengl | opengl
 conform --property gravity | gravity
+conform --law gravity | --law was removed | use --property
 conform --case first | first
 stability --backend opengl | opengl
 stability --intersector sturdy | watertight

@@ -57,6 +57,9 @@ impl fmt::Display for Case {
                 write!(f, "\n  key frame {key}, triangle {triangle}: {corners:?}")?;
             }
         }
+        if triangles == 0 {
+            write!(f, "\n  vertices {:?}", a.first())?;
+        }
         let rays = self.kinds.iter().zip(&self.rays).enumerate();
         for (i, (kind, ray)) in rays.take(PRINTED) {
             write!(f, "\n  ray {i} ({kind}): {}", ray_text(ray))?;
