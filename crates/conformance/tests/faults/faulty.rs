@@ -188,14 +188,6 @@ impl Backend for Faulty {
         self.inner.evaluate(tree, generation)
     }
 
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        self.inner.evaluate_retained()
-    }
-
-    fn adopt_retained(&mut self) -> Result<()> {
-        self.inner.adopt_retained()
-    }
-
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         assert!(!self.is("panics"), "this backend panics");
         (self.seen.pose_before, self.seen.pose) = (self.seen.pose, Some(pose));
