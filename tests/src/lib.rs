@@ -4,6 +4,7 @@
 
 pub mod fuzz;
 pub mod program;
+pub mod regressions;
 pub mod scenes;
 pub mod stage;
 

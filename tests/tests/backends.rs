@@ -4,13 +4,15 @@
 //! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` makes them fail instead. GPU backends run under the Vulkan validation layers
 //! where these are installed, and any message is a failure. A required `vulkan` needs the layers too, unless
 //! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
+//! A case that fails is stored in `tests/proptest-regressions`. Stored cases are tested before others.
 
 use backend::Backend;
-use conformance::{LAWS, Law, Reference, hold};
+use conformance::{Cases, Disagreement, Minimal, PROPERTIES, Property, Reference, hold};
 use cpu_ref::CpuBackend;
 use gpu_common::{Options, Validation};
 use gpu_vulkan::VulkanBackend;
 use gpu_wgpu::WgpuBackend;
+use integration::regressions::{Regressions, StoredCase};
 use integration::{is_required, number};
 use libtest_mimic::Trial;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -55,8 +57,45 @@ fn main() {
     // Interleaves the backends' tests: tests of one backend wait for each other, tests of different backends do not.
     let mut trials: Vec<_> = of_each.flat_map(|all| (0..).zip(all)).collect();
     trials.sort_by_key(|&(n, _): &(u32, _)| n);
-    let trials = trials.into_iter().map(|(_, trial)| trial).collect();
+    let mut trials: Vec<_> = trials.into_iter().map(|(_, trial)| trial).collect();
+    trials.push(integration::trial(
+        "regressions::cases_are_stored_once",
+        cases_are_stored_once,
+    ));
     libtest_mimic::run(&arguments, trials).exit();
+}
+
+fn cases_are_stored_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("property.txt");
+    let mut regressions = Regressions::at(path.to_str().unwrap().to_owned());
+    assert_eq!(regressions.cases(), []);
+    for case in [3, u32::MAX, 3] {
+        regressions.add(&Disagreement {
+            property: "a_property",
+            backend: "cpu",
+            seed: u64::MAX - 1,
+            case,
+            what: "1 is not 2".to_owned(),
+            minimal: Minimal {
+                triangles: 1,
+                keys: 1,
+                rays: 1,
+                text: "a case\n  of two lines".to_owned(),
+            },
+            held: 0,
+        });
+    }
+    let stored = [3, u32::MAX].map(|number| StoredCase {
+        seed: u64::MAX - 1,
+        number,
+    });
+    assert_eq!(regressions.cases(), stored);
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(
+        text.contains("# shrinks to a case   of two lines\n"),
+        "{text}"
+    );
 }
 
 /// Creates a backend's tests. Those of an absent backend are ignored, or fail if the backend is required.
@@ -70,23 +109,35 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
     // A software driver would take a minute to compile a third variant of all kernels.
     let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();
-    let trial = |law: &Law| {
+    let trial = |property: &Property| {
         let shared = Arc::clone(&shared);
-        let law = if is_narrowed {
-            law.by_usual_intersector()?
+        let property = if is_narrowed {
+            property.by_usual_intersector()?
         } else {
-            *law
+            *property
         };
-        let trial = Trial::test(format!("{name}::{}", law.name), move || {
+        let trial = Trial::test(format!("{name}::{}", property.name), move || {
             let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let (subject, reference, heard) = &mut *shared;
             let subject = subject.as_mut().map_err(|e| format!("absent: {e}"))?;
             let seed = number("ABVH_SEED", 1);
-            let held = hold(&law, &mut **subject, reference, seed, 0..cases(name));
+            let last = cases(name).checked_sub(1);
+            let mut regressions = Regressions::of(property.name);
+            let stored = regressions.cases().into_iter();
+            let stored = stored.map(|case| Cases::new(case.seed, case.number..=case.number));
+            let mut all = stored.chain(last.map(|last| Cases::new(seed, 0..=last)));
+            let held = all
+                .try_for_each(|cases| hold(&property, &mut **subject, reference, &cases).map(drop));
+            if let Err(found) = &held {
+                regressions.add(found);
+            }
             let complaints = subject.inspect().complaints();
             let new = complaints[*heard..].first();
             *heard = complaints.len();
-            held.map_err(|e| e.to_string())?;
+            held.map_err(|found| {
+                let (backend, options) = (found.backend, found.options());
+                format!("{found}\nabvh conform --backend {backend} {options}")
+            })?;
             new.map_or(Ok(()), |m| {
                 Err(format!("the validation layer says: {m}").into())
             })
@@ -94,7 +145,7 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
         let trial = trial.with_kind(absent.as_deref().unwrap_or_default());
         Some(trial.with_ignored_flag(is_ignored))
     };
-    LAWS.iter().filter_map(trial).collect()
+    PROPERTIES.iter().filter_map(trial).collect()
 }
 
 /// Returns the number of cases: by default one for each kind of scene, and fewer for backends that differ from another

@@ -10,7 +10,7 @@ use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
 use backend::Intersector;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
-use conformance::{LAWS, Law, Reference, hold};
+use conformance::{Cases, PROPERTIES, Property, Reference, hold};
 use oracle::OracleRow;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
         seed: args.seed,
         cases: args.cases,
         leak_rays: args.leak_rays,
-        rows: laws(args, &mut subjects)?,
+        rows: properties(args, &mut subjects)?,
         oracle_rays: args.oracle_rays,
         ..Report::default()
     };
@@ -48,32 +48,34 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
 }
 
 /// Tests every property on every backend, against the host on one thread.
-fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
-    let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
-    let laws = || LAWS.iter().filter(named);
-    let total = subjects.len() * laws().count();
-    let cases = match (args.case, args.cases) {
+fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
+    let named =
+        |p: &&Property| args.property.is_empty() || args.property.iter().any(|n| n == p.name);
+    let properties = || PROPERTIES.iter().filter(named);
+    let total = subjects.len() * properties().count();
+    let numbers = match (args.case, args.cases) {
         (Some(case), _) => case..=case,
         (None, 0) => return Ok(Vec::new()),
         (None, cases) => 0..=cases - 1,
     };
+    let cases = Cases::new(args.seed, numbers);
     let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
         let name = subject.device().backend;
-        for law in laws() {
+        for property in properties() {
             let begun = Instant::now();
             let backend = subject.as_mut();
-            let held = hold(law, backend, &mut reference, args.seed, cases.clone());
+            let held = hold(property, backend, &mut reference, &cases);
             let seconds = begun.elapsed().as_secs_f64();
             let row = PropertyRow {
-                law: law.name,
+                property: property.name,
                 backend: name,
                 held: *held.as_ref().unwrap_or_else(|e| &e.held),
                 seconds,
                 reproduce: held.as_ref().err().map(|e| {
-                    let rest = format!("--law {} --case {}", e.law, e.case);
+                    let rest = format!("--property {} --case {}", e.property, e.case);
                     command(args, "", name, &rest)
                 }),
                 disagreement: held.err().map(|e| e.to_string()),
@@ -83,7 +85,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
                 Some(_) => "failed after",
             };
             let cases = counted(row.held as usize, ["case", "cases"]);
-            let line = format!("{name} {}: {so} {cases}", law.name);
+            let line = format!("{name} {}: {so} {cases}", property.name);
             progress.step(&format!("{line}, {seconds:.1} s"));
             if let Some(what) = &row.disagreement {
                 progress.say(what);
@@ -156,7 +158,7 @@ struct Report {
 
 #[derive(Serialize)]
 struct PropertyRow {
-    law: &'static str,
+    property: &'static str,
     backend: &'static str,
     /// Number of cases that passed before the first failure.
     held: u32,
@@ -202,7 +204,7 @@ impl Report {
     fn text(&self) -> String {
         let mut text = self.tested.text.clone();
         if !self.rows.is_empty() {
-            text += &self.law_table();
+            text += &self.property_table();
         }
         if !self.leaks.is_empty() {
             text += &self.leak_table();
@@ -220,28 +222,28 @@ impl Report {
     }
 
     /// Formats properties as rows and backends as columns.
-    fn law_table(&self) -> String {
-        let held = |law: &str, backend: &str| {
-            let this = |r: &&PropertyRow| (r.law, r.backend) == (law, backend);
+    fn property_table(&self) -> String {
+        let held = |property: &str, backend: &str| {
+            let this = |r: &&PropertyRow| (r.property, r.backend) == (property, backend);
             match self.rows.iter().find(this) {
                 None => "-".to_owned(),
                 Some(r) if r.disagreement.is_some() => "DISAGREES".to_owned(),
                 Some(r) => format!("held {}", r.held),
             }
         };
-        let row = |law: &str| -> Cells<'_> {
-            let held = self.tested.names.iter().map(|&on| (on, held(law, on)));
-            let law = ("law", law.replace('_', " "));
-            [law].into_iter().chain(held).collect()
+        let row = |property: &str| -> Cells<'_> {
+            let held = self.tested.names.iter().map(|&on| (on, held(property, on)));
+            let property = ("property", property.replace('_', " "));
+            [property].into_iter().chain(held).collect()
         };
         // In the order of the tests.
         let mut seen = BTreeSet::new();
-        let laws = self
+        let properties = self
             .rows
             .iter()
-            .map(|r| r.law)
-            .filter(|&law| seen.insert(law));
-        table(laws.map(row), 1)
+            .map(|r| r.property)
+            .filter(|&property| seen.insert(property));
+        table(properties.map(row), 1)
     }
 
     fn leak_table(&self) -> String {
@@ -261,8 +263,8 @@ mod tests {
     use super::*;
 
     fn report(disagreement: Option<&str>) -> Report {
-        let row = |backend, law, disagreement: Option<&str>| PropertyRow {
-            law,
+        let row = |backend, property, disagreement: Option<&str>| PropertyRow {
+            property,
             backend,
             held: 3,
             disagreement: disagreement.map(str::to_owned),
@@ -285,17 +287,17 @@ mod tests {
 
     #[test]
     fn a_disagreement_comes_with_the_command_that_shows_it() {
-        let text = report(Some("law a_b: 1 is not 2")).text();
+        let text = report(Some("property a_b: 1 is not 2")).text();
         let words: Vec<_> = text.split(' ').filter(|word| !word.is_empty()).collect();
         let table = words.join(" ");
         assert!(table.contains("a b held 3 DISAGREES") && table.contains("c d held 3 - "));
-        let told = "y: law a_b: 1 is not 2\n    abvh conform --case 3\n";
+        let told = "y: property a_b: 1 is not 2\n    abvh conform --case 3\n";
         assert!(text.contains(told), "{text}");
         assert!(!report(None).text().contains("DISAGREES"));
     }
 
     #[test]
-    fn broken_laws_and_leaky_rows_are_failures() {
+    fn broken_properties_and_leaky_rows_are_failures() {
         assert_eq!(report(None).failures(), 0);
         let mut bad = report(Some("no"));
         let leak = leaks::LeakRow {

@@ -1,6 +1,6 @@
 //! Comparison of results, and messages that describe differences.
 
-use crate::{Case, RayKind};
+use crate::Case;
 use anyhow::{Result, anyhow, ensure};
 use backend::{FrameReport, Hits, Rays};
 use geom::{Animation, Hit, Point, Ray};
@@ -89,9 +89,8 @@ pub(crate) fn answers(
 pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
     match rays {
         Rays::List(list) => {
-            let kind = RayKind::ALL[i % RayKind::ALL.len()];
             let text = list.get(i).map(ray_text).unwrap_or_default();
-            format!("ray {i} ({kind}): {text}")
+            format!("ray {i}: {text}")
         }
         Rays::Camera(camera) if i < camera.pixels() => {
             let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);

@@ -1,85 +1,167 @@
 //! Properties that every backend must have, written once and independent of any particular backend.
 //!
-//! A [`Law`] is one property. It takes a subject, a reference and a [`Case`] generated from a seed, and fails with the
-//! first disagreement. The test suite runs [`LAWS`] on every backend, and so does `abvh conform` on the user's machine.
+//! A [`Property`] takes a subject, a reference and a [`Case`] generated from a seed, and fails with the first
+//! disagreement. The test suite runs [`PROPERTIES`] on every backend, and so does `abvh conform` on the user's machine.
 //! [`leaks`] traces many more rays at closed bodies than a property can. [`stress`] counts wrong answers where arithmetic
 //! is hardest, against [`oracle`], which shares no code with any backend.
 
 mod compare;
 mod crossings;
 mod generate;
-mod laws;
 pub mod leaks;
 pub mod oracle;
+mod properties;
 mod reference;
 pub mod stage;
 pub mod stress;
 
-pub use generate::cases::Case;
-pub use generate::cases::nth_case;
+pub use generate::cases::{Case, nth_case};
 pub use generate::rays::{RayKind, Target, aimed};
+pub use generate::strategies::seed_bytes;
 pub use generate::topologies::record;
-pub use laws::{LAWS, Law};
+pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 
 use anyhow::{Context, anyhow};
 use backend::{Backend, Method};
-use laws::Check;
+use generate::cases::cases;
+use generate::strategies::{runner, tree};
+use properties::Check;
+use proptest::test_runner::{TestCaseError, TestError};
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A case in which a property fails, with a description of the disagreement between subject and reference.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("law {law}, seed {seed}, case {case}: {what}; the case is {about}")]
+#[error("property {property}, seed {seed}, case {case}: {what}; the case shrinks to {minimal}")]
 pub struct Disagreement {
     /// Name of the property.
-    pub law: &'static str,
+    pub property: &'static str,
+    /// Name of the backend.
+    pub backend: &'static str,
     /// Seed of the whole run.
     pub seed: u64,
     /// Number of the case.
     pub case: u32,
-    /// The observed result and the expected one.
+    /// The observed result and the expected one, in the smallest case.
     pub what: String,
-    /// Description of the case.
-    pub about: String,
+    /// The smallest case that was found to fail.
+    pub minimal: Minimal,
     /// Number of cases that passed before.
     pub held: u32,
 }
 
-/// Tests a property of `subject` on these cases of `seed`, with every method that the property requires.
+impl Disagreement {
+    /// Returns the options of `abvh conform` that test the property on this case.
+    pub fn options(&self) -> String {
+        let (property, seed, case) = (self.property, self.seed, self.case);
+        format!("--property {property} --seed {seed} --case {case}")
+    }
+}
+
+/// The size of a case, and its text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Minimal {
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Number of key frames.
+    pub keys: usize,
+    /// Number of rays.
+    pub rays: usize,
+    /// All of it in numbers.
+    pub text: String,
+}
+
+impl Minimal {
+    fn of(case: &Case) -> Self {
+        Self {
+            triangles: case.animation.triangle_count(),
+            keys: case.animation.key_count(),
+            rays: case.rays.len(),
+            text: case.to_string(),
+        }
+    }
+}
+
+impl std::fmt::Display for Minimal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// Some cases of a seed.
 ///
-/// Returns the number of cases that passed. A panic of the backend counts as a disagreement. Case `i` of a seed is the
-/// same in every run and on every machine, whichever other cases are tested.
+/// Case `i` of a seed is the same in every run and on every machine, whichever other cases are tested.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cases {
+    /// The seed.
+    pub seed: u64,
+    /// Numbers of the cases.
+    pub numbers: RangeInclusive<u32>,
+    /// The most attempts to shrink a case that fails. There are fewer if they take half a minute.
+    pub shrinks: u32,
+}
+
+impl Cases {
+    /// Cases that shrink in up to 512 attempts.
+    pub fn new(seed: u64, numbers: RangeInclusive<u32>) -> Self {
+        Self {
+            seed,
+            numbers,
+            shrinks: 512,
+        }
+    }
+}
+
+/// Tests a property of `subject` on some cases, with every method that the property requires.
+///
+/// Returns the number of cases that passed. A panic of the backend counts as a disagreement.
 ///
 /// # Errors
-/// The first disagreement.
+/// The first disagreement, in the smallest case that it shrinks to.
 pub fn hold(
-    law: &Law,
+    property: &Property,
     subject: &mut dyn Backend,
     reference: &mut Reference,
-    seed: u64,
-    cases: impl IntoIterator<Item = u32>,
+    tested: &Cases,
 ) -> Result<u32, Disagreement> {
+    let backend = subject.device().backend;
+    let pair = RefCell::new((subject, reference));
     let mut held = 0;
-    for number in cases {
-        let case = nth_case(seed, number);
-        // Resets the reference, which has another case loaded.
-        reference.backend();
-        let found = by_each_method(law, &case, subject, reference);
-        found.map_err(|what| Disagreement {
-            law: law.name,
-            seed,
+    for number in tested.numbers.clone() {
+        let mut runner = runner(tested.seed, number, tested.shrinks);
+        let case = tree(&cases(number), &mut runner);
+        let outcome = runner.run_one(case, |case| {
+            let (subject, reference) = &mut *pair.borrow_mut();
+            // Resets the reference, which has another case loaded.
+            reference.backend();
+            let found = by_each_method(property, &case, *subject, reference);
+            found.map_err(|what| TestCaseError::fail(format!("{what:#}")))
+        });
+        let (what, minimal) = match outcome {
+            Ok(_) => {
+                held += 1;
+                continue;
+            }
+            Err(TestError::Fail(what, case)) => (what, Minimal::of(&case)),
+            Err(TestError::Abort(why)) => unreachable!("no case is rejected: {why}"),
+        };
+        return Err(Disagreement {
+            property: property.name,
+            backend,
+            seed: tested.seed,
             case: number,
-            what: format!("{what:#}"),
-            about: case.to_string(),
+            what: what.to_string(),
+            minimal,
             held,
-        })?;
-        held += 1;
+        });
     }
     Ok(held)
 }
 
 fn by_each_method(
-    law: &Law,
+    property: &Property,
     case: &Case,
     subject: &mut dyn Backend,
     reference: &mut Reference,
@@ -90,9 +172,9 @@ fn by_each_method(
         reference,
         method: Method::default(),
     };
-    for method in (law.methods)(&check) {
+    for method in (property.methods)(&check) {
         check.method = method;
-        let held = catch_unwind(AssertUnwindSafe(|| (law.check)(&mut check)));
+        let held = catch_unwind(AssertUnwindSafe(|| (property.check)(&mut check)));
         let held = held.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
@@ -101,4 +183,38 @@ fn by_each_method(
         held.with_context(|| format!("{method:?}"))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cpu_ref::CpuBackend;
+    use proptest::strategy::ValueTree;
+
+    /// Attempts to shrink a case, every third of which is taken back, until its properties are tested.
+    const ATTEMPTS: usize = 60;
+
+    /// A property that fails on small cases for reasons of its own would hide what a backend does wrong.
+    #[test]
+    fn properties_hold_while_cases_shrink() {
+        let backend = || CpuBackend::new(Some(1)).unwrap();
+        let (mut subject, mut reference) = (backend(), Reference::new(Box::new(backend())));
+        for number in 0..15 {
+            let mut case = tree(&cases(number), &mut runner(3, number, 0));
+            for _ in 0..4 {
+                for attempt in 0..ATTEMPTS {
+                    let _ = match attempt % 3 {
+                        2 => case.complicate(),
+                        _ => case.simplify(),
+                    };
+                }
+                let case = case.current();
+                for property in PROPERTIES.iter().chain(OWN_TREE_PROPERTIES) {
+                    reference.backend();
+                    let held = by_each_method(property, &case, &mut subject, &mut reference);
+                    held.unwrap_or_else(|e| panic!("{}: {e:#}; {case}", property.name));
+                }
+            }
+        }
+    }
 }

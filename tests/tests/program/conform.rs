@@ -6,7 +6,7 @@ use serde_json::Value;
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
-        trial("conform::the_host_keeps_every_law", keeps),
+        trial("conform::the_host_keeps_every_property", keeps),
         trial("conform::nothing_leaks", leaks),
         trial("conform::exact_is_held_to_the_oracle", oracle),
         trial("conform::wrong_answers_of_watertight_are_counted", counted),
@@ -32,8 +32,8 @@ fn keeps(sandbox: &Sandbox) {
     let lines = || run.stderr.lines();
     let held = lines().filter(|line| line.contains(": held in "));
     assert_eq!([lines().count(), held.count()], [rows.len(); 2]);
-    let law = "--law closest_hits_equal_the_reference --case 7";
-    let (_, json) = sandbox.tells(&format!("conform --backend cpu {law}"), "--json");
+    let property = "--property closest_hits_equal_the_reference --case 7";
+    let (_, json) = sandbox.tells(&format!("conform --backend cpu {property}"), "--json");
     let rows = list(&json["rows"]);
     assert!(rows.len() == 1 && rows[0]["held"] == 1, "{json}");
 }

@@ -5,8 +5,8 @@ use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
 use clap::{Args, ValueEnum};
-use conformance::LAWS;
 use conformance::stress::Plan;
+use conformance::PROPERTIES;
 use rivals::Known;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -162,8 +162,8 @@ pub(crate) struct ConformArgs {
     pub(crate) cases: u32,
     /// Test only these properties, by name. An unknown name prints the valid ones
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true,
-        value_parser = PossibleValuesParser::new(law_names()))]
-    pub(crate) law: Vec<String>,
+        value_parser = PossibleValuesParser::new(property_names()))]
+    pub(crate) property: Vec<String>,
     /// Test only the case of this number
     #[arg(long, value_name = "N")]
     pub(crate) case: Option<u32>,
@@ -238,8 +238,8 @@ pub(crate) struct StressArgs {
     pub(crate) size: [u32; 2],
 }
 
-fn law_names() -> BTreeSet<&'static str> {
-    LAWS.iter().map(|l| l.name).collect()
+fn property_names() -> BTreeSet<&'static str> {
+    PROPERTIES.iter().map(|property| property.name).collect()
 }
 
 /// Returns the rival of a name in the list of rivals.

@@ -11,7 +11,7 @@ pub(super) struct Removed {
     replacement: &'static str,
 }
 
-const REMOVED: [Removed; 3] = [
+const REMOVED: [Removed; 4] = [
     Removed {
         option: "--update",
         value: Some("t-sah"),
@@ -26,6 +26,11 @@ const REMOVED: [Removed; 3] = [
         option: "--tolerance",
         value: None,
         replacement: "--intersector watertight (the default) or --intersector exact",
+    },
+    Removed {
+        option: "--law",
+        value: None,
+        replacement: "--property",
     },
 ];
 

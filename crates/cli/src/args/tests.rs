@@ -106,7 +106,8 @@ render --intersector perfect | watertight
 render --threads 0 | --threads
 trace demo:twist | --rays
 conform --backend opengl | opengl
-conform --law gravity | gravity
+conform --property gravity | gravity
+conform --law gravity | --law was removed | use --property
 conform --case first | first
 stability --backend opengl | opengl
 stability --intersector sturdy | watertight
@@ -184,7 +185,7 @@ fn what_does_something_is_taken() {
         "bench --compare a b --fail-above 3 --quiet",
         "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --intersector exact",
-        "conform --seed 2 --law closest_hits_equal_the_reference --case 3",
+        "conform --seed 2 --property closest_hits_equal_the_reference --case 3",
     ] {
         let taken = parse_line(line);
         assert!(taken.is_ok(), "{line}: {taken:?}");

@@ -1,10 +1,14 @@
 //! Cases to test properties on, with the scale and position of each scene.
 
-use super::mixed;
-use super::rays::{Aims, RayKind, turn};
-use super::scenes::{Moving, SceneKind, scene, unit};
-use fastrand::Rng;
+use super::rays::{Aims, RayDescription, RayKind, turn};
+use super::scenes::{KEYS, Moving, SceneKind, scenes, unit};
+use super::strategies::{Precision, each, precision, runner, steps, tree};
+use super::topologies::TreeDescription;
+use crate::compare::ray_text;
 use geom::{Animation, Camera, Point, Ray};
+use proptest::prelude::*;
+use proptest::sample::select;
+use proptest::strategy::ValueTree;
 use std::fmt;
 use std::sync::Arc;
 
@@ -21,14 +25,22 @@ pub struct Case {
     pub times: Vec<f64>,
     /// List of rays, of each [`crate::RayKind`] in rotation.
     pub rays: Vec<Ray>,
+    /// Kinds of the rays.
+    pub kinds: Vec<RayKind>,
     /// A camera that sees the scene.
     pub camera: Camera,
     /// A point light.
     pub light: Point,
+    /// Trees that no builder makes.
+    pub(crate) trees: Vec<TreeDescription>,
     /// Random bits, for properties that make random choices.
     pub chance: u64,
 }
 
+/// Triangles and rays that are printed of a case.
+const PRINTED: usize = 8;
+
+/// Prints the size of a case, and its numbers up to [`PRINTED`] triangles and rays.
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (a, about, times) = (&self.animation, &self.about, &self.times);
@@ -37,52 +49,217 @@ impl fmt::Display for Case {
         write!(
             f,
             "{about} ({triangles} triangles, {live} live, {vertices} vertices, {keys} key frames, times {times:?})"
-        )
+        )?;
+        for key in 0..keys {
+            let moment = a.at(key as f64).map_err(|_| fmt::Error)?;
+            for triangle in 0..triangles.min(PRINTED) {
+                let corners = moment.corners(triangle as u32);
+                write!(f, "\n  key frame {key}, triangle {triangle}: {corners:?}")?;
+            }
+        }
+        if triangles == 0 {
+            write!(f, "\n  vertices {:?}", a.first())?;
+        }
+        let rays = self.kinds.iter().zip(&self.rays).enumerate();
+        for (i, (kind, ray)) in rays.take(PRINTED) {
+            write!(f, "\n  ray {i} ({kind}): {}", ray_text(ray))?;
+        }
+        let eye = self.camera.eye;
+        write!(f, "\n  camera at {eye:?}, light at {:?}", self.light)?;
+        let more = [triangles, self.rays.len()].map(|n| n.saturating_sub(PRINTED));
+        match more {
+            [0, 0] => Ok(()),
+            [triangles, rays] => write!(f, "\n  and {triangles} more triangles, {rays} more rays"),
+        }
     }
 }
 
 /// Number of rays of each kind per case.
 const ROUNDS: u64 = 6;
+/// The most triangles of a scene.
+const TRIANGLES: u32 = 2400;
 
-/// Returns case `i` of a seed.
-pub fn nth_case(seed: u64, i: u32) -> Case {
-    let rng = &mut Rng::with_seed(mixed(mixed(seed) ^ u64::from(i)));
-    let kind = SceneKind::ALL[i as usize % SceneKind::ALL.len()];
-    let place = Placement::any(rng);
-    let animation = place.animation(scene(kind, rng));
-    // Often one of the times is a key frame.
-    let mut times = [(); 3].map(|()| 2.0 * rng.f64());
-    if rng.bool() {
-        times[rng.usize(..3)] = f64::from(rng.u8(..3));
-    }
-    let aims = Aims::of(&animation, times[1]);
-    let numbers = 0..ROUNDS * RayKind::ALL.len() as u64;
-    let rays = numbers.map(|i| turn(&aims, i, rng)).collect();
-    let anywhere = unit(rng);
-    let light = place.put(anywhere.map(|x| 3.0 * x));
-    Case {
-        number: i,
-        about: format!("{kind}, {place:?}"),
-        rays,
-        camera: place.camera(anywhere),
-        light: hard_light(&animation, times[1], rng).unwrap_or(light),
-        animation,
-        times: times.to_vec(),
-        chance: rng.u64(..),
+/// Description of a case. It shrinks, and a [`Case`] is computed from it.
+#[derive(Clone, Debug)]
+struct CaseDescription {
+    scene: Moving,
+    /// Triangles of the scene that are kept, with numbers up to [`TRIANGLES`].
+    kept: Vec<u32>,
+    /// Number of key frames that are kept.
+    keys: usize,
+    precision: Precision,
+    place: Placement,
+    times: Times,
+    rays: Vec<RayDescription>,
+    /// Light and eye, in the unit scene.
+    anywhere: Point,
+    light: LightDescription,
+    trees: Vec<TreeDescription>,
+    chance: u64,
+}
+
+/// Cases with this number. Kinds of scenes rotate with it.
+///
+/// Shrinking removes triangles, key frames and rays, and then simplifies the rest. Rays stay where they are while
+/// triangles are removed.
+pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
+    let kind = SceneKind::ALL[number as usize % SceneKind::ALL.len()];
+    let rays = each((0..ROUNDS * RayKind::ALL.len() as u64).map(turn));
+    let sizes = (
+        each((0..TRIANGLES).map(Just)),
+        steps((1..=KEYS).collect::<Vec<_>>()),
+    );
+    let scene = (sizes, placements(), precision(), scenes(kind));
+    let rest = (
+        times(),
+        lights(),
+        TreeDescription::all(),
+        unit().no_shrink(),
+        any::<u64>().no_shrink(),
+    );
+    (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
+        let ((kept, keys), place, precision, scene) = scene;
+        let (times, light, trees, anywhere, chance) = rest;
+        let description = CaseDescription {
+            scene,
+            kept,
+            keys,
+            precision,
+            place,
+            times,
+            rays,
+            anywhere,
+            light,
+            trees,
+            chance,
+        };
+        description.case(number, kind)
+    })
+}
+
+/// Returns case `number` of a seed.
+pub fn nth_case(seed: u64, number: u32) -> Case {
+    tree(&cases(number), &mut runner(seed, number, 0)).current()
+}
+
+impl CaseDescription {
+    fn case(self, number: u32, kind: SceneKind) -> Case {
+        let Self {
+            place, precision, ..
+        } = self;
+        let (mut keys, triangles) = self.scene;
+        for p in keys.iter_mut().flatten() {
+            *p = precision.point(*p);
+        }
+        keys.truncate(self.keys);
+        let times = self.times.up_to(keys.len() - 1);
+        let whole = place.animation((keys.clone(), triangles.clone()));
+        let aims = Aims::of(&whole, times[1]);
+        let light = self.light.hard(&whole, times[1]);
+        Case {
+            number,
+            about: format!("{kind}, {place:?}"),
+            rays: self.rays.iter().map(|ray| Aims::pick(&aims, ray)).collect(),
+            kinds: self.rays.iter().map(|ray| ray.kind).collect(),
+            camera: place.camera(self.anywhere),
+            light: light.unwrap_or_else(|| place.put(self.anywhere.map(|x| 3.0 * x))),
+            animation: match self.kept.len() < TRIANGLES as usize {
+                true => place.animation(some((keys, triangles), &self.kept)),
+                false => whole,
+            },
+            times: times.to_vec(),
+            trees: self.trees,
+            chance: self.chance,
+        }
     }
 }
 
-/// Returns, half of the time, a light where shadows are hardest: in a triangle's plane outside the triangle, or at one
-/// of its vertices.
-fn hard_light(animation: &Animation, time: f64, rng: &mut Rng) -> Option<Point> {
-    let count = animation.triangle_count() as u32;
-    let (hard, reach) = (rng.bool(), [0.0, 3.0][rng.usize(..2)]);
-    if count == 0 || !hard {
-        return None;
+/// Returns some of the triangles of a scene, with their vertices alone.
+fn some((keys, triangles): Moving, kept: &[u32]) -> Moving {
+    let numbers = kept.iter().map(|&t| t as usize);
+    let some: Vec<[u32; 3]> = numbers.filter_map(|t| triangles.get(t).copied()).collect();
+    let mut used = some.as_flattened().to_vec();
+    // Scenes without triangles have vertices too.
+    used.extend(some.is_empty().then_some(0));
+    used.sort_unstable();
+    used.dedup();
+    let renamed = |v: u32| used.partition_point(|&u| u < v) as u32;
+    let vertices = |key: &Vec<Point>| used.iter().map(|&v| key[v as usize]).collect();
+    (
+        keys.iter().map(vertices).collect(),
+        some.iter().map(|t| t.map(renamed)).collect(),
+    )
+}
+
+/// Three times between key frames, one of which may be a key frame.
+#[derive(Clone, Copy, Debug)]
+struct Times {
+    all: [f64; 3],
+    /// Index of a time, and a key frame.
+    whole: Option<(usize, u8)>,
+    precision: Precision,
+}
+
+fn times() -> impl Strategy<Value = Times> {
+    let end = (KEYS - 1) as f64;
+    let numbers = (
+        [0.0..end, 0.0..end, 0.0..end],
+        proptest::option::of((0..3_usize, 0..KEYS as u8)),
+    );
+    (precision(), numbers.no_shrink()).prop_map(|(precision, (all, whole))| Times {
+        all,
+        whole,
+        precision,
+    })
+}
+
+impl Times {
+    /// Returns the times, but not beyond key frame `end`.
+    fn up_to(self, end: usize) -> [f64; 3] {
+        let mut times = self.all.map(|time| match self.precision {
+            Precision::Eighths => time.round(),
+            Precision::ThreeBits => (8.0 * time).round() / 8.0,
+            Precision::Full => time,
+        });
+        if let Some((i, key)) = self.whole {
+            times[i] = key.into();
+        }
+        times.map(|time| time.min(end as f64))
     }
-    let [a, b, _] = animation.at(time).unwrap().corners(rng.u32(..count));
-    let light: Point = std::array::from_fn(|i| a[i] + reach * (b[i] - a[i]));
-    light.iter().all(|x| x.is_finite()).then_some(light)
+}
+
+/// Where a light is hard to treat: in a triangle's plane outside the triangle, or at one of its vertices.
+#[derive(Clone, Copy, Debug)]
+struct LightDescription {
+    is_hard: bool,
+    is_vertex: bool,
+    triangle: u32,
+}
+
+/// Lights, half of which are hard. They shrink to simple ones.
+fn lights() -> impl Strategy<Value = LightDescription> {
+    let numbers = (any::<bool>(), any::<u32>());
+    (any::<bool>(), numbers.no_shrink()).prop_map(|(is_hard, (is_vertex, triangle))| {
+        LightDescription {
+            is_hard,
+            is_vertex,
+            triangle,
+        }
+    })
+}
+
+impl LightDescription {
+    /// Returns the light, if it is hard and the scene has a place for it.
+    fn hard(self, animation: &Animation, time: f64) -> Option<Point> {
+        let count = animation.triangle_count() as u32;
+        if count == 0 || !self.is_hard {
+            return None;
+        }
+        let reach = if self.is_vertex { 0.0 } else { 3.0 };
+        let [a, b, _] = animation.at(time).ok()?.corners(self.triangle % count);
+        let light: Point = std::array::from_fn(|i| a[i] + reach * (b[i] - a[i]));
+        light.iter().all(|x| x.is_finite()).then_some(light)
+    }
 }
 
 /// Placement of a scene of about unit size, which is multiplied by `scale` and then moved by `offset`.
@@ -115,19 +292,17 @@ const ELSEWHERE: [[f64; 2]; 16] = [
     [1e-43, 0.0],
 ];
 
-impl Placement {
-    /// Returns a random placement, often the identity.
-    pub(crate) fn any(rng: &mut Rng) -> Self {
-        let [scale, offset] = match rng.usize(..12) {
-            0..5 => [1.0, 0.0],
-            _ => ELSEWHERE[rng.usize(..ELSEWHERE.len())],
-        };
-        Self {
-            scale,
-            offset: [offset * scale; 3],
-        }
-    }
+/// Placements, often the identity, to which the others shrink.
+pub(crate) fn placements() -> impl Strategy<Value = Placement> {
+    let elsewhere = select(&ELSEWHERE[..]).no_shrink();
+    let all = prop_oneof![5 => Just([1.0, 0.0]), 7 => elsewhere];
+    all.prop_map(|[scale, offset]| Placement {
+        scale,
+        offset: [offset * scale; 3],
+    })
+}
 
+impl Placement {
     /// Returns an animation of a scene with this placement.
     pub(crate) fn animation(&self, (mut keys, triangles): Moving) -> Arc<Animation> {
         for p in keys.iter_mut().flatten() {
@@ -152,5 +327,45 @@ impl Placement {
         let target = self.put([0.0; 3]);
         let up = [0.0, 1.0, 0.0];
         Camera::look_at(eye, target, up, 50.0, [24, 17]).expect("the camera sees the scene")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the smallest case with a number.
+    fn smallest(number: u32) -> Case {
+        let mut tree = tree(&cases(number), &mut runner(1, number, 0));
+        while tree.simplify() {}
+        tree.current()
+    }
+
+    #[test]
+    fn cases_of_every_kind_shrink_to_one_triangle_and_one_ray() {
+        for number in 0..SceneKind::ALL.len() as u32 {
+            let case = smallest(number);
+            let animation = &case.animation;
+            let sizes = [animation.key_count(), case.rays.len(), case.trees.len()];
+            assert_eq!(sizes, [1; 3], "{case}");
+            assert!(animation.triangle_count() <= 1, "{case}");
+            assert_eq!(case.kinds, [RayKind::Random]);
+            assert!(
+                case.about
+                    .ends_with("scale: 1.0, offset: [0.0, 0.0, 0.0] }")
+            );
+            assert_eq!(case.times, [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn no_scene_has_more_triangles_than_can_be_kept() {
+        for number in 0..90 {
+            let case = nth_case(3, number);
+            assert!(
+                case.animation.triangle_count() <= TRIANGLES as usize,
+                "{case}"
+            );
+        }
     }
 }

@@ -1,25 +1,28 @@
 //! Points and triangles of about unit size.
 
-use fastrand::Rng;
 use geom::{Point, Triangle};
+use proptest::array::uniform3;
+use proptest::collection::{SizeRange, vec};
+use proptest::prelude::*;
+use proptest::sample::select;
 use std::collections::BTreeMap;
 
 /// Vertices, and three vertex indices per triangle.
 pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
 
-/// Returns a number in `-1..1`.
-pub(crate) fn unit(rng: &mut Rng) -> f64 {
-    2.0 * rng.f64() - 1.0
+/// Numbers in `-1..1`.
+pub(crate) fn unit() -> impl Strategy<Value = f64> + Clone {
+    -1.0..1.0
 }
 
-/// Returns a point in the cube `-1..1`.
-pub(crate) fn point(rng: &mut Rng) -> [f64; 3] {
-    [(); 3].map(|()| unit(rng))
+/// Points in the cube `-1..1`.
+pub(crate) fn point() -> impl Strategy<Value = [f64; 3]> + Clone {
+    uniform3(unit())
 }
 
-/// Returns a power of ten with a random exponent between `low` and `high`.
-pub(crate) fn power([low, high]: [f64; 2], rng: &mut Rng) -> f64 {
-    10.0_f64.powf(low + (high - low) * rng.f64())
+/// Powers of ten with an exponent between `low` and `high`.
+pub(crate) fn power([low, high]: [f64; 2]) -> impl Strategy<Value = f64> + Clone {
+    (0.0..1.0).prop_map(move |x: f64| 10.0_f64.powf(low + (high - low) * x))
 }
 
 /// Returns `a + s * b`, rounded once to single precision.
@@ -32,21 +35,27 @@ pub(crate) fn plus(a: Point, s: f32, b: Point) -> Point {
     std::array::from_fn(|i| a[i] + s * b[i])
 }
 
-/// Returns `n` separate triangles.
+/// Triangles whose first edge is up to `size` long along each axis.
 ///
-/// First edges are up to `size` long along each axis. Second edges are scaled by a random power of ten, with an exponent
-/// in `thin`.
-pub(crate) fn soup(n: usize, size: f64, thin: [f64; 2], rng: &mut Rng) -> Vec<Triangle> {
-    let one = |()| {
-        let (corner, e, f) = (point(rng), point(rng), point(rng));
-        let thin = power(thin, rng);
+/// The second edge is scaled by a power of ten, with an exponent in `thin`.
+pub(crate) fn free(size: f64, thin: [f64; 2]) -> impl Strategy<Value = Triangle> + Clone {
+    let edges = (uniform3(point()), power(thin));
+    edges.prop_map(move |([corner, e, f], thin)| {
         [
             along(corner, 0.0, e),
             along(corner, size, e),
             along(corner, size * thin, f),
         ]
-    };
-    std::iter::repeat_n((), n).map(one).collect()
+    })
+}
+
+/// Lists of separate triangles: see [`free`].
+pub(crate) fn soup(
+    count: impl Into<SizeRange>,
+    size: f64,
+    thin: [f64; 2],
+) -> impl Strategy<Value = Vec<Triangle>> + Clone {
+    vec(free(size, thin), count)
 }
 
 /// Exponents for second edges about as long as the first.
@@ -63,23 +72,25 @@ pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
     all.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
 }
 
-/// Returns a point moved by `1e3` to `3e38`, along one axis or along all.
-pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
-    let by = power([3.0, 38.5], rng);
-    let axis = rng.usize(..4);
-    std::array::from_fn(|i| match axis == 3 || axis == i {
-        true => f64::from(p[i]).mul_add(0.1, by * [1.0, -1.0][rng.usize(..2)]) as f32,
-        false => p[i],
+/// Positions of a point moved by `1e3` to `3e38`, along one axis or along all.
+pub(crate) fn outlying(p: Point) -> impl Strategy<Value = Point> {
+    let moves = (power([3.0, 38.5]), 0..4_usize, uniform3(any::<bool>()));
+    moves.prop_map(move |(by, axis, signs)| {
+        std::array::from_fn(|i| match axis == 3 || axis == i {
+            true => f64::from(p[i]).mul_add(0.1, if signs[i] { by } else { -by }) as f32,
+            false => p[i],
+        })
     })
 }
 
-/// Returns a small triangle far away, or a much smaller one at the origin.
-pub(crate) fn outlier(rng: &mut Rng) -> Triangle {
-    let (size, by) = match rng.usize(..3) {
-        0 => (1.0, power([-38.0, -3.0], rng)),
-        _ => (1e-3, power([3.0, 38.5], rng)),
-    };
-    scaled(&soup(1, size, PLUMP, rng), by)[0]
+/// Small triangles far away, and much smaller ones at the origin.
+pub(crate) fn outlier() -> impl Strategy<Value = Triangle> {
+    let sized = |size, powers| (free(size, PLUMP), power(powers));
+    let all = prop_oneof![
+        2 => sized(1e-3, [3.0, 38.5]),
+        1 => sized(1.0, [-38.0, -3.0]),
+    ];
+    all.prop_map(|(triangle, by)| scaled(&[triangle], by)[0])
 }
 
 /// Multiplies all coordinates, rounding once.
@@ -88,63 +99,66 @@ pub(crate) fn scaled(triangles: &[Triangle], by: f64) -> Vec<Triangle> {
     triangles.iter().map(|t| t.map(|p| p.map(scale))).collect()
 }
 
-/// Returns a random multiple of `1 / n` in `-1..=1`.
-pub(crate) fn grid(n: i32, rng: &mut Rng) -> f32 {
-    rng.i32(-n..=n) as f32 / n as f32
+/// Multiples of `1 / n` in `-1..=1`.
+pub(crate) fn grid(n: i32) -> impl Strategy<Value = f32> + Clone {
+    (-n..=n).prop_map(move |i| i as f32 / n as f32)
 }
 
-/// Returns a triangle in a plane perpendicular to `axis`, with its corners on a grid.
-pub(crate) fn flat(axis: usize, rng: &mut Rng) -> Triangle {
-    let height = grid(4, rng);
-    [(); 3].map(|()| {
-        let mut p = [(); 3].map(|()| grid(16, rng));
-        p[axis] = height;
-        p
+/// Triangles in a plane perpendicular to `axis`, with their corners on a grid.
+pub(crate) fn flat(axis: usize) -> impl Strategy<Value = Triangle> + Clone {
+    let numbers = (grid(4), uniform3(uniform3(grid(16))));
+    numbers.prop_map(move |(height, mut corners)| {
+        corners.iter_mut().for_each(|p| p[axis] = height);
+        corners
     })
 }
 
-/// Returns flat and free triangles, each with one copy, one rotation of its vertices and one reversal.
-pub(crate) fn stacks(rng: &mut Rng) -> Mesh {
-    let mut bases: Vec<Triangle> = (0..9).map(|i| flat(i % 3, rng)).collect();
-    bases.extend(soup(7, 0.8, PLUMP, rng));
-    let (points, triangles) = separate(&bases);
-    let again = |&[a, b, c]: &[u32; 3]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]];
-    let mut all: Vec<_> = triangles.iter().flat_map(again).collect();
-    rng.shuffle(&mut all);
-    (points, all)
+/// Flat and free triangles, each with one copy, one rotation of its vertices and one reversal.
+pub(crate) fn stacks() -> impl Strategy<Value = Mesh> {
+    let flats: Vec<_> = (0..9).map(|i| flat(i % 3)).collect();
+    let bases = (flats, soup(7, 0.8, PLUMP)).prop_map(|(flats, free)| [flats, free].concat());
+    let all = bases.prop_map(|bases| {
+        let (points, triangles) = separate(&bases);
+        let again = |&[a, b, c]: &[u32; 3]| [[a, b, c], [a, b, c], [b, c, a], [a, c, b]];
+        (points, triangles.iter().flat_map(again).collect())
+    });
+    shuffled(all)
 }
 
-/// Returns triangles of regular shape, and as many with zero or nearly zero area.
-pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
-    let mut all = soup(32, 0.5, PLUMP, rng);
-    for i in 0..32 {
-        let [a, b, _] = all[i];
-        let [d, g] = [(); 2].map(|()| [(); 3].map(|()| grid(16, rng)));
-        let s = rng.f64();
-        all.push(match i % 4 {
-            0 => [a, b, a],
-            1 => [a; 3],
-            // Collinear, because sums of multiples of a sixteenth are exact.
-            2 => [0.0, 1.0, 3.0].map(|share| plus(g, share, d)),
-            // Collinear except for rounding.
-            _ => {
-                let step = std::array::from_fn(|k| f64::from(b[k]) - f64::from(a[k]));
-                [a, b, along(a.map(f64::from), s, step)]
-            }
-        });
-    }
-    rng.shuffle(&mut all);
-    all
+/// Triangles of regular shape, and as many with zero or nearly zero area.
+pub(crate) fn flakes() -> impl Strategy<Value = Vec<Triangle>> {
+    let lines = vec((uniform3(grid(16)), uniform3(grid(16)), 0.0..1.0), 32);
+    let all = (soup(32, 0.5, PLUMP), lines).prop_map(|(mut all, lines)| {
+        for (i, (d, g, s)) in lines.into_iter().enumerate() {
+            let [a, b, _] = all[i];
+            all.push(match i % 4 {
+                0 => [a, b, a],
+                1 => [a; 3],
+                // Collinear, because sums of multiples of a sixteenth are exact.
+                2 => [0.0, 1.0, 3.0].map(|share| plus(g, share, d)),
+                // Collinear except for rounding.
+                _ => {
+                    let step = std::array::from_fn(|k| f64::from(b[k]) - f64::from(a[k]));
+                    [a, b, along(a.map(f64::from), s, step)]
+                }
+            });
+        }
+        all
+    });
+    all.prop_shuffle()
 }
 
-/// Returns a sheet with dents, `n` quads in each direction. Heights are multiples of a quarter of `1 / steps`.
-pub(crate) fn sheet(n: u32, steps: i32, rng: &mut Rng) -> Mesh {
-    let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
-    let mut points = Vec::new();
-    for j in 0..=n {
-        points.extend((0..=n).map(|i| [at(i), grid(steps, rng) * 0.25, at(j)]));
-    }
-    (points, quads(n, n, |i, j| j * (n + 1) + i).concat())
+/// Sheets with dents, `n` quads in each direction. Heights are multiples of a quarter of `1 / steps`.
+pub(crate) fn sheet(n: u32, steps: i32) -> impl Strategy<Value = Mesh> {
+    let heights = vec(grid(steps), (n as usize + 1).pow(2));
+    heights.prop_map(move |heights| {
+        let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
+        let lattice = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
+        let points = lattice.zip(heights);
+        let points = points.map(|((i, j), height)| [at(i), height * 0.25, at(j)]);
+        let triangles = quads(n, n, |i, j| j * (n + 1) + i).concat();
+        (points.collect(), triangles)
+    })
 }
 
 /// Returns two triangles per cell of a lattice, whose vertex numbers `at` returns.
@@ -174,32 +188,43 @@ pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> P
     (points, smaller)
 }
 
-/// Returns `n` triangles with random coordinates from `numbers`.
-pub(crate) fn of_numbers(numbers: &[f32], n: usize, rng: &mut Rng) -> Vec<Triangle> {
-    let mut number = || numbers[rng.usize(..numbers.len())];
-    let one = |()| [(); 3].map(|()| [(); 3].map(|()| number()));
-    std::iter::repeat_n((), n).map(one).collect()
+/// Lists of `n` triangles with coordinates from `numbers`.
+pub(crate) fn of_numbers(
+    numbers: &'static [f32],
+    n: usize,
+) -> impl Strategy<Value = Vec<Triangle>> {
+    vec(uniform3(uniform3(select(numbers))), n)
 }
 
-/// Returns a grid of quads in one plane, with exact coordinates.
-pub(crate) fn plane(rng: &mut Rng) -> Mesh {
-    let n = rng.u32(2..17);
-    let tilt = [(); 2].map(|()| grid(4, rng));
-    let turn = rng.usize(..3);
-    let point = |i: u32, j: u32| {
-        let [x, y] = [i, j].map(|k| k as f32 / 8.0 - 1.0);
-        let p = [x, y, tilt[0] * x + tilt[1] * y];
-        [p[turn], p[(turn + 1) % 3], p[(turn + 2) % 3]]
-    };
-    let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
-    let at = |i, j| j * (n + 1) + i;
-    let mut triangles = Vec::new();
-    for [[a, b, c], [_, _, d]] in quads(n, n, at) {
-        triangles.extend(match rng.bool() {
-            true => [[a, b, c], [a, c, d]],
-            false => [[b, d, a], [d, b, c]],
-        });
-    }
-    rng.shuffle(&mut triangles);
-    (points.map(|(i, j)| point(i, j)).collect(), triangles)
+/// Grids of quads in one plane, with exact coordinates.
+pub(crate) fn plane() -> impl Strategy<Value = Mesh> {
+    let numbers = (
+        2..17_u32,
+        [grid(4), grid(4)],
+        0..3_usize,
+        vec(any::<bool>(), 16 * 16),
+    );
+    let all = numbers.prop_map(|(n, tilt, turn, halves)| {
+        let point = |i: u32, j: u32| {
+            let [x, y] = [i, j].map(|k| k as f32 / 8.0 - 1.0);
+            let p = [x, y, tilt[0] * x + tilt[1] * y];
+            [p[turn], p[(turn + 1) % 3], p[(turn + 2) % 3]]
+        };
+        let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
+        let at = |i, j| j * (n + 1) + i;
+        let mut triangles = Vec::new();
+        for ([[a, b, c], [_, _, d]], half) in quads(n, n, at).into_iter().zip(halves) {
+            triangles.extend(match half {
+                true => [[a, b, c], [a, c, d]],
+                false => [[b, d, a], [d, b, c]],
+            });
+        }
+        (points.map(|(i, j)| point(i, j)).collect(), triangles)
+    });
+    shuffled(all)
+}
+
+/// Meshes with their triangles in any order.
+fn shuffled(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Mesh> {
+    meshes.prop_flat_map(|(points, triangles)| (Just(points), Just(triangles).prop_shuffle()))
 }

@@ -5,6 +5,7 @@ pub(crate) mod cases;
 pub(crate) mod meshes;
 pub(crate) mod rays;
 pub(crate) mod scenes;
+pub(crate) mod strategies;
 pub(crate) mod topologies;
 
 use fastrand::Rng;

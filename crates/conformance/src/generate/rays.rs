@@ -1,9 +1,12 @@
 //! Rays of several kinds, each for one purpose. Sums are computed in double precision and rounded once.
 
-use super::meshes::{point, unit};
+use super::meshes::point;
+use super::strategies::{Precision, Steps, precision, samples, steps};
 use crate::stage;
-use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle, is_active};
+use proptest::array::uniform3;
+use proptest::prelude::*;
+use proptest::sample::select;
 
 /// Bits of the exponent of an `f64`.
 const EXPONENT: u64 = 0x7ff << 52;
@@ -60,6 +63,91 @@ backend::named! {
     }
 }
 
+/// Description of a ray, from which [`Aims`] computes it for a scene.
+#[derive(Clone, Debug)]
+pub(crate) struct RayDescription {
+    pub(crate) kind: RayKind,
+    target: Target,
+    /// Whether triangles that reach far are left out of the targets.
+    is_near: bool,
+    /// Numbers that stand for the triangle of the target, and for another one.
+    triangles: [u32; 2],
+    /// Where on the triangle the target lies.
+    weights: [f64; 2],
+    /// Which vertex or edge of the triangle.
+    part: usize,
+    /// Whether a ray that starts at the rim of a triangle starts at a vertex.
+    is_vertex: bool,
+    /// Points around the scene.
+    points: [[f64; 3]; 2],
+    /// Edges of a triangle to walk along from its first vertex.
+    walk: [i32; 2],
+    /// Exponent of the distance of a far start.
+    exponent: i32,
+    axis: usize,
+    /// Signs of zeros.
+    signs: [bool; 3],
+    /// The variant of the kind, modulo the number of variants.
+    variant: usize,
+    precision: Precision,
+}
+
+/// Rays of a kind, which shrink to kinds without special geometry and to fewer digits.
+pub(crate) fn rays_of(kind: RayKind, target: Target) -> impl Strategy<Value = RayDescription> {
+    let special = (
+        0..3_usize,
+        uniform3(any::<bool>()),
+        0..VARIANTS,
+        0..3_usize,
+        any::<bool>(),
+        [-4..=4, -4..=4],
+        4..30,
+    );
+    let geometry = (
+        0..4_u8,
+        any::<[u32; 2]>(),
+        [0.0..1.0, 0.0..1.0],
+        [point(), point()],
+    );
+    let numbers = (geometry.no_shrink(), special.no_shrink());
+    (kinds(kind), precision(), numbers).prop_map(move |(kind, precision, (geometry, special))| {
+        let (near, triangles, weights, points) = geometry;
+        let (axis, signs, variant, part, is_vertex, walk, exponent) = special;
+        RayDescription {
+            kind,
+            target,
+            is_near: near == 0,
+            triangles,
+            weights,
+            part,
+            is_vertex,
+            points,
+            walk,
+            exponent,
+            axis,
+            signs,
+            variant,
+            precision,
+        }
+    })
+}
+
+/// A multiple of the number of variants of each kind.
+const VARIANTS: usize = 9 * 4 * 7;
+
+/// A kind, or the simpler kinds that it shrinks to.
+fn kinds(kind: RayKind) -> Steps<RayKind> {
+    let simple = [RayKind::Random, RayKind::Aimed].into_iter();
+    let simple = simple.take_while(|&simple| simple != kind);
+    steps(simple.chain([kind]).collect::<Vec<_>>())
+}
+
+/// Ray `i` of a scene. Kinds rotate, and so do the interior, an edge and a vertex as targets.
+pub(crate) fn turn(i: u64) -> impl Strategy<Value = RayDescription> {
+    let (i, kinds) = (i as usize, RayKind::ALL.len());
+    rays_of(RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3])
+}
+
 /// Returns `count` rays from all sides, each at a target on a random triangle.
 ///
 /// Rays start at most `distance` times the scene's size away.
@@ -71,17 +159,9 @@ pub fn aimed(
     count: usize,
 ) -> Vec<Ray> {
     let [_, aims] = Aims::of(animation, time);
-    let mut rng = Rng::with_seed(2014);
-    let all = std::iter::repeat_with(|| aims.beyond(target, 2.0 * distance, &mut rng));
+    let all = samples(rays_of(RayKind::Beyond, target), 2014);
+    let all = all.map(|ray| aims.beyond(&ray, 2.0 * distance));
     all.filter(Ray::is_valid).take(count).collect()
-}
-
-/// Returns ray `i` of a scene. Kinds rotate, and so do the interior, an edge and a vertex as targets.
-pub(crate) fn turn([near, all]: &[Aims; 2], i: u64, rng: &mut Rng) -> Ray {
-    let (i, kinds) = (i as usize, RayKind::ALL.len());
-    let (kind, target) = (RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3]);
-    let aims = [near, all][rng.usize(..4).min(1)];
-    aims.ray(kind, target, rng)
 }
 
 /// The active triangles of a scene at one time, as targets.
@@ -118,87 +198,98 @@ impl Aims {
         [near, all].map(Self::new)
     }
 
-    /// Returns a ray of a kind, which is aimed at `target` if its kind allows. If there is no triangle, returns a
+    /// Returns the described ray at the targets of a scene: see [`Self::of`].
+    pub(crate) fn pick([near, all]: &[Self; 2], ray: &RayDescription) -> Ray {
+        let aims = if ray.is_near { near } else { all };
+        aims.ray(ray)
+    }
+
+    /// Returns the described ray, which is aimed at its target if its kind allows. If there is no triangle, returns a
     /// random ray.
-    pub(crate) fn ray(&self, kind: RayKind, target: Target, rng: &mut Rng) -> Ray {
-        if self.corners.is_empty() {
-            return Ray::new([0.0; 3], point(rng).map(|x| x as f32));
+    pub(crate) fn ray(&self, ray: &RayDescription) -> Ray {
+        let precise = self.full(ray);
+        Ray {
+            origin: ray.precision.point(precise.origin),
+            direction: ray.precision.point(precise.direction),
+            ..precise
         }
-        match kind {
-            RayKind::AlongAxis => self.along_axis(target, rng),
+    }
+
+    /// Returns the ray with all digits.
+    fn full(&self, ray: &RayDescription) -> Ray {
+        let somewhere = ray.points[0].map(|x| x as f32);
+        if self.corners.is_empty() {
+            return Ray::new([0.0; 3], somewhere);
+        }
+        match ray.kind {
+            RayKind::AlongAxis => self.along_axis(ray),
             RayKind::OnSurface => {
-                let from = self.target(Target::Inside, rng).map(|x| x as f32);
-                Ray::new(from, point(rng).map(|x| x as f32))
+                let from = self.target(Target::Inside, ray).map(|x| x as f32);
+                Ray::new(from, somewhere)
             }
-            RayKind::Beyond => self.beyond(target, 2.0_f64.powi(rng.i32(4..30)), rng),
+            RayKind::Beyond => self.beyond(ray, 2.0_f64.powi(ray.exponent)),
             _ => {
-                let [from, at] = self.ends(kind, target, rng);
-                bent(towards(from, at), kind, rng)
+                let [from, at] = self.ends(ray);
+                ray.bent(towards(from, at))
             }
         }
     }
 
     /// Returns the start of a ray and the point at which it is aimed.
-    fn ends(&self, kind: RayKind, target: Target, rng: &mut Rng) -> [[f64; 3]; 2] {
-        let on_rim = |rng: &mut Rng| [Target::Edge, Target::Vertex][rng.usize(..2)];
+    fn ends(&self, ray: &RayDescription) -> [[f64; 3]; 2] {
         let around = |reach: f64, p: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|i| self.centre[i] + reach * p[i])
         };
-        match kind {
-            RayKind::Random => [(); 2].map(|()| around(1.5 * self.radius, point(rng))),
+        let rim = [Target::Edge, Target::Vertex][usize::from(ray.is_vertex)];
+        let triangle = self.triangle(ray.triangles[0]);
+        match ray.kind {
+            RayKind::Random => ray.points.map(|p| around(1.5 * self.radius, p)),
             RayKind::InPlane => {
-                let triangle = self.triangle(rng);
-                let (x, y) = (rng.f64(), rng.f64());
-                let at = within(triangle, [x.min(y), 1.0 - x.max(y)]);
-                let from = within(triangle, [4.0 * unit(rng), 4.0 * unit(rng)]);
-                [from, at]
+                let [x, y, _] = ray.points[0].map(|x| 4.0 * x);
+                [within(triangle, [x, y]), self.target(Target::Inside, ray)]
             }
             // From a lattice point of the triangle's parallelogram or beyond.
             RayKind::InPlaneExactly => {
-                let triangle = self.triangle(rng);
-                let weights = [(); 2].map(|()| f64::from(rng.i32(-4..=4)));
-                let at = halves(on_rim(rng), rng);
-                [within(triangle, weights), within(triangle, at)]
+                let from = within(triangle, ray.walk.map(f64::from));
+                [from, within(triangle, halves(rim, ray.part))]
             }
             // If vertices are multiples of a power of two, the ray passes exactly through its target.
             RayKind::Exactly | RayKind::Limited => {
-                let at = within(self.triangle(rng), halves(target, rng));
-                let from = around(2.0 * self.radius, point(rng));
+                let at = within(triangle, halves(ray.target, ray.part));
+                let from = around(2.0 * self.radius, ray.points[0]);
                 [from.map(|x| self.snapped(x)), at]
             }
             RayKind::Between => {
-                let start = on_rim(rng);
-                let from = within(self.triangle(rng), halves(start, rng));
-                [from, self.target(target, rng)]
+                let from = within(self.triangle(ray.triangles[1]), halves(rim, ray.part));
+                [from, self.target(ray.target, ray)]
             }
             // From before the edge, from its end or from within it.
             RayKind::AlongEdge => {
-                let triangle = self.triangle(rng);
-                let start = [-1.0, 0.0, 0.5][rng.usize(..3)];
+                let start = [-1.0, 0.0, 0.5][ray.variant % 3];
                 [within(triangle, [start, 0.0]), triangle[1]]
             }
             // From around the scene, or from within it.
             _ => {
-                let reach = self.radius * [0.9, 2.5][rng.usize(..2)];
-                [around(reach, point(rng)), self.target(target, rng)]
+                let reach = self.radius * [0.9, 2.5][usize::from(ray.is_vertex)];
+                [around(reach, ray.points[0]), self.target(ray.target, ray)]
             }
         }
     }
 
-    fn triangle(&self, rng: &mut Rng) -> [[f64; 3]; 3] {
-        let t = self.corners[rng.usize(..self.corners.len())];
+    /// Returns the triangle that any number stands for.
+    fn triangle(&self, number: u32) -> [[f64; 3]; 3] {
+        let t = self.corners[number as usize % self.corners.len()];
         t.map(|p| p.map(f64::from))
     }
 
-    fn target(&self, target: Target, rng: &mut Rng) -> [f64; 3] {
-        let triangle = self.triangle(rng);
-        let (x, y) = (rng.f64(), rng.f64());
+    fn target(&self, target: Target, ray: &RayDescription) -> [f64; 3] {
+        let [x, y] = ray.weights;
         let weights = match target {
             Target::Vertex => [0.0, 0.0],
             Target::Edge => [x, 0.0],
             Target::Inside => [x.min(y), 1.0 - x.max(y)],
         };
-        within(triangle, weights)
+        within(self.triangle(ray.triangles[0]), weights)
     }
 
     /// Returns the nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
@@ -211,22 +302,26 @@ impl Aims {
     }
 
     /// Returns a ray along an axis, which shares its other coordinates with the target.
-    fn along_axis(&self, target: Target, rng: &mut Rng) -> Ray {
-        let axis = rng.usize(..3);
-        let sign = [1.0, -1.0][rng.usize(..2)];
-        let mut from = self.target(target, rng);
-        from[axis] -= 4.0 * sign * self.radius;
-        let mut direction = [(); 3].map(|()| [0.0, -0.0][rng.usize(..2)]);
-        direction[axis] = sign as f32 * [1.0, 0.3, 1e-3][rng.usize(..3)];
+    fn along_axis(&self, ray: &RayDescription) -> Ray {
+        let sign = if ray.is_vertex { -1.0 } else { 1.0 };
+        let mut from = self.target(ray.target, ray);
+        from[ray.axis] -= 4.0 * sign * self.radius;
+        let mut direction = ray.signs.map(zero);
+        direction[ray.axis] = sign as f32 * [1.0, 0.3, 1e-3][ray.variant % 3];
         Ray::new(from.map(|x| x as f32), direction)
     }
 
     /// Returns a ray that starts at most `times` the scene's size away.
-    fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
-        let (from, at) = (point(rng), self.target(target, rng));
+    fn beyond(&self, ray: &RayDescription, times: f64) -> Ray {
+        let (from, at) = (ray.points[0], self.target(ray.target, ray));
         let reach = times * self.radius;
         towards(std::array::from_fn(|i| at[i] + reach * from[i]), at)
     }
+}
+
+/// Returns a zero of either sign.
+fn zero(is_negative: bool) -> f32 {
+    if is_negative { -0.0 } else { 0.0 }
 }
 
 /// Returns the point of a triangle with these weights of its second and third vertex.
@@ -235,12 +330,12 @@ fn within([a, b, c]: [[f64; 3]; 3], [v, w]: [f64; 2]) -> [f64; 3] {
 }
 
 /// Returns weights of the second and third vertex: of a vertex, the midpoint of an edge or an interior point.
-fn halves(target: Target, rng: &mut Rng) -> [f64; 2] {
+fn halves(target: Target, part: usize) -> [f64; 2] {
     let vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let edges = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
     match target {
-        Target::Vertex => vertices[rng.usize(..3)],
-        Target::Edge => edges[rng.usize(..3)],
+        Target::Vertex => vertices[part],
+        Target::Edge => edges[part],
         Target::Inside => [0.25, 0.25],
     }
 }
@@ -251,38 +346,55 @@ fn towards(from: [f64; 3], at: [f64; 3]) -> Ray {
     Ray::new(origin, to)
 }
 
-/// Returns a ray whose origin and direction consist of zeros and small numbers.
-pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
+/// Rays whose origin and direction consist of zeros and small numbers.
+pub(crate) fn of_zeros() -> impl Strategy<Value = Ray> {
     const FROM: [f32; 8] = [0.0, -0.0, 0.25, -0.25, 0.5, -0.5, 2.0, -2.0];
     const ALONG: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 0.5, -0.25];
-    let origin = [(); 3].map(|()| FROM[rng.usize(..FROM.len())]);
-    Ray::new(origin, [(); 3].map(|()| ALONG[rng.usize(..ALONG.len())]))
+    let ends = (uniform3(select(&FROM[..])), uniform3(select(&ALONG[..])));
+    ends.prop_map(|(origin, direction)| Ray::new(origin, direction))
 }
 
-/// Applies the limits or the direction that the ray's kind requires.
-fn bent(mut ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
-    let (d, axis) = (&mut ray.direction, rng.usize(..3));
-    match kind {
-        RayKind::Limited => {
-            let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][rng.usize(..3)];
-            match rng.usize(..3) {
-                0 => ray.t_max = at,
-                1 => ray.t_min = at,
-                _ => (ray.t_min, ray.t_max) = (f32::NEG_INFINITY, at - 1.0),
+impl RayDescription {
+    /// Applies the limits or the direction that the ray's kind requires.
+    fn bent(&self, mut ray: Ray) -> Ray {
+        let (d, axis) = (&mut ray.direction, self.axis);
+        match self.kind {
+            RayKind::Limited => {
+                let at = [1.0_f32.next_down(), 1.0, 1.0_f32.next_up()][self.variant % 3];
+                match self.variant / 3 % 3 {
+                    0 => ray.t_max = at,
+                    1 => ray.t_min = at,
+                    _ => (ray.t_min, ray.t_max) = (f32::NEG_INFINITY, at - 1.0),
+                }
             }
+            RayKind::ZeroComponent => d[axis] = zero(self.signs[0]),
+            RayKind::Lopsided => {
+                d[axis] *= 1e-25;
+                d[(axis + 1) % 3] *= [1.0, 1e-12, 1e-38, 1e-6][self.variant % 4];
+            }
+            RayKind::Short => *d = stretched(*d, 1e-30),
+            RayKind::Long => *d = stretched(*d, 1e30),
+            RayKind::Subnormal => *d = stretched(*d, 3e-41),
+            RayKind::Void => return self.void(ray),
+            _ => {}
         }
-        RayKind::ZeroComponent => d[axis] = [0.0, -0.0][rng.usize(..2)],
-        RayKind::Lopsided => {
-            d[axis] *= 1e-25;
-            d[(axis + 1) % 3] *= [1.0, 1e-12, 1e-38, 1e-6][rng.usize(..4)];
-        }
-        RayKind::Short => *d = stretched(*d, 1e-30),
-        RayKind::Long => *d = stretched(*d, 1e30),
-        RayKind::Subnormal => *d = stretched(*d, 3e-41),
-        RayKind::Void => return void(ray, rng),
-        _ => {}
+        ray
     }
-    ray
+
+    /// Returns a ray that can hit nothing.
+    fn void(&self, mut ray: Ray) -> Ray {
+        let axis = self.axis;
+        match self.variant % 7 {
+            0 => ray.direction = [0.0, -0.0, 0.0],
+            1 => ray.direction[axis] = f32::NAN,
+            2 => ray.direction[axis] = f32::NEG_INFINITY,
+            3 => ray.origin[axis] = [f32::INFINITY, f32::NAN][usize::from(self.signs[0])],
+            4 => (ray.t_min, ray.t_max) = (2.0, 2.0),
+            5 => ray.t_min = f32::NAN,
+            _ => ray.t_max = f32::NAN,
+        }
+        ray
+    }
 }
 
 /// Scales a direction so that its largest component is about `length`.
@@ -290,19 +402,4 @@ fn stretched(direction: Point, length: f64) -> Point {
     let d = direction.map(f64::from);
     let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     d.map(|x| (x / longest * length) as f32)
-}
-
-/// Returns a ray that can hit nothing.
-fn void(ray: Ray, rng: &mut Rng) -> Ray {
-    let (mut void, axis) = (ray, rng.usize(..3));
-    match rng.usize(..7) {
-        0 => void.direction = [0.0, -0.0, 0.0],
-        1 => void.direction[axis] = f32::NAN,
-        2 => void.direction[axis] = f32::NEG_INFINITY,
-        3 => void.origin[axis] = [f32::INFINITY, f32::NAN][rng.usize(..2)],
-        4 => (void.t_min, void.t_max) = (2.0, 2.0),
-        5 => void.t_min = f32::NAN,
-        _ => void.t_max = f32::NAN,
-    }
-    void
 }

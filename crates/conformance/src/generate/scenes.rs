@@ -2,8 +2,12 @@
 
 use super::bodies::{BODIES, icosphere};
 use super::meshes::{self, Mesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
-use fastrand::Rng;
+use super::strategies::each;
 use geom::Point;
+use proptest::array::uniform3;
+use proptest::collection::{SizeRange, vec};
+use proptest::prelude::*;
+use proptest::sample::select;
 use std::ops::Range;
 
 backend::named! {
@@ -45,192 +49,271 @@ backend::named! {
 /// Vertices of each key frame, and three vertex indices per triangle.
 pub(crate) type Moving = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 
-/// Returns three numbers in `-1..=1` that are multiples of a power of two and not subnormal.
-pub(crate) fn unit(rng: &mut Rng) -> Point {
-    [(); 3].map(|()| grid(1024, rng))
+/// Number of key frames.
+pub(crate) const KEYS: usize = 3;
+
+/// Three numbers in `-1..=1` that are multiples of a power of two and not subnormal.
+pub(crate) fn unit() -> impl Strategy<Value = Point> + Clone {
+    uniform3(grid(1024))
 }
 
-/// Returns three key frames of a mesh of about unit size.
-pub(crate) fn scene(kind: SceneKind, rng: &mut Rng) -> Moving {
+/// Three key frames of a mesh of about unit size.
+///
+/// Scenes shrink by their special vertices and triangles alone. A [case](super::cases) keeps fewer of the triangles and
+/// key frames, and fewer digits.
+pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<Moving> {
     match kind {
-        SceneKind::Soup => free(1..150, PLUMP, rng),
-        SceneKind::Slivers => free(1..60, [-7.0, -3.0], rng),
-        SceneKind::Flakes => scattered(meshes::separate(&flakes(rng)), rng),
-        SceneKind::Stack => scattered(stacks(rng), rng),
-        SceneKind::Plane => animate(plane(rng), rng),
-        SceneKind::Broken => broken(free(2..40, PLUMP, rng), rng),
-        SceneKind::Few => {
-            let (keys, mut triangles) = free(2..3, PLUMP, rng);
-            triangles.truncate(rng.usize(..3));
-            (keys, triangles)
-        }
-        SceneKind::Gone => gone(free(1..20, PLUMP, rng), rng),
-        SceneKind::Grown => grown(free(1..40, PLUMP, rng), rng),
-        SceneKind::Resting => resting(free(8..200, PLUMP, rng), rng),
-        SceneKind::Sheet => {
-            let (n, steps) = (rng.u32(2..9), [4, 8, 1000][rng.usize(..3)]);
-            animate(sheet(n, steps, rng), rng)
-        }
-        SceneKind::Body => animate(body(rng), rng),
-        SceneKind::Zeros => zeros(rng),
-        SceneKind::Hall => hall(rng),
-        SceneKind::Outlying => outlying(rng),
+        SceneKind::Soup => free(1..150, PLUMP).boxed(),
+        SceneKind::Slivers => free(1..60, [-7.0, -3.0]).boxed(),
+        SceneKind::Flakes => scattered(flakes().prop_map(|all| meshes::separate(&all))).boxed(),
+        SceneKind::Stack => scattered(stacks()).boxed(),
+        SceneKind::Plane => animated(plane()).boxed(),
+        SceneKind::Broken => broken().boxed(),
+        SceneKind::Few => few().boxed(),
+        SceneKind::Gone => gone().boxed(),
+        SceneKind::Grown => grown().boxed(),
+        SceneKind::Resting => resting().boxed(),
+        SceneKind::Sheet => animated(sheets()).boxed(),
+        SceneKind::Body => animated(body()).boxed(),
+        SceneKind::Zeros => zeros().boxed(),
+        SceneKind::Hall => hall().boxed(),
+        SceneKind::Outlying => outlying().boxed(),
     }
 }
 
-/// Returns separate triangles, whose number is in `count`. Second edges are scaled by a power of ten with an exponent in
-/// `thin`.
-fn free(count: Range<usize>, thin: [f64; 2], rng: &mut Rng) -> Moving {
-    let count = rng.usize(count);
-    scattered(meshes::separate(&soup(count, 0.4, thin, rng)), rng)
+/// Separate triangles, whose second edges are scaled by a power of ten with an exponent in `thin`.
+fn free(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = Moving> {
+    scattered(soup(count, 0.4, thin).prop_map(|all| meshes::separate(&all)))
 }
 
-/// Returns one of [`BODIES`], scaled to unit size.
-fn body(rng: &mut Rng) -> Mesh {
-    let body = BODIES[rng.usize(..BODIES.len())];
-    let (points, triangles) = (body.shape)();
-    let shrunk = |p: Point| p.map(|x| x / body.radius as f32);
-    (points.into_iter().map(shrunk).collect(), triangles)
+fn sheets() -> impl Strategy<Value = Mesh> {
+    (2..9_u32, select(&[4, 8, 1000][..])).prop_flat_map(|(n, steps)| sheet(n, steps))
 }
 
-/// Returns an offset for each of three key frames.
-fn drift(rng: &mut Rng) -> [Point; 3] {
-    [[0.0; 3], unit(rng), unit(rng)]
+/// One of [`BODIES`], scaled to unit size.
+fn body() -> impl Strategy<Value = Mesh> {
+    (0..BODIES.len()).prop_map(|body| {
+        let body = BODIES[body];
+        let (points, triangles) = (body.shape)();
+        let shrunk = |p: Point| p.map(|x| x / body.radius as f32);
+        (points.into_iter().map(shrunk).collect(), triangles)
+    })
 }
 
-/// Animates a mesh so that each run of three vertices moves independently.
-fn scattered((points, triangles): Mesh, rng: &mut Rng) -> Moving {
-    let mut keys = vec![Vec::new(); 3];
-    for three in points.chunks(3) {
-        for (key, by) in keys.iter_mut().zip(drift(rng)) {
-            key.extend(three.iter().map(|&p| plus(p, 1.0, by)));
-        }
-    }
-    (keys, triangles)
+/// Offsets in each of three key frames.
+fn drift() -> impl Strategy<Value = [Point; KEYS]> + Clone {
+    [unit(), unit()].prop_map(|[second, third]| [[0.0; 3], second, third])
 }
 
-/// Animates a body whose vertices drift, each by a random share.
-fn animate((points, triangles): Mesh, rng: &mut Rng) -> Moving {
-    let shares: Vec<f32> = points.iter().map(|_| rng.f32()).collect();
-    let key = |by: Point| {
-        let points = points.iter().zip(&shares);
-        points.map(|(&p, &share)| plus(p, share, by)).collect()
+/// The most triangles that move independently.
+const DRIFTS: usize = 200;
+/// The most vertices that move by shares of their own.
+const SHARES: usize = 300;
+
+/// Animates meshes so that each run of three vertices moves independently.
+fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Moving> {
+    let all = (meshes, vec(drift(), DRIFTS));
+    let moving = all.prop_map(|((points, triangles), drifts)| {
+        let key = |k: usize| {
+            let vertices = points.iter().enumerate();
+            vertices
+                .map(|(v, &p)| plus(p, 1.0, drifts[v / 3 % DRIFTS][k]))
+                .collect()
+        };
+        ((0..KEYS).map(key).collect(), triangles)
+    });
+    moving.no_shrink()
+}
+
+/// Animates bodies whose vertices drift, each by a share of its own.
+fn animated(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Moving> {
+    let all = (meshes, drift(), vec(0.0_f32..1.0, SHARES));
+    let moving = all.prop_map(|((points, triangles), drift, shares)| {
+        let key = |by: Point| {
+            let points = points.iter().zip(shares.iter().cycle());
+            points.map(|(&p, &share)| plus(p, share, by)).collect()
+        };
+        (drift.map(key).to_vec(), triangles)
+    });
+    moving.no_shrink()
+}
+
+/// Something special about a scene, where `vertex` is any number.
+#[derive(Clone, Debug)]
+struct Oddity {
+    kind: usize,
+    vertex: u32,
+    other: u32,
+    key: usize,
+    axis: usize,
+    is_rare: bool,
+}
+
+/// Lists of `count` oddities, whose kinds rotate. Shrinking removes oddities.
+fn oddities(count: usize) -> impl Strategy<Value = Vec<Oddity>> {
+    let numbers = || {
+        let all = (any::<[u32; 2]>(), 0..KEYS, 0..3_usize, 0..3_u8);
+        all.no_shrink()
     };
-    (drift(rng).map(key).to_vec(), triangles)
+    let one = move |kind| {
+        numbers().prop_map(move |([vertex, other], key, axis, chance)| Oddity {
+            kind,
+            vertex,
+            other,
+            key,
+            axis,
+            is_rare: chance == 0,
+        })
+    };
+    each((0..count).map(one))
 }
 
 /// Makes some vertices not finite in some key frames, and adds triangles of no area.
-fn broken((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
-    let vertices = keys[0].len();
-    for n in 0..12 {
-        let vertex = rng.usize(..vertices);
-        match n % 4 {
-            0 => keys[rng.usize(..3)][vertex][rng.usize(..3)] = f32::NAN,
-            1 => keys.iter_mut().for_each(|k| k[vertex] = [f32::INFINITY; 3]),
-            2 => triangles.push([vertex as u32; 3]),
-            _ => {
-                let other = (vertex as u32 + 1) % vertices as u32;
-                triangles.push([vertex as u32, other, vertex as u32]);
+fn broken() -> impl Strategy<Value = Moving> {
+    (free(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
+        let vertices = keys[0].len();
+        for odd in oddities {
+            let vertex = odd.vertex as usize % vertices;
+            match odd.kind % 4 {
+                0 => keys[odd.key][vertex][odd.axis] = f32::NAN,
+                1 => keys.iter_mut().for_each(|k| k[vertex] = [f32::INFINITY; 3]),
+                2 => triangles.push([vertex as u32; 3]),
+                _ => {
+                    let other = (vertex as u32 + 1) % vertices as u32;
+                    triangles.push([vertex as u32, other, vertex as u32]);
+                }
             }
         }
-    }
-    (keys, triangles)
+        (keys, triangles)
+    })
+}
+
+/// Two separate triangles or fewer, with the vertices of two.
+fn few() -> impl Strategy<Value = Moving> {
+    (free(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
+        triangles.truncate(count);
+        (keys, triangles)
+    })
 }
 
 /// Makes all vertices not finite in at least one key frame.
-fn gone((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
-    let which = rng.usize(1..8);
-    for (i, key) in keys.iter_mut().enumerate() {
-        if which >> i & 1 == 1 {
-            let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i];
-            key.iter_mut().for_each(|p| p[i] = odd);
+fn gone() -> impl Strategy<Value = Moving> {
+    (free(1..20, PLUMP), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
+        for (i, key) in keys.iter_mut().enumerate() {
+            if which >> i & 1 == 1 {
+                let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i];
+                key.iter_mut().for_each(|p| p[i] = odd);
+            }
         }
-    }
-    (keys, triangles)
+        (keys, triangles)
+    })
 }
 
 /// Multiplies each key frame by a power of two.
-fn grown((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
-    for key in &mut keys {
-        let by = 2.0_f32.powi(rng.i32(-35..=20));
-        key.iter_mut().flatten().for_each(|x| *x *= by);
-    }
-    (keys, triangles)
+fn grown() -> impl Strategy<Value = Moving> {
+    let exponents = uniform3(-35..=20);
+    (free(1..40, PLUMP), exponents).prop_map(|((mut keys, triangles), exponents)| {
+        for (key, exponent) in keys.iter_mut().zip(exponents) {
+            let by = 2.0_f32.powi(exponent);
+            key.iter_mut().flatten().for_each(|x| *x *= by);
+        }
+        (keys, triangles)
+    })
 }
 
 /// Makes all triangles static except the first few, up to three of sixteen.
 ///
 /// Static triangles stay as in the first key frame. Some static vertices get special values, and some triangles are
 /// degenerate.
-fn resting((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
-    let moving = triangles.len() * rng.usize(..4) / 16;
-    let still = 3 * moving..keys[0].len();
-    let (first, later) = keys.split_at_mut(1);
-    for key in later {
-        key[still.clone()].copy_from_slice(&first[0][still.clone()]);
-    }
-    for n in 0..16 {
-        let (vertex, axis, often) = (rng.usize(still.clone()), n % 3, rng.u8(..3) == 0);
-        let all = keys.iter_mut().map(|key| &mut key[vertex]);
-        match n % 8 {
-            // Between key frames, this zero is positive.
-            0 => all.for_each(|p| p[axis] = -0.0),
-            1 => all.for_each(|p| p[axis] = 0.0),
-            2 if often => all.for_each(|p| p[axis] = f32::NAN),
-            3 if often => all.for_each(|p| *p = [f32::INFINITY; 3]),
-            4 => triangles.push([vertex as u32; 3]),
-            5 => triangles.push([rng.u32(..3), vertex as u32, vertex as u32 / 2]),
-            _ => {}
+fn resting() -> impl Strategy<Value = Moving> {
+    let all = (free(8..200, PLUMP), 0..4_usize, oddities(16));
+    all.prop_map(|((mut keys, mut triangles), share, oddities)| {
+        let moving = triangles.len() * share / 16;
+        let still = 3 * moving..keys[0].len();
+        let (first, later) = keys.split_at_mut(1);
+        for key in later {
+            key[still.clone()].copy_from_slice(&first[0][still.clone()]);
         }
-    }
-    (keys, triangles)
+        for odd in oddities {
+            let vertex = within(&still, odd.vertex);
+            let (axis, rare) = (odd.kind % 3, odd.is_rare);
+            let all = keys.iter_mut().map(|key| &mut key[vertex]);
+            match odd.kind % 8 {
+                // Between key frames, this zero is positive.
+                0 => all.for_each(|p| p[axis] = -0.0),
+                1 => all.for_each(|p| p[axis] = 0.0),
+                2 if rare => all.for_each(|p| p[axis] = f32::NAN),
+                3 if rare => all.for_each(|p| *p = [f32::INFINITY; 3]),
+                4 => triangles.push([vertex as u32; 3]),
+                5 => triangles.push([odd.other % 3, vertex as u32, vertex as u32 / 2]),
+                _ => {}
+            }
+        }
+        (keys, triangles)
+    })
 }
 
-/// Returns a static sheet, a small body that moves above it, and triangles of no area on both.
-fn hall(rng: &mut Rng) -> Moving {
-    let n = rng.u32(18..34);
-    let (floor, mut triangles) = sheet(n, 8, rng);
-    let (points, faces) = icosphere(rng.u32(..2));
-    let small = points.iter().map(|p| p.map(|x| 0.1 * x + 0.3)).collect();
-    let (mut keys, faces) = animate((small, faces), rng);
-    let before = floor.len() as u32;
-    for key in &mut keys {
-        key.splice(0..0, floor.iter().copied());
-    }
-    triangles.extend(faces.iter().map(|t| t.map(|v| before + v)));
-    for _ in 0..6 {
-        let (a, b) = (rng.u32(..keys[0].len() as u32), rng.u32(..before));
-        triangles.push([a, b, a]);
-    }
-    (keys, triangles)
+/// Returns the index in `range` that any number stands for.
+fn within(range: &Range<usize>, number: u32) -> usize {
+    range.start + number as usize % range.len()
+}
+
+/// A static sheet, a small body that moves above it, and triangles of no area on both.
+fn hall() -> impl Strategy<Value = Moving> {
+    let floor = (18..34_u32).prop_flat_map(|n| sheet(n, 8)).no_shrink();
+    let small = (0..2_u32).prop_map(|n| {
+        let (points, faces) = icosphere(n);
+        let small = |p: &Point| p.map(|x| 0.1 * x + 0.3);
+        (points.iter().map(small).collect(), faces)
+    });
+    let all = (floor, animated(small), oddities(6));
+    all.prop_map(|((floor, mut triangles), (mut keys, faces), oddities)| {
+        let before = floor.len() as u32;
+        for key in &mut keys {
+            key.splice(0..0, floor.iter().copied());
+        }
+        triangles.extend(faces.iter().map(|t| t.map(|v| before + v)));
+        for odd in oddities {
+            let (a, b) = (odd.vertex % keys[0].len() as u32, odd.other % before);
+            triangles.push([a, b, a]);
+        }
+        (keys, triangles)
+    })
 }
 
 /// In some key frames, multiplies some vertices by a power of two between `2^-128` and `2^126`.
-fn outlying(rng: &mut Rng) -> Moving {
-    let (mut keys, triangles) = match rng.usize(..3) {
-        0 => animate(sheet(4, 8, rng), rng),
-        1 => animate(icosphere(1), rng),
-        _ => free(40..41, PLUMP, rng),
-    };
-    let exponent = match rng.usize(..4) {
-        0 => rng.i32(-128..=-10),
-        _ => rng.i32(10..=126),
-    };
-    let corners = triangles[rng.usize(..triangles.len())];
-    let far = &corners[..[1, 3][rng.usize(..2)]];
-    let when = rng.u32(1..8);
-    let keys_then = keys.iter_mut().enumerate();
-    for (_, key) in keys_then.filter(|(k, _)| when >> k & 1 == 1) {
-        for &vertex in far {
-            key[vertex as usize] = key[vertex as usize].map(|x| x * 2.0_f32.powi(exponent));
-        }
-    }
-    (keys, triangles)
+fn outlying() -> impl Strategy<Value = Moving> {
+    let scene = prop_oneof![
+        free(40, PLUMP),
+        animated(Just(icosphere(1))),
+        animated(sheet(4, 8)),
+    ];
+    let exponent = prop_oneof![3 => 10..=126, 1 => -128..=-10];
+    let all = (scene, exponent, any::<u32>(), any::<bool>(), 1..8_u32);
+    let all = all.no_shrink();
+    all.prop_map(
+        |((mut keys, triangles), exponent, triangle, is_whole, when)| {
+            let corners = triangles[triangle as usize % triangles.len()];
+            let far = &corners[..if is_whole { 3 } else { 1 }];
+            let keys_then = keys.iter_mut().enumerate();
+            for (_, key) in keys_then.filter(|(k, _)| when >> k & 1 == 1) {
+                for &vertex in far {
+                    key[vertex as usize] = key[vertex as usize].map(|x| x * 2.0_f32.powi(exponent));
+                }
+            }
+            (keys, triangles)
+        },
+    )
 }
 
-fn zeros(rng: &mut Rng) -> Moving {
-    const NUMBERS: [f32; 9] = [0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 1e-30, -1e-18, 1e-12];
-    let n = rng.usize(1..30);
-    let key = |()| meshes::of_numbers(&NUMBERS, n, rng).concat();
-    ([(); 3].map(key).to_vec(), meshes::apart(n))
+/// Coordinates of [`SceneKind::Zeros`].
+const NUMBERS: &[f32] = &[0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 1e-30, -1e-18, 1e-12];
+
+fn zeros() -> impl Strategy<Value = Moving> {
+    let all = (1..30_usize).prop_flat_map(|n| vec(meshes::of_numbers(NUMBERS, n), KEYS));
+    let all = all.prop_map(|keys| {
+        let triangles = meshes::apart(keys[0].len());
+        (keys.iter().map(|key| key.concat()).collect(), triangles)
+    });
+    all.no_shrink()
 }

@@ -1,8 +1,10 @@
 //! Valid but unusual trees, and trees of other scenes.
 
+use super::strategies::each;
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::{Converter, Spare, Topology};
 use geom::Animation;
+use proptest::prelude::*;
 
 /// Distribution of a node's leaves among its children.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +29,28 @@ impl Split {
             Self::Random => rng.usize(1..leaves),
         };
         wanted.clamp(leaves.saturating_sub(room).max(1), room.min(leaves - 1))
+    }
+}
+
+/// Description of a valid tree that no builder makes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TreeDescription {
+    pub(crate) split: Split,
+    /// Decides the order of its leaves and, if it is split at random, its shape.
+    pub(crate) order: u64,
+}
+
+impl TreeDescription {
+    /// Lists with a tree of each [`Split`]. Shrinking removes trees.
+    pub(crate) fn all() -> impl Strategy<Value = Vec<Self>> {
+        let numbers = || any::<u64>().no_shrink();
+        each(Split::ALL.map(|split| numbers().prop_map(move |order| Self { split, order })))
+    }
+
+    /// Returns the tree over the triangles of a scene.
+    pub(crate) fn tree(self, animation: &Animation) -> Topology {
+        let leaves = live(animation, self.order);
+        odd(animation.triangle_count(), &leaves, self.split, self.order)
     }
 }
 

@@ -2,12 +2,14 @@
 
 use crate::generate::bodies::{Aim, BODIES, Placed, SORTS};
 use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
-use crate::generate::rays::{Aims, RayKind, Target, of_zeros};
+use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
+use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stage::vertices;
 use crate::stress::{Family, Plan};
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
+use proptest::strategy::Strategy;
 use std::sync::Arc;
 
 /// Minimum number of scenes per family, among which its rays are divided.
@@ -39,6 +41,11 @@ impl StressScene {
             inside: None,
         }
     }
+}
+
+/// Returns a value of a strategy.
+fn drawn<S: Strategy>(strategy: S, rng: &mut Rng) -> S::Value {
+    sample(&strategy, rng.u64(..))
 }
 
 /// Returns all scenes of a family, which depend only on the family and the plan.
@@ -101,29 +108,29 @@ fn closed(
 
 /// Returns a scene without rays of a family that has no closed bodies.
 fn free(family: Family, rng: &mut Rng) -> StressScene {
-    let plump = |rng: &mut Rng| soup(64, 0.4, PLUMP, rng);
+    let plump = |rng: &mut Rng| drawn(soup(64, 0.4, PLUMP), rng);
     let scaled = |exponents, rng: &mut Rng| {
-        let by = meshes::power(exponents, rng);
+        let by = drawn(meshes::power(exponents), rng);
         still(separate(&meshes::scaled(&plump(rng), by)))
     };
     match family {
-        Family::Needles => still(separate(&soup(64, 0.8, [-7.0, -3.0], rng))),
-        Family::ZeroArea => still(separate(&meshes::flakes(rng))),
+        Family::Needles => still(separate(&drawn(soup(64, 0.8, [-7.0, -3.0]), rng))),
+        Family::ZeroArea => still(separate(&drawn(meshes::flakes(), rng))),
         Family::Huge => scaled([15.0, 37.4], rng),
         Family::Tiny => scaled([-35.0, -12.0], rng),
         Family::Subnormal => scaled([-43.0, -38.0], rng),
-        Family::Stacks => still(meshes::stacks(rng)),
+        Family::Stacks => still(drawn(meshes::stacks(), rng)),
         Family::InPlane => {
             let mut all = plump(rng);
-            all.extend((0..64).map(|i| meshes::flat(i % 3, rng)));
+            all.extend((0..64).map(|i| drawn(meshes::flat(i % 3), rng)));
             still(separate(&all))
         }
-        Family::OnSurface => still(meshes::sheet(16, 1000, rng)),
-        Family::AxisParallel => still(meshes::sheet(16, 8, rng)),
+        Family::OnSurface => still(drawn(meshes::sheet(16, 1000), rng)),
+        Family::AxisParallel => still(drawn(meshes::sheet(16, 8), rng)),
         Family::ExtremeKeys => extreme(plump(rng), plump(rng), rng),
         Family::SignedZeros => {
-            let numbers = [0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5];
-            still(separate(&meshes::of_numbers(&numbers, 48, rng)))
+            const NUMBERS: &[f32] = &[0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 0.5, -0.5];
+            still(separate(&drawn(meshes::of_numbers(NUMBERS, 48), rng)))
         }
         Family::NonFinite => broken(&plump(rng), rng),
         Family::Exploding => exploding(rng),
@@ -138,10 +145,10 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
         Family::OnSurface => (RayKind::OnSurface, Target::Inside),
         Family::AxisParallel => (RayKind::AlongAxis, Target::ALL[i % 3]),
         Family::Stacks if i.is_multiple_of(2) => (RayKind::AlongAxis, Target::Inside),
-        Family::SignedZeros if i.is_multiple_of(2) => return of_zeros(rng),
+        Family::SignedZeros if i.is_multiple_of(2) => return drawn(of_zeros(), rng),
         _ => (RayKind::Aimed, Target::Inside),
     };
-    aims.ray(kind, target, rng)
+    aims.ray(&drawn(rays_of(kind, target), rng))
 }
 
 /// Generates the rays of a scene.
@@ -181,7 +188,7 @@ fn moving(keys: Vec<Vec<Point>>, time: f64) -> StressScene {
 /// Returns a scene that grows from unit size to a million times that, or shrinks.
 fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressScene {
     let mut keys = vec![small.concat(), meshes::scaled(&large, 1e6).concat()];
-    let time = meshes::power([-7.0, -0.01], rng);
+    let time = drawn(meshes::power([-7.0, -0.01]), rng);
     if rng.bool() {
         keys.reverse();
         return moving(keys, 1.0 - time);
@@ -211,7 +218,7 @@ fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
     let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
     let first = points.len() as u32;
-    points.extend(meshes::outlier(rng));
+    points.extend(drawn(meshes::outlier(), rng));
     triangles.push([first, first + 1, first + 2]);
     let animation = still((points, triangles)).animation;
     StressScene { animation, ..body }
@@ -219,10 +226,10 @@ fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
 
 /// Returns a sheet that is static, or moving, or has one vertex far away.
 fn exploding(rng: &mut Rng) -> StressScene {
-    let (points, triangles) = meshes::sheet(16, 8, rng);
+    let (points, triangles) = drawn(meshes::sheet(16, 8), rng);
     let mut far = points.clone();
     let vertex = rng.usize(..far.len());
-    far[vertex] = meshes::outlying(far[vertex], rng);
+    far[vertex] = drawn(meshes::outlying(far[vertex]), rng);
     let time = [0.0, 1.0, 1.0 + rng.f64(), 2.0][rng.usize(..4)];
     let built = [0.0, time][rng.usize(..2)];
     scene(vec![points.clone(), points, far], triangles, [built, time])
@@ -234,7 +241,7 @@ fn cloth(rays: usize, rng: &mut Rng) -> StressScene {
     let animation = demo.expect("demos need no file").animation;
     let times = [0.0, animation.end()];
     asked(StressScene::new(animation, times), rays, |aims, i| {
-        aims.ray(RayKind::Aimed, Target::ALL[i % 3], rng)
+        aims.ray(&drawn(rays_of(RayKind::Aimed, Target::ALL[i % 3]), rng))
     })
 }
 

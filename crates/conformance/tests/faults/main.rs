@@ -3,7 +3,7 @@
 
 mod faulty;
 
-use conformance::{Disagreement, LAWS, Law, Reference, hold};
+use conformance::{Cases, Disagreement, PROPERTIES, Property, Reference, hold};
 use cpu_ref::CpuBackend;
 use faulty::Faulty;
 
@@ -41,23 +41,42 @@ what_never_moves_may_be_passed_over: what moves is passed over
 /// Number of cases per property, as in the full tier.
 const CASES: u32 = 36;
 
-fn verdict(laws: &[Law], law: &str, fault: &'static str) -> Result<u32, Disagreement> {
-    let law = laws.iter().find(|l| l.name == law).expect(law);
+/// Tests a property on cases of seed 1, without shrinking them.
+fn verdict(
+    properties: &[Property],
+    property: &str,
+    fault: &'static str,
+) -> Result<u32, Disagreement> {
+    let cases = Cases {
+        shrinks: 0,
+        ..Cases::new(1, 0..=CASES - 1)
+    };
+    verdict_in(properties, property, fault, &cases)
+}
+
+fn verdict_in(
+    properties: &[Property],
+    property: &str,
+    fault: &'static str,
+    cases: &Cases,
+) -> Result<u32, Disagreement> {
+    let property = properties.iter().find(|p| p.name == property);
+    let property = property.expect("the property is known");
     let mut reference = Reference::new(Box::new(CpuBackend::new(Some(1)).unwrap()));
-    hold(law, &mut Faulty::new(fault), &mut reference, 1, 0..CASES)
+    hold(property, &mut Faulty::new(fault), &mut reference, cases)
 }
 
 /// Checks that every property holds without a fault, and detects each of its faults. Returns the properties without
 /// any.
-fn notices(laws: &[Law], noticed: &'static str) -> Vec<&'static str> {
-    let mut idle: Vec<_> = laws.iter().map(|l| l.name).collect();
-    for law in laws {
-        verdict(laws, law.name, "none").unwrap();
+fn notices(properties: &[Property], noticed: &'static str) -> Vec<&'static str> {
+    let mut idle: Vec<_> = properties.iter().map(|l| l.name).collect();
+    for property in properties {
+        verdict(properties, property.name, "none").unwrap();
     }
-    for (law, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
-        idle.retain(|l| *l != law);
+    for (property, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
+        idle.retain(|l| *l != property);
         for fault in faults.split(", ") {
-            let found = verdict(laws, law, fault).expect_err(fault);
+            let found = verdict(properties, property, fault).expect_err(fault);
             assert!(!found.what.contains("panicked"), "{fault}: {found}");
         }
     }
@@ -65,12 +84,50 @@ fn notices(laws: &[Law], noticed: &'static str) -> Vec<&'static str> {
 }
 
 #[test]
-fn every_law_holds_without_a_fault_and_notices_its_own() {
-    assert_eq!(notices(LAWS, NOTICED), [""; 0]);
+fn every_property_holds_without_a_fault_and_notices_its_own() {
+    assert_eq!(notices(PROPERTIES, NOTICED), [""; 0]);
 }
 
 #[test]
 fn a_backend_that_panics_disagrees() {
-    let found = verdict(LAWS, "closest_hits_equal_the_reference", "panics").unwrap_err();
+    let found = shrunk("closest_hits_equal_the_reference", "panics");
     assert!(found.what.contains("this backend panics"), "{found}");
+    assert!(found.minimal.triangles <= 1, "{found}");
+}
+
+/// Returns the disagreement in the smallest case that was found. Its text appears with `cargo test -- --nocapture`.
+fn shrunk(property: &str, fault: &'static str) -> Disagreement {
+    let cases = Cases::new(1, 0..=CASES - 1);
+    let found = verdict_in(PROPERTIES, property, fault, &cases).expect_err(fault);
+    println!("{fault}: {found}\n{}", found.options());
+    found
+}
+
+/// Properties, each with faults that shrink: of boxes, of hits and of streamed vertices.
+const SHRUNK: &str = "
+boxes_are_of_the_moment_interpolated_last: last box too large, boxes of the moment before
+closest_hits_equal_the_reference: weights swapped, ties go to the first leaf
+tree_age_does_not_change_hits: first leaf is never hit
+positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
+key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late
+";
+
+/// The most triangles, key frames and rays of a case that shows such a fault.
+const SMALL: [usize; 3] = [4, 2, 2];
+
+#[test]
+fn faults_shrink_to_a_few_triangles_and_rays() {
+    for (property, faults) in SHRUNK.lines().filter_map(|line| line.split_once(": ")) {
+        for fault in faults.split(", ") {
+            let found = shrunk(property, fault);
+            let small = &found.minimal;
+            let sizes = [small.triangles, small.keys, small.rays];
+            let is_small = sizes.iter().zip(SMALL).all(|(&size, most)| size <= most);
+            assert!(is_small, "{sizes:?}: {found}");
+            // The number of the case is enough to see it again.
+            let alone = Cases::new(1, found.case..=found.case);
+            let again = verdict_in(PROPERTIES, property, fault, &alone).unwrap_err();
+            assert_eq!((again.case, again.held), (found.case, 0));
+        }
+    }
 }

@@ -6,9 +6,10 @@
 
 mod batch;
 
-use crate::generate::cases::Placement;
+use crate::generate::cases::placements;
 use crate::generate::rays::{Aims, turn};
-use crate::generate::scenes::{SceneKind, scene};
+use crate::generate::scenes::{SceneKind, scenes};
+use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::Answered;
@@ -82,12 +83,15 @@ impl Audit {
         let seed = mixed(mixed(self.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
         let animation = match SceneKind::ALL.get(spec.source) {
-            Some(&kind) => Placement::any(rng).animation(scene(kind, rng)),
+            Some(&kind) => {
+                let (place, scene) = sample(&(placements(), scenes(kind)), seed);
+                place.animation(scene)
+            }
             None => Arc::clone(&self.given[spec.source - SceneKind::ALL.len()].1),
         };
         let mut scene = moment(animation, rng);
         let aims = Aims::of(&scene.animation, scene.time);
-        let ray = |i| turn(&aims, i, &mut Rng::with_seed(mixed(seed ^ (i + 1))));
+        let ray = |i| Aims::pick(&aims, &sample(&turn(i), mixed(seed ^ (i + 1))));
         scene.rays = (0..spec.rays).into_par_iter().map(ray).collect();
         Batch {
             spec: *spec,

@@ -19,7 +19,7 @@ pub(crate) type Methods = fn(&Check<'_>) -> Vec<Method>;
 
 /// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
-pub struct Law {
+pub struct Property {
     /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
     pub(crate) methods: Methods,
@@ -29,7 +29,7 @@ pub struct Law {
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
-impl Law {
+impl Property {
     /// Returns this property for the usual intersector alone, or `None` if it holds for `exact` only.
     #[must_use]
     pub fn by_usual_intersector(self) -> Option<Self> {
@@ -128,9 +128,9 @@ fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
 }
 
 /// Defines one property per line: its methods, its name and its test.
-macro_rules! laws {
+macro_rules! properties {
     ($($methods:ident $name:ident: $check:expr;)+) => {
-        &[$(Law {
+        &[$(Property {
             name: stringify!($name),
             methods: $methods,
             method_set: stringify!($methods),
@@ -140,7 +140,7 @@ macro_rules! laws {
 }
 
 /// All properties.
-pub const LAWS: &[Law] = laws! {
+pub const PROPERTIES: &[Property] = properties! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
     usual reports_name_what_was_done: reports::stages;

@@ -5,6 +5,7 @@ use super::answers::verify;
 use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
+use crate::generate::strategies::sample;
 use crate::stage::{ask, boxes_anew, fetch, open, stand, start, tree_over};
 use anyhow::{Context, Result, ensure};
 use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Ticket};
@@ -70,7 +71,12 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let times = (0..keys.len()).map(|key| key as f64).collect::<Vec<_>>();
     let animation = Arc::new(Animation::new(keys, triangles())?);
     let aims: Vec<_> = times.iter().map(|&t| Aims::of(&animation, t)).collect();
-    let ray = |i| turn(&aims[i as usize % aims.len()], i, rng);
+    let ray = |i| {
+        Aims::pick(
+            &aims[i as usize % aims.len()],
+            &sample(&turn(i), rng.u64(..)),
+        )
+    };
     let case = Case {
         rays: (0..AIMED).map(ray).collect(),
         animation,

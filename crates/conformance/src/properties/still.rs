@@ -3,7 +3,7 @@
 use super::Check;
 use crate::Case;
 use crate::compare::{answers, lists, same_counts, same_point};
-use crate::generate::topologies::{Split, live, odd};
+use crate::generate::topologies::{Split, TreeDescription};
 use crate::reference::Answer;
 use crate::stage::{boxes_anew, tree_at, vertices};
 use anyhow::{Context, Result, ensure};
@@ -61,10 +61,11 @@ fn another_tree(case: &Case, rng: &mut fastrand::Rng) -> Topology {
         0 => built,
         1 => without_lists(&built),
         _ => {
-            let leaves = live(animation, rng.u64(..));
-            let count = animation.triangle_count();
-            let odd = odd(count, &leaves, Split::Random, rng.u64(..));
-            odd.with_moving(animation.static_parts())
+            let odd = TreeDescription {
+                split: Split::Random,
+                order: rng.u64(..),
+            };
+            odd.tree(animation).with_moving(animation.static_parts())
         }
     }
 }

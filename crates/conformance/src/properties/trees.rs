@@ -4,8 +4,8 @@
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
-use crate::generate::topologies::{Split, foreign, live, odd as odd_tree};
-use crate::laws::still::COST_TOLERANCE;
+use crate::generate::topologies::foreign;
+use crate::properties::still::COST_TOLERANCE;
 use crate::reference::Answer;
 use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
@@ -31,15 +31,13 @@ pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
 /// Tests that chains of maximum depth and random trees have the same hits as a built tree.
 pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
-    let live = live(&case.animation, case.chance);
-    let count = case.animation.triangle_count();
-    let odd = Split::ALL.map(|split| (split, odd_tree(count, &live, split, case.chance)));
     c.open(now)?;
     c.stand(now)?;
     let built = both(c)?;
-    for ((split, tree), generation) in odd.iter().zip(2..) {
-        let about = || format!("{split:?}");
-        let adopted = c.subject.adopt(tree, Generation(generation));
+    for (odd, generation) in case.trees.iter().zip(2..) {
+        let about = || format!("{:?}", odd.split);
+        let tree = odd.tree(&case.animation);
+        let adopted = c.subject.adopt(&tree, Generation(generation));
         adopted.with_context(about)?;
         boxes_anew(c.subject)?;
         for (seen, built) in both(c)?.iter().zip(&built) {
