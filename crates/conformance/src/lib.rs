@@ -209,7 +209,7 @@ mod tests {
                     };
                 }
                 let case = case.current();
-                for property in PROPERTIES.iter().chain(OWN_TREE_PROPERTIES) {
+                for property in PROPERTIES {
                     reference.backend();
                     let held = by_each_method(property, &case, &mut subject, &mut reference);
                     held.unwrap_or_else(|e| panic!("{}: {e:#}; {case}", property.name));
