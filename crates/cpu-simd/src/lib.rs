@@ -7,7 +7,9 @@
 //! does one bit of it.
 
 mod boxes;
+mod exact;
 mod fit;
+mod intersect;
 mod leaf;
 mod light;
 mod moving;

@@ -8,7 +8,7 @@ use crate::trace::WideTracer;
 use backend::{BackendError, Intersector, Result};
 use bvh_layout::{BlockTree, First, Ranges, Topology};
 use cpu_ref::bvh2::Bvh2;
-use cpu_ref::intersect::{MollerTrumbore, Record, TriangleTest, Woop};
+use cpu_ref::intersect::{Exact, MollerTrumbore, Record, TriangleTest, Watertight, Woop};
 use cpu_ref::tiles::{Counts, Output};
 use cpu_ref::trace::{TraceTask, Tracer};
 use cpu_ref::{Accelerator, Geometry, Unhittable, reserve};
@@ -50,6 +50,11 @@ pub(crate) struct Block {
     /// Index in the scene; `u32::MAX` in lanes without a triangle.
     pub(crate) triangles: [u32; LANES],
 }
+
+/// Records of a block's triangles: for each row, for each column, the number in all lanes.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Records(pub(crate) [[[f32; LANES]; 4]; 3]);
 
 /// Where a triangle lies: in a lane of a block.
 #[inline(always)]
@@ -95,8 +100,8 @@ pub(crate) struct Wide {
     pub(crate) blocks: Vec<Block>,
     /// Whether nodes and blocks are still another tree's.
     pub(crate) stale: bool,
-    /// One a lane of a block, for tests other than the watertight one; else empty.
-    pub(crate) records: Vec<Record>,
+    /// One a block for `woop`; else empty, since other tests take corners.
+    pub(crate) records: Vec<Records>,
     /// The box of the whole tree, in scaled units.
     pub(crate) root: Aabb,
     /// Whether coordinates differ much in size, as of the last preprocess: [`geom::Range::spread`].
@@ -129,21 +134,26 @@ impl Wide {
         }
     }
 
-    /// Makes the record of each lane for tests that ask for one, after the corners.
-    fn make_records<T: TriangleTest>(&mut self) {
-        self.records
-            .resize(self.blocks.len() * LANES, Record::default());
-        let records = self.records.par_chunks_mut(LANES).with_min_len(128);
-        records.zip(&self.blocks).for_each(|(records, block)| {
-            for (lane, record) in records.iter_mut().enumerate() {
+    /// Makes the records of all blocks from their corners.
+    fn make_records(&mut self) {
+        let blocks = self.blocks.par_iter().with_min_len(128);
+        let records = blocks.map(|block| {
+            let mut records = Records([[[0.0; LANES]; 4]; 3]);
+            for lane in 0..LANES {
                 let corners = block.triangle(lane);
-                *record = if is_active(&corners) {
-                    T::record(&corners)
-                } else {
-                    Record::default()
-                };
+                if !is_active(&corners) {
+                    continue;
+                }
+                let Record(rows) = Woop::record(&corners);
+                for (to, row) in records.0.iter_mut().zip(rows) {
+                    for (to, number) in to.iter_mut().zip(row) {
+                        to[lane] = number;
+                    }
+                }
             }
+            records
         });
+        records.collect_into_vec(&mut self.records);
     }
 
     /// The triangle in a place.
@@ -201,9 +211,8 @@ impl Accelerator for Wide {
         self.spread = geometry.range.spread;
         self.areas = fitted.areas;
         match intersector {
-            Intersector::Woop => self.make_records::<Woop>(),
-            Intersector::MollerTrumbore => self.make_records::<MollerTrumbore>(),
-            Intersector::Watertight | Intersector::Exact => {}
+            Intersector::Woop => self.make_records(),
+            Intersector::MollerTrumbore | Intersector::Watertight | Intersector::Exact => {}
         }
         fitted.unhittable
     }
@@ -218,10 +227,12 @@ impl Accelerator for Wide {
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {
         let tracer = Tracer::new(task, self);
-        if task.intersector == Intersector::Watertight && !task.is_extreme() {
-            WideTracer(tracer).trace(out)
-        } else {
-            tracer.trace(out)
+        match task.intersector {
+            _ if task.is_extreme() => tracer.trace(out),
+            Intersector::MollerTrumbore => WideTracer::<MollerTrumbore>::new(tracer).trace(out),
+            Intersector::Woop => WideTracer::<Woop>::new(tracer).trace(out),
+            Intersector::Watertight => WideTracer::<Watertight>::new(tracer).trace(out),
+            Intersector::Exact => WideTracer::<Exact>::new(tracer).trace(out),
         }
     }
 
