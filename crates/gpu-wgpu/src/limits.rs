@@ -26,9 +26,9 @@ pub fn useful_features() -> Features {
         | LEAST_OF_64_BITS
 }
 
-/// What kernels of rasterization ask for.
+/// What kernels of rasterization ask for: an atomic minimum that returns the former value.
 pub(crate) const LEAST_OF_64_BITS: Features =
-    Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_MIN_MAX);
+    Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_ALL_OPS);
 
 /// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.
 ///

@@ -2,7 +2,7 @@
 //! triangle. Who can, and when it pays.
 
 use crate::{Counts, Params};
-use backend::{Intersector, Layout, Method};
+use backend::{Layout, Method};
 
 /// How the 32 invocations of a packet tell each other what they find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,22 +61,16 @@ const MOST_PIXELS: u64 = 1 << 24;
 /// What is hardly a picture is not worth the time that drivers take to make five kernels.
 const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
 
-/// The method that has kernels for either.
-const METHOD: Method = Method {
-    intersector: Intersector::Watertight,
-    layout: Layout::Fast,
-};
-
 /// Triangles and pixels of parameters made for a camera.
 fn sizes(params: &Params) -> (u32, u64) {
     let pixels = u64::from(params.width) * u64::from(params.height);
     (params.node_count.div_ceil(2), pixels)
 }
 
-/// Whether there are kernels for either. They widen everything in the picture by the size of the whole scene, which must not be
-/// far larger than most things in it.
+/// Whether either has kernels for the method's layout. They widen everything in the picture by the size of the whole scene, which
+/// must not be far larger than most things in it.
 fn is_suited(method: Method, params: &Params) -> bool {
-    method == METHOD && params.spread == 0
+    method.layout == Layout::Fast && params.spread == 0
 }
 
 /// Whether a camera's rays, with parameters made for it, go by packets.
@@ -131,6 +125,7 @@ impl RasterBackoff {
 mod tests {
     use super::*;
     use crate::Shape;
+    use backend::Intersector;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -151,17 +146,16 @@ mod tests {
         }
     }
 
-    /// With another intersector than either has kernels for, and with another layout.
-    const OTHERS: [Method; 2] = [
-        Method {
-            intersector: Intersector::Exact,
-            ..METHOD
-        },
-        Method {
-            layout: Layout::Bvh2,
-            ..METHOD
-        },
-    ];
+    const METHOD: Method = Method {
+        intersector: Intersector::Exact,
+        layout: Layout::Fast,
+    };
+
+    /// With a layout that neither has kernels for.
+    const OTHER: Method = Method {
+        layout: Layout::Bvh2,
+        ..METHOD
+    };
 
     #[test]
     fn tiles_pay_where_a_picture_has_pixels_enough() {
@@ -170,7 +164,7 @@ mod tests {
         for how in [Packets::BySubgroups, Packets::ByGroups] {
             assert!(packets_pay(METHOD, &usual, how));
             assert!(!packets_pay(METHOD, &more, how));
-            assert!(OTHERS.iter().all(|&o| !packets_pay(o, &usual, how)));
+            assert!(!packets_pay(OTHER, &usual, how));
         }
         let no_wide_tree = Params {
             wide_root: 0,
@@ -205,7 +199,7 @@ mod tests {
         }
         let pays =
             |method| rasterization_pays(method, &params(1_600_000, large), Packets::BySubgroups);
-        assert!(pays(METHOD) && OTHERS.into_iter().all(|other| !pays(other)));
+        assert!(pays(METHOD) && !pays(OTHER));
     }
 
     #[test]

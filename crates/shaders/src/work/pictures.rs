@@ -4,7 +4,7 @@
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
 use crate::{Params, Traits, common, kernel};
-use backend::Method;
+use backend::{Intersector, Method};
 use geom::{Camera, Point};
 use glam::DVec3;
 
@@ -56,8 +56,12 @@ pub(super) fn by_rasterization(
     let tiles = triangles + pixels / 4;
     let mut params = projected(seen, camera)?;
     params.notes = tiles;
-    // One more, for whether rasterization has told all.
-    let pairs = pixels / 2 + 1;
+    let kept = match method.intersector {
+        Intersector::Watertight => 1,
+        _ => 2,
+    };
+    // One more number says whether rasterization found all hits; two numbers are a row.
+    let pairs = kept * pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
@@ -72,7 +76,8 @@ pub(super) fn by_rasterization(
             },
             each(kernel("cover_large", method), SHARERS),
             each(rasterize, rasterizers),
-            over_blocks("resolve", method, params, [16, 8]),
+            // Its `notes` are those of `exact`.
+            over_blocks("resolve", method, seen, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + tiles),
         visibility_bytes: 16 * u64::from(pairs),
