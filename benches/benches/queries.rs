@@ -1,9 +1,11 @@
-//! Queries of the library in a scene that stands still: sixteen cameras in a step beside one of as many pixels, and rays
-//! that lie on the device beside a camera's. The sixteen are tiles of that one, which have its rays, or see as much as it,
-//! so that their rays lie four times as far apart.
+//! Queries of the library in a static scene.
 //!
-//! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps follow one another without waiting for hits
-//! (`ABVH_STEPS` of them), so a step takes what its device takes.
+//! Compares sixteen cameras in one step with one camera of the same total number of pixels. The sixteen are either
+//! tiles of the large image, with the same rays, or see its whole view at a quarter of its resolution. Also compares
+//! rays in device memory with the rays of a camera.
+//!
+//! `cargo bench -p benches --bench queries [-- auto|cpu|vulkan|wgpu]`. Steps (`ABVH_STEPS`) are submitted without
+//! waiting for hits, so the device determines the time of a step.
 
 use abvh::own_device::{RayBuffers, wgpu};
 use abvh::{Camera, Device, Mesh, Query, Ray, Scene, Step, Tracer};
@@ -13,10 +15,10 @@ use benches::{
 };
 use std::time::Instant;
 
-/// One of sixteen cameras, and a camera of as many pixels as all of them.
+/// Size of one of sixteen cameras, and of one camera with the same total number of pixels.
 const SMALL: [u32; 2] = [640, 480];
 const LARGE: [u32; 2] = [2560, 1920];
-/// A camera's rays that are given one by one, too: 2.3 million.
+/// Size of a camera whose rays are also traced as a list: 2.3 million rays.
 const LISTED: [u32; 2] = [1920, 1200];
 const ROUNDS: usize = 5;
 
@@ -42,7 +44,7 @@ fn standing(motion: &Motion) -> Scene {
     scene
 }
 
-/// Milliseconds of a step, the median of some rounds.
+/// Returns the milliseconds per step, as the median of several rounds.
 fn time(tracer: &mut Tracer, ask: &mut dyn FnMut(&mut Step<'_>)) -> f64 {
     let steps = setting("ABVH_STEPS", 300);
     let mut round = || {
@@ -54,7 +56,7 @@ fn time(tracer: &mut Tracer, ask: &mut dyn FnMut(&mut Step<'_>)) -> f64 {
         }
         begun.elapsed().as_secs_f64() * 1e3 / steps as f64
     };
-    // Kernels are made ready.
+    // Warm-up: compiles kernels.
     round();
     median(&(0..ROUNDS).map(|_| round()).collect::<Vec<_>>())
 }
@@ -83,7 +85,7 @@ fn many(motion: &Motion, device: &Device) -> Vec<String> {
     row
 }
 
-/// A part of a picture, in columns and rows of tiles.
+/// Returns the camera of one tile of an image, by the tile's column and row.
 fn tile(whole: &Camera, [column, row]: [u32; 2]) -> Camera {
     let [x, y] = [column * SMALL[0], row * SMALL[1]].map(|pixels| pixels as f32);
     let corner = |i: usize| whole.corner[i] + x * whole.across[i] + y * whole.down[i];

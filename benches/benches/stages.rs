@@ -1,6 +1,6 @@
-//! Every stage beside other crates: trees, records, refits and rays.
+//! Compares every stage with other crates: tree builds, conversion, refits and rays.
 //!
-//! `cargo bench -p benches --bench stages [-- STAGE]`, a stage being `build`, `convert`, `refit` or `trace`.
+//! `cargo bench -p benches --bench stages [-- STAGE]`, where a stage is `build`, `convert`, `refit` or `trace`.
 
 use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
 use benches::{
@@ -40,7 +40,7 @@ fn group<'a>(criterion: &'a mut Criterion, stage: &str, mesh: &Mesh) -> Group<'a
     group
 }
 
-/// Triangles to trees, with one thread and with all; and what the trees are worth.
+/// Measures builds with one thread and with all, and reports the surface area cost of the trees.
 fn build(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "build", mesh);
     for threads in thread_counts() {
@@ -66,8 +66,10 @@ fn build(criterion: &mut Criterion, mesh: &Mesh) {
     print_table(&title, "tree|cost|to abvh's|nodes", rows);
 }
 
-/// `abvh` is build and convert, off the frame's path; `abvh and refit` adds what the
-/// backend does before rays can use the record, as the rivals' builds do.
+/// Measures our builds.
+///
+/// `abvh` is build and conversion, which run outside the frame. `abvh and refit` adds the backend's work before rays
+/// can use the record, as the other crates' builds include it.
 fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     let pool = pool(threads);
     let positions = mesh.positions(mesh.start());
@@ -85,7 +87,7 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     });
 }
 
-/// The rivals' trees at the start of a mesh.
+/// Builds the other crates' trees at the start of a mesh.
 fn trees_of(mesh: &Mesh, threads: usize) -> Vec<Box<dyn Rival>> {
     let mut all = rivals(&mesh.triangles(mesh.start()));
     pool(threads).install(|| all.iter_mut().for_each(|tree| tree.build()));
@@ -97,7 +99,7 @@ fn cost_row(name: &str, [cost, ours]: [f64; 2], nodes: usize) -> Vec<String> {
     vec![name.to_owned(), cost, ratio, nodes.to_string()]
 }
 
-/// Trees to records, and back in.
+/// Measures conversions of trees to records, and reading records.
 fn convert(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "convert", mesh);
     for threads in thread_counts() {
@@ -136,11 +138,11 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     });
 }
 
-/// New positions to boxes, in trees that keep their shape.
+/// Measures refits: from new positions to boxes of an unchanged tree.
 ///
-/// For `abvh` this is `preprocess` and `refit`: records for the intersector,
-/// boxes of leaves, boxes of inner nodes. For the others it is boxes of leaves
-/// and of inner nodes; they trace the triangles as they are. `bvh` has no refit.
+/// For `abvh` this is `preprocess` and `refit`: triangle data for the intersector, boxes of leaves, boxes of inner
+/// nodes. The other crates compute boxes of leaves and of inner nodes, and trace the original triangles. `bvh` has no
+/// refit.
 fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "refit", mesh);
     for threads in thread_counts() {
@@ -162,17 +164,17 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     group.finish();
 }
 
-/// Rays that one task of a rival traces.
+/// Number of rays per task of another crate.
 const TASK: usize = 512;
 
-/// Our own ways. A camera's rays run together where the layout can; a list's run one by one.
+/// Our methods. Rays of a camera are traced together where the layout supports it, and rays of a list one by one.
 const OURS: [(Intersector, Layout); 3] = [
     (Intersector::Watertight, Layout::Fast),
     (Intersector::Watertight, Layout::Bvh2),
     (Intersector::MollerTrumbore, Layout::Bvh2),
 ];
 
-/// Rays that a group traces.
+/// Rays of a group.
 struct Work<'a> {
     mesh: &'a Mesh,
     rays: &'a [Ray],
@@ -180,9 +182,9 @@ struct Work<'a> {
     threads: usize,
 }
 
-/// Rays to hits, on all threads: through the pixels of a picture, and from what they hit to a light.
+/// Measures rays on all threads: through the pixels of an image, and from their hits to a light.
 ///
-/// A table of hits follows each group: trees that answer differently do not do the same work.
+/// A table of hits follows each group, because trees with different hits do not do the same work.
 fn trace(criterion: &mut Criterion, mesh: &Mesh) {
     let threads = thread_counts().pop().unwrap_or(1);
     let camera = camera(mesh, [512, 320]);

@@ -1,7 +1,8 @@
-//! Steps of the library: vertices that arrive each step beside key frames known beforehand, over the same motion.
+//! Steps of the library: compares vertices that arrive in each step with key frames known in advance, for the same
+//! motion.
 //!
-//! `cargo bench -p benches --bench streamed [-- DEVICE...]`, a device being `auto`, `cpu`, `vulkan` or `wgpu`. A table of the worst of
-//! many steps follows (`ABVH_STEPS=10000`), and one of steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
+//! `cargo bench -p benches --bench streamed [-- DEVICE...]`, where a device is `auto`, `cpu`, `vulkan` or `wgpu`. Also
+//! prints the slowest of many steps (`ABVH_STEPS=10000`), and steps while a mesh is replaced (`ABVH_REPLACEMENTS=5`).
 
 use abvh::own_device::wgpu;
 use abvh::{Device, Mesh, MeshId, Point, Query, Scene, Source, Tracer};
@@ -12,14 +13,14 @@ use benches::{
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::time::{Duration, Instant};
 
-/// Steps from one key frame to the next, and key frames that are gone through, to and fro.
+/// Number of steps per key frame interval, and number of intervals that are played forwards and backwards.
 const STEPS: usize = 64;
 const KEYS: usize = 2;
-/// What is traced while a mesh is replaced, and that mesh: 1.6 million triangles.
+/// Scene that is traced while a mesh is replaced, and that mesh: 1.6 million triangles together.
 const LARGE: [&str; 2] = ["demo:collide:1350000", "demo:twist:250000"];
-/// Steps that are looked at after a mesh was replaced.
+/// Number of steps measured after a mesh was replaced.
 const AFTER: usize = 50;
-/// Rays of a step's camera.
+/// Image size of a step's camera.
 const SIZE: [u32; 2] = [640, 480];
 
 fn main() {
@@ -44,20 +45,21 @@ fn main() {
     criterion.final_summary();
 }
 
-/// A motion to and fro, and a tracer that follows it.
+/// A motion played forwards and backwards, and its tracer.
 struct Player {
     tracer: Tracer,
     camera: abvh::Camera,
-    /// What arrives each step, if anything does.
+    /// Vertices of each step, unless key frames are used.
     streamed: Option<(MeshId, Vec<Vec<Point>>)>,
-    /// The same in buffers of wgpu's, if it comes from there.
+    /// The same vertices in buffers of wgpu, if they are passed there.
     buffers: Vec<wgpu::Buffer>,
-    /// Whether it is written where the device reads it; that is the program's own work and is not counted.
+    /// True if vertices are written directly to memory that the device reads. The write is the program's work and is
+    /// not measured.
     in_place: bool,
     step: usize,
 }
 
-/// How a mesh moves.
+/// Source of a mesh's positions.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Keys,
@@ -67,7 +69,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Those of a device.
+    /// Returns the kinds that a device supports.
     fn of(device: &Device) -> &'static [Self] {
         let all = &[Self::Keys, Self::Streamed, Self::InPlace, Self::OnDevice];
         match device {
@@ -87,7 +89,7 @@ impl Kind {
 }
 
 impl Player {
-    /// In a scene that may hold other meshes.
+    /// Adds the motion to `scene`, which may contain other meshes.
     fn new(mut scene: Scene, motion: &Motion, device: &Device, kind: Kind) -> Self {
         let animation = &motion.animation;
         let streamed = if kind != Kind::Keys {
@@ -123,7 +125,7 @@ impl Player {
         }
     }
 
-    /// Goes on by a step, and says how long it took.
+    /// Advances by one step and returns the time it took.
     fn advance(&mut self) -> Duration {
         let turn = 2 * STEPS * KEYS;
         let at = self.step % turn;
@@ -166,7 +168,7 @@ fn compare(criterion: &mut Criterion, motion: &Motion, device: &Device) {
     group.finish();
 }
 
-/// The times of many steps one by one, after the first hundred.
+/// Returns the times of many single steps, after the first hundred.
 fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
     let row = |&kind: &Kind| {
         let mut player = Player::new(Scene::new(), motion, device, kind);
@@ -188,14 +190,15 @@ fn stalls(motion: &Motion, device: &Device) -> Vec<Vec<String>> {
     Kind::of(device).iter().map(row).collect()
 }
 
-/// The median of times, what 99 of 100 stay below, and the worst.
+/// Returns the median, the 99th percentile and the maximum of `times`.
 fn shares(mut times: Vec<f64>) -> [String; 3] {
     times.sort_by(f64::total_cmp);
     let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
     [0.5, 0.99, 1.0].map(|share| format!("{:.3}", at(share)))
 }
 
-/// Steps of a large scene, the same while one mesh is prepared to be replaced, the commits, and the steps after them.
+/// Measures steps of a large scene: normally, while a mesh replacement is prepared, the commits, and the steps after
+/// them.
 fn replacements(device: &Device) -> Vec<Vec<String>> {
     let rounds = setting("ABVH_REPLACEMENTS", 5);
     if rounds == 0 {

@@ -1,7 +1,8 @@
-//! What the benchmarks share: meshes, rays, and other crates behind one trait.
+//! Shared code of the benchmarks: meshes, rays, and other crates behind one trait.
 //!
-//! Every group names a mesh and its triangles. Every function in it does the same work on the same triangles or rays, so
-//! times compare within a group. `--features embree` (see `EmbreeScene`) adds the bench `duel`.
+//! Every group names a mesh and its number of triangles. Every function in a group does the same work on the same
+//! triangles or rays, so times are comparable within a group. `--features embree` (see `EmbreeScene`) adds the bench
+//! `duel`.
 
 mod mesh;
 mod ours;
@@ -25,7 +26,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::time::Duration;
 use wgpu::util::DeviceExt;
 
-/// Few samples and short: medians of one run are compared with one another, not with other days.
+/// Returns a configuration with few short samples, because medians are only compared within one run.
 pub fn criterion() -> Criterion {
     Criterion::default()
         .sample_size(10)
@@ -34,7 +35,7 @@ pub fn criterion() -> Criterion {
         .configure_from_args()
 }
 
-/// Those that `ABVH_THREADS` names (`1,2,16`); or one thread, and one a core where there are more.
+/// Returns the thread counts in `ABVH_THREADS` (`1,2,16`), or else 1 and the number of cores.
 pub fn thread_counts() -> Vec<usize> {
     if let Ok(named) = std::env::var("ABVH_THREADS") {
         return named.split(',').filter_map(|n| n.parse().ok()).collect();
@@ -43,16 +44,16 @@ pub fn thread_counts() -> Vec<usize> {
     if all > 1 { vec![1, all] } else { vec![1] }
 }
 
-/// What the variable `name` says, or else `usual`.
+/// Returns the value of the environment variable `name`, or else `usual`.
 pub fn setting(name: &str, usual: usize) -> usize {
     let named = std::env::var(name).ok();
     named.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
-/// What steps of the library are measured with.
+/// Scenes for the measurements of library steps.
 pub const STEP_SCENES: [&str; 3] = ["demo:collide:70000", "demo:collide:250000", "demo:shatter"];
 
-/// A device of the library by its name; any but three are `auto`.
+/// Returns the library device called `name`. Unknown names mean `auto`.
 pub fn device(name: &str) -> Device {
     match name {
         "cpu" => Device::Cpu,
@@ -62,7 +63,10 @@ pub fn device(name: &str) -> Device {
     }
 }
 
-/// A wgpu device of the program's own, for a scene that so many rays are traced through. Panics if there is none.
+/// Creates a wgpu device as a program would, with limits for `scene` and queries of `rays` rays.
+///
+/// # Panics
+/// If there is no adapter or the device cannot be opened.
 pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
     let desc = wgpu::InstanceDescriptor::new_without_display_handle();
     let instance = wgpu::Instance::new(desc);
@@ -85,7 +89,7 @@ pub fn own_device(scene: &Scene, rays: usize) -> OwnDevice {
     }
 }
 
-/// A buffer on it.
+/// Creates a buffer with `contents` on a device.
 pub fn filled_buffer(own: &OwnDevice, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     own.device
         .create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -95,18 +99,21 @@ pub fn filled_buffer(own: &OwnDevice, contents: &[u8], usage: wgpu::BufferUsages
         })
 }
 
-/// A pool to install round a measured closure. Panics if the machine cannot start the threads.
+/// Starts a thread pool in which to run a measured closure.
+///
+/// # Panics
+/// If the system refuses to start the threads.
 pub fn pool(threads: usize) -> ThreadPool {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     pool.expect("the machine can start threads")
 }
 
-/// What was asked for behind `--`, options of the harness left out.
+/// Returns the arguments after `--`, without options of the harness.
 pub fn words() -> impl Iterator<Item = String> {
     std::env::args().skip(1).filter(|arg| !arg.starts_with('-'))
 }
 
-/// Prints a titled table on stderr, its heading with bars between columns: facts beside the timings.
+/// Prints a table on stderr. `|` separates the columns of `header`.
 #[expect(clippy::print_stderr, reason = "facts for whoever runs the benchmark")]
 pub fn print_table(title: &str, header: &str, rows: Vec<Vec<String>>) {
     let mut table = Table::new();

@@ -1,18 +1,18 @@
-//! Triangles to measure with.
+//! Meshes to measure with.
 
 use geom::{Animation, Point, Pose, Triangle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Names the folder of real meshes.
+/// Environment variable with the folder of real meshes.
 const FOLDER: &str = "ABVH_MESHES";
-/// Scenes that need no file.
+/// Scenes that require no file.
 const DEMOS: [&str; 3] = ["demo:grove", "demo:collide", "demo:shatter"];
 
-/// An animation at its start, and at its middle for refits.
+/// An animation whose start is used for builds, and its middle for refits.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Name and triangles, such as `grove 174020`.
+    /// Name and number of triangles, such as `grove 174020`.
     pub label: String,
     /// The animation.
     pub animation: Arc<Animation>,
@@ -20,6 +20,9 @@ pub struct Mesh {
 
 impl Mesh {
     /// Opens a scene by its name, as `abvh` does.
+    ///
+    /// # Errors
+    /// The scene cannot be opened.
     pub fn open(spec: &str) -> Result<Self, scene::SceneError> {
         let scene = scene::open(spec, &scene::Options::default())?;
         let triangles = scene.animation.triangle_count();
@@ -29,7 +32,7 @@ impl Mesh {
         })
     }
 
-    /// The same triangles with corners of their own, scaled to a diagonal of 100.
+    /// Returns the same triangles without shared vertices, scaled to a diagonal of 100.
     pub fn soup(&self) -> Self {
         let keys = [self.start(), self.middle()].map(|pose| self.triangles(pose));
         let points = keys[0].as_flattened().iter();
@@ -45,29 +48,29 @@ impl Mesh {
         }
     }
 
-    /// Triangles of the mesh.
+    /// Returns the number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.animation.triangle_count()
     }
 
-    /// Where trees are built.
+    /// Returns the pose at which trees are built.
     pub fn start(&self) -> Pose {
         self.animation.pose(0.0)
     }
 
-    /// Where trees are refitted.
+    /// Returns the pose at which trees are refitted.
     pub fn middle(&self) -> Pose {
         self.animation.pose(self.animation.end() / 2.0)
     }
 
-    /// Every vertex at `pose`.
+    /// Returns all vertices at `pose`.
     pub fn positions(&self, pose: Pose) -> Vec<Point> {
         let vertices = 0..self.animation.vertex_count() as u32;
         let moment = self.animation.moment(pose).unwrap();
         vertices.map(|v| moment.vertex(v)).collect()
     }
 
-    /// Every triangle at `pose`.
+    /// Returns all triangles at `pose`.
     pub fn triangles(&self, pose: Pose) -> Vec<Triangle> {
         let triangles = 0..self.triangle_count() as u32;
         let moment = self.animation.moment(pose).unwrap();
@@ -75,8 +78,9 @@ impl Mesh {
     }
 }
 
-/// Each entry of the folder in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames. Without
-/// any, two demos of some 200,000 triangles and one of 1.6 million.
+/// Opens each entry of the folder in `ABVH_MESHES` that `abvh` can open: a mesh file, or a directory of key frames.
+///
+/// If there is no such entry, opens two demos of about 200,000 triangles and one of 1.6 million.
 pub fn meshes() -> Vec<Mesh> {
     let files = entries().into_iter().map(|path| path.display().to_string());
     let meshes: Vec<Mesh> = files.filter_map(opened).collect();

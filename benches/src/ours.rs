@@ -1,4 +1,4 @@
-//! This program's own stages, put together as the pipeline does.
+//! This program's stages, combined as in the pipeline.
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
@@ -9,7 +9,7 @@ use geom::{Aabb, Point, Ray};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-/// From positions to a record, in memory that is reused.
+/// Converts positions to a record, in memory that is reused.
 #[derive(Default)]
 pub struct Ours {
     builder: Builder,
@@ -27,7 +27,7 @@ impl Ours {
         self.convert(mesh)
     }
 
-    /// Converts the tree last built, in the caller's pool.
+    /// Converts the last tree built, in the caller's pool.
     pub fn convert(&mut self, mesh: &Mesh) -> &Topology {
         let spare = std::mem::take(&mut self.record).into_spare();
         let triangles = mesh.triangle_count();
@@ -35,17 +35,19 @@ impl Ours {
         &self.record
     }
 
-    /// The tree last built, as treelets, in the caller's pool.
+    /// Converts the last tree built to treelets, in the caller's pool.
     pub fn treelets(&self) -> Treelets {
         Treelets::of_tree(&self.tree)
     }
 
-    /// The record last made.
+    /// Returns the last record made.
     pub fn record(&self) -> &Topology {
         &self.record
     }
 
-    /// Builds a tree for layout `fast`: a record with its eight-wide form, in the caller's pool. Leaves no record behind.
+    /// Builds a tree for layout `fast`, in the caller's pool: a record with eight-wide blocks.
+    ///
+    /// Afterwards [`Self::record`] is empty.
     pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         self.builder.block_size = BlockSize::Eight;
         self.make(mesh, positions);
@@ -56,20 +58,20 @@ impl Ours {
         record.with_blocks(mesh.animation.triangles(), (&boxes, First::Larger))
     }
 
-    /// Cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
+    /// Returns the cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
     pub fn sah_cost(&self, mesh: &Mesh, positions: &[Point]) -> f64 {
         bvh_build::sah_cost(&self.tree, &(&*mesh.animation, positions))
     }
 }
 
-/// The `cpu` backend, loaded with a mesh and standing at a pose.
+/// The `cpu` backend with a loaded mesh at one pose.
 pub struct Tracer {
     backend: CpuBackend,
     generation: Generation,
 }
 
 impl Tracer {
-    /// Loads `mesh` and takes its vertices at its start.
+    /// Loads `mesh` and interpolates its vertices at its start.
     pub fn new(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let mut backend = done(cpu_simd::open(Some(threads)));
         done(backend.load(mesh.animation.clone(), method));
@@ -81,7 +83,7 @@ impl Tracer {
         tracer
     }
 
-    /// Likewise, with a fresh tree.
+    /// Loads `mesh`, and builds and refits a tree at its start.
     pub fn ready(mesh: &Mesh, method: Method, threads: usize) -> Self {
         let (pool, positions) = (pool(threads), mesh.positions(mesh.start()));
         let mut tracer = Self::new(mesh, method, threads);
@@ -90,32 +92,32 @@ impl Tracer {
         tracer
     }
 
-    /// Takes vertices at `pose`.
+    /// Interpolates vertices at `pose`.
     pub fn pose(&mut self, pose: geom::Pose) {
         done(self.backend.interpolate(pose));
         self.finish();
     }
 
-    /// Takes a tree.
+    /// Adopts a tree.
     pub fn adopt(&mut self, record: &Topology) {
         self.generation.0 += 1;
         done(self.backend.adopt(record, self.generation));
     }
 
-    /// Positions to records and boxes: what rays need of a tree.
+    /// Computes triangle data and boxes from positions, as rays require.
     pub fn refit(&mut self) {
         done(self.backend.preprocess());
         done(self.backend.refit());
         self.finish();
     }
 
-    /// Traces rays; the number of hits.
+    /// Traces rays and returns the number of hits.
     pub fn trace(&mut self, query: Query<'_>) -> u64 {
         done(self.backend.trace(query));
         self.finish()
     }
 
-    /// Traces a list of rays: what they hit.
+    /// Traces a list of rays and returns their hits.
     pub fn list(&mut self, rays: &[Ray], kind: QueryKind) -> &Hits {
         let rays = Rays::List(rays);
         done(self.backend.trace(Query { rays, kind }));
@@ -129,12 +131,12 @@ impl Tracer {
     }
 }
 
-/// What the backend does on any machine that has room and threads.
+/// Unwraps a result of the backend, which fails only if memory or threads are missing.
 fn done<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {
     result.expect("the mesh fits the machine")
 }
 
-/// A tree of the mesh at its start, built and converted in `pool`.
+/// Builds and converts a tree of the mesh at its start, in `pool`.
 pub fn built(mesh: &Mesh, pool: &ThreadPool) -> Ours {
     let mut ours = Ours::default();
     let positions = mesh.positions(mesh.start());

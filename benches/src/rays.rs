@@ -1,14 +1,14 @@
-//! Rays that every tree is asked: through a picture's pixels, and from what they hit to a light.
+//! Rays that every tree traces: through the pixels of an image, from hits to a light, and in random directions.
 
 use crate::{Mesh, Tracer};
 use backend::QueryKind;
 use geom::{Camera, Hit, Point, Ray};
 use glam::Vec3;
 
-/// The part of the way to the light that a shadow ray skips, so as not to meet what it left.
+/// Fraction of the distance to the light that a shadow ray skips, so that it misses the surface it starts from.
 const SKIP: f32 = 1e-3;
 
-/// A camera of so many pixels that has all of `mesh` at its start in view, from above one corner.
+/// Returns a camera of `size` pixels that sees all of `mesh` at its start, from above one corner.
 pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     let (centre, radius) = sphere(mesh);
     let eye = centre + radius * Vec3::new(0.9, 0.8, 1.6);
@@ -16,13 +16,14 @@ pub fn camera(mesh: &Mesh, size: [u32; 2]) -> Camera {
     camera.expect("a mesh has some extent")
 }
 
-/// A ray over `(0, 1)` from nearly each hit of `primary` up to [`light`].
+/// Returns a ray over `(0, 1)` from near each hit of `primary` to [`light`].
 pub fn shadow_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let light = light(mesh);
     from_hits(primary, tracer, |ray, hit| to_light(ray, hit.t, light))
 }
 
-/// A ray in a random direction from each hit of `primary`, likelier the closer to the normal (Lambert).
+/// Returns a ray in a random direction from each hit of `primary`, with the cosine distribution of a Lambertian
+/// surface.
 pub fn diffuse_rays(mesh: &Mesh, primary: &[Ray], tracer: &mut Tracer) -> Vec<Ray> {
     let (triangles, mut next) = (mesh.triangles(mesh.start()), random_numbers());
     from_hits(primary, tracer, |ray, hit| {
@@ -51,7 +52,7 @@ fn from_hits(
         .collect()
 }
 
-/// A camera's rays in blocks of so many columns and rows of pixels.
+/// Returns a camera's rays in blocks of `columns` by `rows` pixels.
 pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
     let across = || (0..camera.width).step_by(columns as usize);
     let down = (0..camera.height).step_by(rows as usize);
@@ -64,11 +65,11 @@ pub fn blocks(camera: &Camera, [columns, rows]: [u32; 2]) -> Vec<Ray> {
     within.map(|[x, y]| camera.ray(x, y)).collect()
 }
 
-/// Numbers in `[0, 1)`, always the same ones.
+/// Returns a generator of numbers in `[0, 1)`, with a fixed seed.
 pub fn random_numbers() -> impl FnMut() -> f32 {
     let mut state = 1_u64;
     move || {
-        // Knuth's generator; its upper bits are good enough.
+        // Knuth's generator. Its upper bits are good enough.
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
@@ -76,13 +77,13 @@ pub fn random_numbers() -> impl FnMut() -> f32 {
     }
 }
 
-/// Where a light stands high above the mesh.
+/// Returns the position of a light high above the mesh.
 pub fn light(mesh: &Mesh) -> Point {
     let (centre, radius) = sphere(mesh);
     (centre + radius * Vec3::new(-1.0, 3.0, 0.7)).into()
 }
 
-/// So many rays from anywhere on the sphere round the mesh at its start to anywhere else on it, always the same ones.
+/// Returns `count` rays between random points on the bounding sphere of the mesh at its start, from a fixed seed.
 pub fn random_rays(mesh: &Mesh, count: usize) -> Vec<Ray> {
     let (centre, radius) = sphere(mesh);
     let mut next = random_numbers();
@@ -93,7 +94,7 @@ pub fn random_rays(mesh: &Mesh, count: usize) -> Vec<Ray> {
     (0..count).map(&mut ray).collect()
 }
 
-/// Anywhere on the unit sphere.
+/// Returns a random point on the unit sphere.
 fn on_sphere(next: &mut impl FnMut() -> f32) -> Vec3 {
     let (z, angle) = (2.0 * next() - 1.0, std::f32::consts::TAU * next());
     let (across, (y, x)) = ((1.0 - z * z).sqrt(), angle.sin_cos());
@@ -110,7 +111,7 @@ fn to_light(ray: &Ray, t: f32, light: Point) -> Ray {
     }
 }
 
-/// The middle of the mesh's box at its start, and half its diagonal.
+/// Returns the centre of the mesh's bounding box at its start, and half its diagonal.
 fn sphere(mesh: &Mesh) -> (Vec3, f32) {
     let positions = mesh.positions(mesh.start());
     let empty = geom::Aabb::EMPTY;

@@ -1,4 +1,4 @@
-//! Other crates' trees, one file each: what every one can be asked, and the one cost that compares them.
+//! Trees of other crates, one file each, behind one trait, and the cost function that compares them.
 
 mod bvh;
 #[cfg(feature = "embree")]
@@ -14,35 +14,35 @@ use self::obvhs::Obvhs;
 use self::parry::Parry;
 use geom::{Aabb, Ray, Triangle};
 
-/// Another crate's tree, with triangles in the crate's own form. Memory is reused where the crate allows it.
+/// A tree of another crate, with triangles in that crate's format. Memory is reused if the crate allows it.
 pub trait Rival: Send + Sync {
-    /// Crate and variant.
+    /// Returns the crate and variant.
     fn name(&self) -> &'static str;
 
-    /// Whether a build uses more than one thread.
+    /// Returns whether a build uses more than one thread.
     fn builds_in_parallel(&self) -> bool {
         true
     }
 
-    /// Whether a refit uses more than one thread; `None` if no tree can take new positions and keep its shape.
+    /// Returns whether a refit uses more than one thread, or `None` if the crate cannot refit.
     fn refits_in_parallel(&self) -> Option<bool>;
 
-    /// Takes triangles, outside of what is measured. They replace those of a tree that is refitted next.
+    /// Converts `triangles`, which is not measured. They replace those of a tree that is refitted next.
     fn take(&mut self, triangles: &[Triangle]);
 
-    /// Triangles to a tree that rays can traverse.
+    /// Builds a traversable tree from the triangles.
     fn build(&mut self);
 
-    /// New positions of the same triangles to a tree of the same shape, where the crate can.
+    /// Refits the tree to new positions of the same triangles, if the crate supports it.
     fn refit(&mut self) {}
 
-    /// Distance and triangle of the closest hit in `(0, t_max)`.
+    /// Returns the distance and the triangle of the closest hit in `(0, t_max)`.
     fn closest(&self, ray: &Ray) -> Option<(f32, u32)>;
 
-    /// Whether there is any hit in `(0, t_max)`.
+    /// Returns whether there is any hit in `(0, t_max)`.
     fn blocked(&self, ray: &Ray) -> bool;
 
-    /// How many rays hit, where only `any` hit is asked for or the closest.
+    /// Returns the number of rays that hit, by queries for `any` hit or for the closest.
     fn count(&self, rays: &[Ray], any: bool) -> u64 {
         let is_hit = |ray: &&Ray| match any {
             true => self.blocked(ray),
@@ -51,11 +51,11 @@ pub trait Rival: Send + Sync {
         rays.iter().filter(is_hit).count() as u64
     }
 
-    /// All nodes, the root first, others in any order.
+    /// Returns all nodes, the root first and the others in any order.
     fn nodes(&self) -> Vec<Node>;
 }
 
-/// One of each, with these triangles and no tree yet.
+/// Returns one tree of each crate and variant, with these triangles and not built yet.
 pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
     let mut all: Vec<Box<dyn Rival>> = vec![
         Box::new(Obvhs::<false>::default()),
@@ -67,11 +67,12 @@ pub fn rivals(triangles: &[Triangle]) -> Vec<Box<dyn Rival>> {
     all
 }
 
-/// A node as the cost sees it: its box, and the triangles tested there; 0 for an inner node.
+/// A node for the cost function: its box, and its number of triangles, which is 0 for an inner node.
 pub type Node = (Aabb, u32);
 
-/// Expected steps of a random ray that meets the root (`nodes[0]`): traversal 1 for
-/// each inner node, intersection 1 for each triangle of a leaf (MacDonald, Booth 1990).
+/// Returns the expected number of steps of a random ray that hits the root, `nodes[0]`.
+///
+/// Traversal costs 1 for each inner node, and intersection 1 for each triangle of a leaf (MacDonald, Booth 1990).
 pub fn sah_cost(nodes: &[Node]) -> f64 {
     let cost = |(bounds, triangles): &Node| f64::from(*triangles.max(&1)) * bounds.half_area();
     let root = nodes.first().map_or(0.0, |root| root.0.half_area());
@@ -98,7 +99,7 @@ mod tests {
         for threads in [1, 2] {
             for mut tree in rivals(&middle) {
                 pool(threads).install(|| tree.build());
-                // Built anew, or refitted to the start.
+                // Refit the tree to the start, or build it again if the crate cannot refit.
                 tree.take(&start);
                 match tree.refits_in_parallel() {
                     Some(_) => pool(threads).install(|| tree.refit()),

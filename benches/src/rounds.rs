@@ -1,41 +1,41 @@
-//! Contenders in turn: so that a change of the machine's load falls on all of them.
+//! Alternating measurement of contenders, so that changes of the machine's load affect all.
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::time::Instant;
 
-/// Something to measure.
+/// A function to measure.
 pub struct Contender<'a> {
-    /// Who does it.
+    /// Name for the report.
     pub name: String,
-    /// On how many threads.
+    /// Number of threads.
     pub threads: usize,
     run: Box<dyn FnMut() -> u64 + 'a>,
 }
 
 impl<'a> Contender<'a> {
-    /// Measures `run` on `threads`. It returns the number of hits, where rays are traced.
+    /// Creates a contender that runs on `threads` threads. `run` returns the number of hits, or 0 if it traces no rays.
     pub fn new(name: &str, threads: usize, run: impl FnMut() -> u64 + 'a) -> Self {
         let (name, run) = (name.to_owned(), Box::new(run));
         Self { name, threads, run }
     }
 }
 
-/// What was measured of one contender, a number a round, in milliseconds.
+/// Measured times of one contender, in milliseconds, one per round.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    /// Who did it.
+    /// Name of the contender.
     pub name: String,
-    /// On how many threads.
+    /// Number of threads.
     pub threads: usize,
-    /// Time passed.
+    /// Wall time.
     pub wall: Vec<f64>,
     /// Processor time of all threads of this program.
     pub processor: Vec<f64>,
-    /// Hits of the last run.
+    /// Number of hits in the last run.
     pub hits: u64,
 }
 
-/// Runs all contenders once, and then `rounds` times one after the other while measuring.
+/// Runs each contender once without measuring, and then `rounds` times in alternation.
 pub fn in_turn(mut contenders: Vec<Contender<'_>>, rounds: usize) -> Vec<Samples> {
     let blank = |contender: &Contender<'_>| Samples {
         name: contender.name.clone(),
@@ -47,7 +47,7 @@ pub fn in_turn(mut contenders: Vec<Contender<'_>>, rounds: usize) -> Vec<Samples
         (contender.run)();
     }
     for round in 0..rounds {
-        // Nobody always comes after the same one.
+        // The order rotates, so that the first contender changes each round.
         for step in 0..contenders.len() {
             let at = (round + step) % contenders.len();
             measure(&mut contenders[at], &mut samples[at]);
@@ -63,15 +63,16 @@ fn measure(contender: &mut Contender<'_>, samples: &mut Samples) {
     samples.wall.push(began.elapsed().as_secs_f64() * 1e3);
 }
 
-/// Processor time that all threads of this program have used.
+/// Returns the processor time used by all threads of this program, in milliseconds.
 fn processor_ms() -> f64 {
     let Timespec { tv_sec, tv_nsec } = clock_gettime(ClockId::ProcessCPUTime);
     tv_sec as f64 * 1e3 + tv_nsec as f64 * 1e-6
 }
 
 impl Samples {
-    /// Median over all rounds of a time over another contender's in the same round, by time passed and by
-    /// processor time; below 1 is faster.
+    /// Returns the median ratio of times to those of `other` in the same round, by wall time and by processor time.
+    ///
+    /// A ratio below 1 means that `self` is faster.
     pub fn over(&self, other: &Self) -> [f64; 2] {
         let [wall, processor] = [&self.wall, &self.processor];
         [(wall, &other.wall), (processor, &other.processor)].map(|(ours, theirs)| {
@@ -81,7 +82,7 @@ impl Samples {
     }
 }
 
-/// The middle one; not a number if there is none.
+/// Returns the median, or NaN if there are no values.
 pub fn median(of: &[f64]) -> f64 {
     let mut sorted = of.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -90,7 +91,7 @@ pub fn median(of: &[f64]) -> f64 {
     f64::midpoint(at(n / 2), at(n.saturating_sub(1) / 2))
 }
 
-/// The least one; not a number if there is none.
+/// Returns the minimum, or NaN if there are no values.
 pub fn least(of: &[f64]) -> f64 {
     of.iter().copied().fold(f64::NAN, f64::min)
 }
@@ -122,7 +123,7 @@ mod tests {
             wall: wall.to_vec(),
             ..Samples::default()
         };
-        // The load of the second round falls on both.
+        // The load of the second round affects both.
         let (ours, theirs) = (of(&[1.0, 10.0, 3.0]), of(&[2.0, 20.0, 4.0]));
         assert_eq!(ours.over(&theirs)[0], 0.5);
         assert!(ours.over(&theirs)[1].is_nan());

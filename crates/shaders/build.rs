@@ -1,4 +1,4 @@
-//! Compiles every kernel: compose, validate, reflect, translate to SPIR-V, make its arithmetic safe.
+//! Compiles every kernel: composes, validates and reflects it, translates it to SPIR-V, and hardens its arithmetic.
 
 #[path = "build/compose.rs"]
 mod compose;
@@ -46,7 +46,7 @@ fn main() -> Result<()> {
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
 }
 
-/// All variants of a kernel as Rust expressions.
+/// Compiles all variants of a kernel. Returns them as Rust expressions.
 fn compile(out: &Path, sources: &Sources, entry: &EntryPoint) -> Result<String> {
     let variants = entry.variants(sources);
     let variants = variants.with_context(|| entry.name.clone())?;
@@ -68,7 +68,7 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
     let workgroup = reflect::workgroup(&module, &entry.name)?;
     let shared = reflect::shared_bytes(&module);
     let bindings = reflect::bindings(&module)?;
-    // wgpu numbers a kernel's buffers anew, without gaps, and changes no SPIR-V that is passed through.
+    // wgpu renumbers a kernel's buffers without gaps, but does not change SPIR-V that is passed through.
     ensure!(
         bindings.keys().copied().eq(0..bindings.len() as u32),
         "bindings of {name} are not numbered from 0 on without gaps"
@@ -82,7 +82,7 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
     ))
 }
 
-/// WGSL and SPIR-V as files and a Rust expression that includes them, and the module.
+/// Writes WGSL and SPIR-V to files. Returns a Rust expression that includes them, and the module.
 fn code(out: &Path, name: &str, text: &Text) -> Result<(String, naga::Module)> {
     parse(&text.opaque, CAPABILITIES)?;
     let (module, info) = parse(&text.plain, CAPABILITIES)?;
@@ -93,7 +93,7 @@ fn code(out: &Path, name: &str, text: &Text) -> Result<(String, naga::Module)> {
     Ok((format!("Code {{ wgsl: {wgsl}, spirv: {spirv} }}"), module))
 }
 
-/// Words as a file and a Rust expression that includes it.
+/// Writes words to a file. Returns a Rust expression that includes it.
 fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_ne_bytes()).collect();
     std::fs::write(out.join(format!("{name}.spv")), bytes)?;
@@ -102,7 +102,7 @@ fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
     ))
 }
 
-/// What kernels may ask of a device; hosts load those that ask for more than all have where it is there.
+/// Capabilities that kernels may use. Hosts load kernels with optional capabilities only where the device has them.
 const CAPABILITIES: Capabilities = Capabilities::SUBGROUP
     .union(Capabilities::SHADER_INT64)
     .union(Capabilities::SHADER_INT64_ATOMIC_ALL_OPS);
@@ -118,11 +118,11 @@ fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, Modu
     Ok((module, info))
 }
 
-/// What naga's defaults would add is left out: they bound loops and clear memory. Accesses they leave unchecked.
+/// Returns options without naga's defaults that bound loops and clear memory. Memory accesses stay unchecked.
 fn options(lang_version: (u8, u8)) -> spv::Options<'static> {
     spv::Options {
         lang_version,
-        // Names tell `harden` which functions are loose; it drops them.
+        // `harden` finds loose functions by their names, then drops all names.
         flags: spv::WriterFlags::DEBUG,
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,

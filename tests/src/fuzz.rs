@@ -1,6 +1,6 @@
-//! Files of any bytes: each is loaded or refused in words, without a panic.
+//! Fuzzing of file readers: files of arbitrary bytes are loaded or refused with a message, without a panic.
 //!
-//! Tests on mutated seeds and the fuzzers in `fuzz/` hold the same code to the same, by one function for each format.
+//! Tests on mutated seeds and the fuzzers in `fuzz/` check the same code by the same function for each format.
 
 mod mutate;
 
@@ -13,29 +13,29 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// A format of files that the program reads.
+/// A file format that the program reads.
 #[derive(Clone, Copy)]
 pub struct Format {
-    /// Its name, and that of the folder of its seeds.
+    /// Name of the format and of the folder of its seeds.
     pub name: &'static str,
-    /// What its files end with, without a dot.
+    /// File name extension, without a dot.
     pub extension: &'static str,
     load: fn(&Path) -> Result<(), String>,
 }
 
 /// Meshes as text.
 pub const OBJ: Format = format("obj", "obj", scene);
-/// Meshes as text or in binary, of either order.
+/// Meshes as text, or in binary of either byte order.
 pub const PLY: Format = format("ply", "ply", scene);
-/// Clips with their buffers inside, as text.
+/// Clips as text with embedded buffers.
 pub const GLTF: Format = format("gltf", "gltf", scene);
-/// The same in one binary file.
+/// Clips in one binary file.
 pub const GLB: Format = format("glb", "glb", scene);
 /// Lists of rays.
 pub const NPY: Format = format("npy", "npy", rays);
-/// The record of a tree, as words of little-endian bytes.
+/// The topology of a tree, as little-endian words.
 pub const TOPOLOGY: Format = format("topology", "bin", topology);
-/// Words after `abvh`, one a line.
+/// Command-line arguments after `abvh`, one per line.
 pub const COMMAND: Format = format("command", "txt", command);
 
 const fn format(
@@ -51,7 +51,7 @@ const fn format(
 }
 
 impl Format {
-    /// Loads `bytes` from a file of this format in a folder that goes away. Whether they are one is no matter.
+    /// Loads `bytes` from a temporary file of this format. They may be valid or not.
     pub fn attack(self, bytes: &[u8]) {
         let folder = TempDir::new().expect("a temporary folder can be had");
         let path = folder.path().join("case").with_extension(self.extension);
@@ -59,7 +59,8 @@ impl Format {
         self.load(&path).ok();
     }
 
-    /// Loads a file of this format, or says why it is none. Panics if the loader does, or refuses without a word.
+    /// Loads a file of this format, or returns why it is invalid. Panics if the loader panics or refuses without a
+    /// message.
     pub fn load(self, path: &Path) -> Result<(), String> {
         let loaded = (self.load)(path);
         if let Err(why) = &loaded {
@@ -68,7 +69,7 @@ impl Format {
         loaded
     }
 
-    /// Small valid files, and those that went wrong once.
+    /// Returns small valid files, and files that caused failures in the past.
     pub fn seeds(self) -> Vec<(PathBuf, Vec<u8>)> {
         let folder = workspace().join("tests/seeds").join(self.name);
         let entries = fs::read_dir(folder).expect("each format has seeds");
@@ -90,14 +91,14 @@ fn scene(path: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Has the program read a command line and tell its help, so that nothing is run.
+/// Has the program parse a command line and print its help, so that nothing is run.
 ///
 /// The program is built here, unless `ABVH_PROGRAM` names it.
 fn command(path: &Path) -> Result<(), String> {
     let text = fs::read(path).map_err(|e| e.to_string())?;
     let words = text.split(|&b| b == b'\n').filter(|word| !word.is_empty());
     let words: Vec<_> = words.map(word).collect();
-    // What comes after it is no option, and so no call for help.
+    // Arguments after `--` are not options, so `--help` would have no effect.
     if words.iter().any(|word| word == "--") || text.contains(&0) {
         return Err("no command line".to_owned());
     }
@@ -117,7 +118,7 @@ fn command(path: &Path) -> Result<(), String> {
     }
 }
 
-/// Whether all that the program complains of is one line of plain text.
+/// Returns whether the program's standard error is one line of plain text.
 fn is_refusal(output: &Output) -> bool {
     let line = output.stderr.strip_suffix(b"\n").unwrap_or_default();
     let line = std::str::from_utf8(line).unwrap_or_default();

@@ -1,6 +1,6 @@
-//! What the tests in `tests/` share: scenes, a stage to trace on, and the program itself.
+//! Shared parts of the tests in `tests/`: scenes, a stage to trace on, and the program itself.
 //!
-//! Nothing here is part of the product. Whatever fails here panics, as the test would.
+//! Nothing here is part of the product. Failures panic, as in a test.
 
 pub mod fuzz;
 pub mod program;
@@ -9,27 +9,27 @@ pub mod stage;
 
 use libtest_mimic::{Arguments, Trial};
 
-/// Whether `ABVH_FULL=1` asks for the full tier: more cases, files and kills.
+/// Returns whether `ABVH_FULL=1` requests the full tier: more cases, files and kills.
 pub fn is_full() -> bool {
     std::env::var("ABVH_FULL").is_ok_and(|v| v == "1")
 }
 
-/// Whether `ABVH_REQUIRE_BACKENDS` names a backend, so that its absence is a failure.
+/// Returns whether `ABVH_REQUIRE_BACKENDS` names a backend, so that its absence is a failure.
 pub fn is_required(name: &str) -> bool {
     let names = std::env::var("ABVH_REQUIRE_BACKENDS").unwrap_or_default();
     names.split(',').any(|required| required.trim() == name)
 }
 
-/// So many in the full tier, a quarter of them by default.
+/// Returns `full` in the full tier, else `full / 4`.
 pub fn share(full: usize) -> usize {
     if is_full() { full } else { full / 4 }
 }
 
-/// Trials at a time: one driver (NVIDIA's 580) loses devices where seventeen threads open them and compile kernels.
+/// Tests that may run in parallel. NVIDIA's driver 580 loses devices if 17 threads open devices and compile kernels.
 const MOST_THREADS: usize = 8;
 
-/// What the command line tells a harness. If it names no number of threads, there is one more than cores: while one trial
-/// waits for a driver, another goes on.
+/// Parses the harness's command line. By default there is one thread more than cores, so that another test runs while
+/// one waits for a driver.
 pub fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -38,7 +38,7 @@ pub fn arguments() -> Arguments {
     arguments
 }
 
-/// A trial that fails where `body` panics.
+/// Creates a test that fails if `body` panics.
 pub fn trial(name: impl Into<String>, body: impl FnOnce() + Send + 'static) -> Trial {
     Trial::test(name, move || {
         body();
@@ -46,7 +46,7 @@ pub fn trial(name: impl Into<String>, body: impl FnOnce() + Send + 'static) -> T
     })
 }
 
-/// The number that an environment variable says, or else this.
+/// Returns the number in an environment variable, or else `default`.
 pub fn number(variable: &str, default: u64) -> u64 {
     let value = std::env::var(variable).ok();
     value.and_then(|v| v.parse().ok()).unwrap_or(default)

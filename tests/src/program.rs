@@ -1,11 +1,11 @@
-//! The program as a person runs it.
+//! Runs the program as a user would.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-/// The folder of this profile's artefacts, such as `target/debug`.
+/// Returns the folder of this profile's artefacts, such as `target/debug`.
 fn profile_dir() -> PathBuf {
     let test = std::env::current_exe().expect("a test knows where it lies");
     let mut folders = test.ancestors().skip(1);
@@ -14,14 +14,15 @@ fn profile_dir() -> PathBuf {
     profile.expect("cargo puts tests into `deps`").to_owned()
 }
 
-/// The target directory.
+/// Returns the target directory.
 pub fn target_dir() -> PathBuf {
     let profile = profile_dir();
     profile.parent().expect("profiles have a folder").to_owned()
 }
 
-/// The program, built with this test's profile. Cargo names binaries to tests of their own package only. So the first caller
-/// asks cargo to build such a test, with the features that all tests together want: nothing is built twice.
+/// Returns the path of the program, built with this test's profile. Cargo passes binary paths only to tests of the same
+/// package. So the first call has cargo build such a test, with the features of all tests together: nothing is built
+/// twice.
 pub fn abvh() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -42,7 +43,7 @@ pub fn abvh() -> &'static Path {
     })
 }
 
-/// Runs the program in `folder`, in an environment where `variables` have these values, and waits for it.
+/// Runs the program in `folder` with these environment variables, and waits for it.
 pub fn run_where<S: AsRef<OsStr>>(
     folder: &Path,
     args: impl IntoIterator<Item = S>,

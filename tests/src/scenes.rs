@@ -1,7 +1,7 @@
-//! Scenes to test with: demos, which are always there, and real ones, which may be absent.
+//! Scenes to test with: demos, which are always available, and real ones, which may be absent.
 //!
-//! Real scenes are packed. They are looked for in the folder that `ABVH_SCENES` names, else in `../shared/scenes` beside the
-//! workspace, and unpacked once into the target directory. Trials that need an absent pack show as ignored, with the reason.
+//! Real scenes are packed. The folder is `ABVH_SCENES`, or a default next to the workspace. Packs are unpacked once
+//! into the target directory. Tests that need an absent pack show as ignored, with the reason.
 
 use geom::Animation;
 use libtest_mimic::Trial;
@@ -12,16 +12,16 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A scene and what to call it.
+/// A scene and its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// Name of the trial.
+    /// Name of the test.
     pub name: &'static str,
-    /// The demo; or the pack and what to open below its folder.
+    /// The demo, or the pack and the path within its folder.
     spec: &'static str,
 }
 
-/// Every demo, small.
+/// Every demo, with few triangles.
 pub const DEMOS: [Source; 5] = [
     source("grove", "demo:grove:4000"),
     source("collide", "demo:collide:4000"),
@@ -30,7 +30,7 @@ pub const DEMOS: [Source; 5] = [
     source("hall", "demo:hall:4000"),
 ];
 
-/// Real scenes that move.
+/// Real animated scenes.
 pub const REAL: [Source; 9] = [
     source("horse-gallop", "horse-gallop/models/horse-gallop"),
     source("horse-collapse", "horse-collapse/models/horse-collapse"),
@@ -51,12 +51,12 @@ const fn source(name: &'static str, spec: &'static str) -> Source {
 }
 
 impl Source {
-    /// The pack that holds it, and what to open there; none for demos.
+    /// Returns the scene's pack and the path within it, or `None` for demos.
     fn packed(&self) -> Option<(&str, &str)> {
         self.spec.split_once('/')
     }
 
-    /// What to give the program, unpacking the scene if need be.
+    /// Returns the scene argument for the program. Unpacks the scene if necessary.
     pub fn path(&self) -> String {
         let Some((pack, file)) = self.packed() else {
             return self.spec.to_owned();
@@ -70,7 +70,7 @@ impl Source {
         scene::open(&self.path(), &scene::Options::default()).expect("scenes can be read")
     }
 
-    /// What moves, opened once a process.
+    /// Returns the animation. It is opened once per process.
     pub fn animation(&self) -> Arc<Animation> {
         static OPEN: Mutex<BTreeMap<&str, Arc<Animation>>> = Mutex::new(BTreeMap::new());
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -78,7 +78,7 @@ impl Source {
         Arc::clone(known.or_insert_with(|| self.open().animation))
     }
 
-    /// A trial that runs on this scene; ignored, with the reason, where the scene is absent.
+    /// Creates a test that runs on this scene. It is ignored, with the reason, if the scene is absent.
     pub fn trial(self, law: &str, run: impl FnOnce(Source) + Send + 'static) -> Trial {
         let trial = crate::trial(format!("{}::{law}", self.name), move || run(self));
         match self.packed().map(|(pack, _)| archive(pack)) {
@@ -88,7 +88,7 @@ impl Source {
     }
 }
 
-/// Where `pack` lies, or why it cannot be had.
+/// Returns the path of `pack`, or the reason why it is absent.
 fn archive(pack: &str) -> io::Result<PathBuf> {
     let folder = match std::env::var_os("ABVH_SCENES") {
         Some(folder) => PathBuf::from(folder),
@@ -99,12 +99,12 @@ fn archive(pack: &str) -> io::Result<PathBuf> {
     file.is_file().then_some(file).ok_or_else(why)
 }
 
-/// The root of the workspace.
+/// Returns the root of the workspace.
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder that holds what `pack` holds. Unpacked once, beside its final name, so that processes may race for it.
+/// Returns the folder with the contents of `pack`. Unpacks to a temporary folder and renames it, so processes may race.
 fn unpacked(pack: &str) -> io::Result<PathBuf> {
     let archive = archive(pack)?;
     let cache = crate::program::target_dir().join("test-scenes");
@@ -125,7 +125,7 @@ fn unpacked(pack: &str) -> io::Result<PathBuf> {
     }
 }
 
-/// Expands every `.gz` below `folder` beside itself.
+/// Decompresses every `.gz` below `folder` into the same folder.
 fn expand(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();

@@ -1,4 +1,4 @@
-//! A backend with one scene on it, and a tree of any age.
+//! A backend with one scene and a tree built at any time.
 
 use crate::is_full;
 use backend::{Backend, Generation, Hits, Intersector, Method, QueryKind, Rays};
@@ -14,13 +14,13 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The `cpu` backend with so many threads.
+    /// Creates a `cpu` backend with `threads` threads, and loads the animation.
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
         Self::over(Box::new(backend), animation, intersector.into())
     }
 
-    /// Any backend, by any method.
+    /// Loads the animation on any backend, with any method.
     pub fn over(mut backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
         let loaded = backend.load(Arc::clone(animation), method);
         loaded.expect("the scene fits");
@@ -31,7 +31,7 @@ impl Stage {
         }
     }
 
-    /// The backend, for another scene.
+    /// Returns the backend, for another scene.
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
     }
@@ -44,12 +44,12 @@ impl Stage {
         adopted.expect("the tree fits");
     }
 
-    /// The closest hits of rays at `time`, with the tree that is planted.
+    /// Returns the closest hits of rays at `time`, with the current tree.
     pub fn closest(&mut self, time: f64, rays: &[Ray]) -> Hits {
         self.trace(time, Rays::List(rays), QueryKind::Closest)
     }
 
-    /// What any rays find at `time`.
+    /// Traces any rays at `time`.
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
         let backend = self.backend.as_mut();
         let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
@@ -57,24 +57,24 @@ impl Stage {
     }
 }
 
-/// The camera that the program would choose.
+/// Returns the camera that the program would choose.
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
     let view = shading::frame_scene(animation, 40.0, size);
     view.camera(size).expect("every scene can be framed")
 }
 
-/// Rays of that camera: 240 by 160 pixels in the full tier, a quarter of them by default.
+/// Returns that camera's rays: 240 by 160 pixels in the full tier, else 120 by 80.
 pub fn pixels(animation: &Animation) -> Vec<Ray> {
     let size = if is_full() { [240, 160] } else { [120, 80] };
     camera(animation, size).rays().collect()
 }
 
-/// The light that the program would choose.
+/// Returns the light that the program would choose.
 pub fn light(animation: &Animation) -> Point {
     shading::frame_scene(animation, 40.0, [64, 64]).light
 }
 
-/// So many colours of all kinds.
+/// Returns `count` different colours.
 pub fn colours(count: usize) -> Vec<[u8; 3]> {
     let of = |t: usize| [t, t * 37, t * 101].map(|channel| channel as u8);
     (0..count).map(of).collect()

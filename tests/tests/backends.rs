@@ -1,9 +1,9 @@
-//! Every law on every backend: `backend::law`.
+//! Every property on every backend. Tests are named `backend::property`.
 //!
-//! A backend that this machine lacks shows as ignored, with the reason in its trials' kind;
-//! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` turns such absence red. GPU backends run under the Vulkan validation layers
-//! where they are installed, and any message is a failure. A `vulkan` that is required needs the layers too, unless
-//! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose how many cases a law sees and which.
+//! Tests of an absent backend show as ignored, with the reason in their kind.
+//! `ABVH_REQUIRE_BACKENDS=cpu,wgpu,vulkan` makes them fail instead. GPU backends run under the Vulkan validation layers
+//! where these are installed, and any message is a failure. A required `vulkan` needs the layers too, unless
+//! `ABVH_VALIDATION=if-installed`. `ABVH_CASES` and `ABVH_SEED` choose the number of cases and the cases of a property.
 
 use backend::Backend;
 use conformance::{LAWS, Law, OWN_TREE_LAWS, Reference, hold, laws_of};
@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 type Open = fn() -> backend::Result<Box<dyn Backend>>;
 
-/// All backends, by the name under which they may be required.
+/// All backends: test name, name in `ABVH_REQUIRE_BACKENDS`, constructor.
 const BACKENDS: &[(&str, &str, Open)] = &[
     ("cpu", "cpu", || Ok(Box::new(cpu_simd::open(Some(2))?))),
     ("vulkan", "vulkan", || {
@@ -61,14 +61,14 @@ fn wgpu(checks_kernels: bool) -> backend::Result<Box<dyn Backend>> {
 fn main() {
     let arguments = integration::arguments();
     let of_each = BACKENDS.iter().map(|&backend| trials_of(backend));
-    // The first of each backend, then the second of each: trials of one backend wait for each other, those of others do not.
+    // Interleaves the backends' tests: tests of one backend wait for each other, tests of different backends do not.
     let mut trials: Vec<_> = of_each.flat_map(|all| (0..).zip(all)).collect();
     trials.sort_by_key(|&(n, _): &(u32, _)| n);
     let trials = trials.into_iter().map(|(_, trial)| trial).collect();
     libtest_mimic::run(&arguments, trials).exit();
 }
 
-/// An absent backend's laws are ignored, or fail where the backend is required.
+/// Creates a backend's tests. Those of an absent backend are ignored, or fail if the backend is required.
 fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial> {
     let opened = open();
     let absent = opened.as_ref().err().map(|e| format!("absent: {e}"));
@@ -80,9 +80,9 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     };
     let host = CpuBackend::new(Some(1)).expect("one thread can be had");
     let reference = Reference::new(Box::new(host));
-    // With the number of complaints that a trial has shown: what was said while the backend was opened counts too.
+    // The number is that of the complaints reported so far. It starts at 0, to include complaints while opening.
     let shared = Arc::new(Mutex::new((opened, reference, 0)));
-    // A third form of all kernels would take a software driver a minute to compile.
+    // A software driver would take a minute to compile a third variant of all kernels.
     let is_narrowed = name == "wgpu-wgsl" && !integration::is_full();
     let trial = |law: &Law| {
         let shared = Arc::clone(&shared);
@@ -111,8 +111,8 @@ fn trials_of((name, requirement, open): (&'static str, &str, Open)) -> Vec<Trial
     laws.iter().filter_map(trial).collect()
 }
 
-/// By default one case of each kind of scene, and few where another backend differs in the device alone, in a form of the
-/// kernels or in a preference; in the full tier more.
+/// Returns the number of cases: by default one for each kind of scene, and fewer for backends that differ from another
+/// one only in device, kernel variant or preference. The full tier has more.
 fn cases(name: &str) -> u32 {
     let default = match name {
         _ if integration::is_full() => 36,

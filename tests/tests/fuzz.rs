@@ -1,7 +1,7 @@
-//! Damaged files of each format: loaded or refused in words, in bounded time and memory.
+//! Loads damaged files of each format. Each is loaded or refused with a message, in bounded time and memory.
 //!
-//! `ABVH_FULL=1` tries 20,000 files of each format, and 2,000 command lines.
-//! A case that fails stays in the target directory; its path is told.
+//! `ABVH_FULL=1` tests 20,000 files of each format, and 2,000 command lines.
+//! A case that fails stays in the target directory, and its path is printed.
 
 use cap::Cap;
 use integration::fuzz::{COMMAND, Format, GLB, GLTF, Mutator, NPY, OBJ, PLY, TOPOLOGY};
@@ -10,22 +10,22 @@ use std::panic;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// What loading may take. An allocation beyond fails, as it does on a machine of so much memory.
+/// Limits the memory of loading. Allocations beyond it fail.
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, 1 << 30);
 
-/// What loading one file may last.
+/// Time limit of loading one file.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Files of each format in the full tier.
 const FILES: usize = 20_000;
 
-/// Cases in all, without the seeds.
+/// Returns the number of cases, not counting the seeds.
 fn count(short: usize, full: usize) -> usize {
     if integration::is_full() { full } else { short }
 }
 
-/// Seeds, and files made from them.
+/// Returns the seeds, then files generated from them.
 fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
     let seeds: Vec<_> = format.seeds().into_iter().map(|(_, bytes)| bytes).collect();
     let mut mutator = Mutator::new(seeds.clone(), 0x5eed);
@@ -33,7 +33,7 @@ fn cases(format: Format, count: usize) -> impl Iterator<Item = Vec<u8>> {
     seeds.into_iter().chain(mutated.take(count))
 }
 
-/// What is read without a process.
+/// Formats that are read without starting a process.
 const READ: [Format; 6] = [OBJ, PLY, GLTF, GLB, NPY, TOPOLOGY];
 
 fn attack(format: Format, full: usize) {
@@ -80,10 +80,10 @@ fn damaged_files_are_loaded_or_refused() {
     READ.into_iter().for_each(|format| attack(format, FILES));
 }
 
-/// Each case starts a process.
+/// Tests command lines. Each case starts a process.
 #[test]
 fn damaged_command_lines_are_answered_or_refused() {
-    // Before the clock starts, it is built.
+    // Builds the program before time is measured.
     let _program = integration::program::abvh();
     attack(COMMAND, 2_000);
 }

@@ -1,20 +1,19 @@
-//! Memory of a process that traces step after step: neither steps that are submitted nor those that are dropped or refused
-//! may add to it.
+//! Memory of a process that traces step after step. It must not grow, whether steps are submitted, dropped or refused.
 //!
-//! One test at a time, for all share the process. `ABVH_FULL=1` takes 20,000 steps of all kinds.
+//! Tests run one at a time, because they share the process. `ABVH_FULL=1` takes 20,000 steps of all kinds.
 
 use abvh::{Camera, Device, Mesh, MeshId, Query, Ray, Scene, Source, Tracer};
 use integration::{is_full, is_required};
 use libtest_mimic::{Arguments, Trial};
 use std::io::Write;
 
-/// Bytes by which the process may grow: allocators and drivers keep some memory for later.
+/// Bytes by which the process may grow, because allocators and drivers keep some memory for reuse.
 const SLACK: usize = 12 << 20;
-/// Rays of a query. Results that stay would take 16 bytes each.
+/// Rays of a query. A leaked result would take 16 bytes per ray.
 const RAYS: usize = 4_000;
 const SHEET: [[f32; 3]; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
-/// What a step comes to.
+/// How a step ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum End {
     Read,
@@ -91,7 +90,7 @@ impl Moving {
     }
 }
 
-/// Bytes of the process that are in memory; `None` where the operating system does not say.
+/// Returns the resident bytes of the process, or `None` if the operating system does not report them.
 fn resident() -> Option<usize> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status

@@ -1,11 +1,11 @@
-//! Triangles to trees.
+//! Tree builds and refits.
 
 use crate::{METHOD, Unit, group};
 use benches::{Contender, EmbreeScene, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
 
-/// Builds on `threads`; beside those ours on one, of which the scaling follows.
+/// Measures builds on `threads` threads, and our builds on fewer threads, to show how they scale.
 pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     let triangles = mesh.triangles(mesh.start());
     let counts = thread_counts().into_iter().filter(|&n| n <= threads);
@@ -23,7 +23,7 @@ pub(crate) fn times(mesh: &Mesh, threads: usize) -> Value {
     group(&title, Unit::NsEach(mesh.triangle_count()), contenders)
 }
 
-/// Vertices at hand to a tree that rays can be traced by, of the same shape as before.
+/// Measures refits: from vertices in memory to a traceable tree of unchanged topology.
 pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
     let triangles = mesh.triangles(mesh.start());
     let mut embree = EmbreeScene::new(&triangles, threads, Made::Refitted);
@@ -41,7 +41,7 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
     group(&title, unit, vec![theirs, ours])
 }
 
-/// Build and conversion: what the pipeline's builder thread hands over.
+/// Build and conversion: the work of the pipeline's builder thread.
 fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();
@@ -51,7 +51,7 @@ fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender
     })
 }
 
-/// All that is done until rays can be asked on this machine.
+/// All work until rays can be traced on this machine.
 fn traceable<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();

@@ -1,10 +1,11 @@
-//! This program and Embree in turn, sample by sample: builds, refits and rays.
+//! Compares this program with Embree, sample by sample in alternation: builds, refits and rays.
 //!
-//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`, a group being `build`,
-//! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays, a scene `demo:collide:70000` or a path.
-//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of a picture) set how it measures. Both sides share each change of
-//! the machine's load: ratios are medians over rounds, by time passed and by processor time, and the least times
-//! come as near to a quiet machine as the run did.
+//! `cargo bench -p benches --features embree --bench duel [-- FILE.json [GROUP|SCENE]...]`. A group is `build`,
+//! `refit`, `primary`, `shadow`, `diffuse` or another kind of rays. A scene is `demo:collide:70000` or a path.
+//!
+//! `ABVH_THREADS=1,2,16`, `ABVH_ROUNDS=9` and `ABVH_WIDTH=1920` (of an image) configure the measurement. Alternation
+//! exposes both programs to the same changes of the machine's load. Ratios are medians over rounds, by wall time and by
+//! processor time. The minimum times approximate an idle machine.
 
 mod build;
 mod trace;
@@ -51,7 +52,7 @@ fn main() {
     }
 }
 
-/// The processor, and how many threads it runs at once.
+/// Returns the processor model and its number of hardware threads.
 fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));
@@ -60,7 +61,7 @@ fn machine() -> String {
     format!("{}, {threads} threads", model.unwrap_or("unknown").trim())
 }
 
-/// The commit that was built, with a mark if files were changed since.
+/// Returns the commit that was built, marked if files were changed since.
 fn commit() -> String {
     let git = Command::new("git")
         .args(["describe", "--always", "--dirty", "--exclude", "*"])
@@ -69,32 +70,32 @@ fn commit() -> String {
     text.unwrap_or_default()
 }
 
-/// Programs that wanted to run of late, on average.
+/// Returns the load average of the last minute.
 fn load() -> String {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     text.split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// Ours: the fastest here that lets no ray through an edge.
+/// Our fastest watertight method on the CPU.
 const METHOD: Method = Method {
     intersector: Intersector::Watertight,
     layout: Layout::Fast,
 };
 
-/// Rounds of each group.
+/// Default number of rounds per group.
 const ROUNDS: usize = 15;
 
-/// Whether a group is among those named, or none is.
+/// Returns whether a group was selected, or no selection was made.
 fn is_asked(only: &[String], what: &str) -> bool {
     only.is_empty() || only.iter().any(|word| word == what)
 }
 
-/// How a time becomes a figure.
+/// Conversion of a time to a reported number.
 #[derive(Clone, Copy)]
 enum Unit {
-    /// Nanoseconds for each of so many triangles.
+    /// Nanoseconds per triangle, for this number of triangles.
     NsEach(usize),
-    /// Million a second of so many rays.
+    /// Millions of rays per second, for this number of rays.
     MillionsOf(usize),
 }
 
@@ -114,7 +115,7 @@ impl Unit {
     }
 }
 
-/// Measures one group, prints it and makes JSON of it. All are compared with the first.
+/// Measures one group, prints it and returns it as JSON. All contenders are compared with the first.
 fn group(title: &str, unit: Unit, contenders: Vec<Contender<'_>>) -> Value {
     let samples = in_turn(contenders, setting("ABVH_ROUNDS", ROUNDS));
     let header = "|threads|best|median|by processor time|cores busy|time over the baseline's|processor time over it|hits";

@@ -1,4 +1,4 @@
-//! Rays to hits, written where the caller wants them.
+//! Ray tracing, with hits written to memory of the caller.
 
 use crate::{METHOD, Unit, group};
 use backend::QueryKind::{Any, Closest};
@@ -12,21 +12,21 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 use serde_json::Value;
 
-/// Rays in no order.
+/// Number of random rays.
 const RANDOM: usize = 1 << 17;
-/// Rays that one task of Embree's traces, a multiple of a packet's.
+/// Number of rays per Embree task, a multiple of the packet size.
 const TASK: usize = 512;
 
-/// What contenders are made of.
+/// Inputs of all contenders.
 struct Stage<'a> {
     mesh: &'a Mesh,
     threads: usize,
     pool: ThreadPool,
-    /// Embree's: fast, and robust.
+    /// Embree's scenes: fast, and robust.
     scenes: [EmbreeScene; 2],
 }
 
-/// Rays, and what is asked of them.
+/// Rays and the kind of query.
 struct Asked {
     rays: Vec<Ray>,
     packets: Vec<Packet16>,
@@ -34,7 +34,7 @@ struct Asked {
 }
 
 impl Asked {
-    /// Those that are `coherent` lie close together, sixteen by sixteen.
+    /// `coherent` states that each run of sixteen rays is close together.
     fn new(rays: Vec<Ray>, coherent: bool, kind: QueryKind) -> Self {
         let packets = rays.chunks(16);
         let packets = packets.map(|rays| Packet16::new(rays, coherent)).collect();
@@ -46,7 +46,7 @@ impl Asked {
     }
 }
 
-/// The groups of a mesh that are asked for.
+/// Measures the selected groups of a mesh.
 pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let most = thread_counts().into_iter().max().unwrap_or(1);
     let width = setting("ABVH_WIDTH", 1920) as u32;
@@ -93,7 +93,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// All contenders trace all of `asked`; ours a camera's rays too, if there is one that sees the same.
+    /// Measures how long each contender takes to trace all of `asked`. If `camera` generates the same rays, it is
+    /// measured too.
     fn measure(&self, what: &str, asked: &[&Asked], camera: Option<(&Camera, QueryKind)>) -> Value {
         let [fast, robust] = &self.scenes;
         let mut contenders = vec![
@@ -128,7 +129,8 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// Embree's, by single rays or by packets: tasks write hits or, where any will do, ones and zeros.
+    /// Returns an Embree contender that traces single rays or packets. Tasks write closest hits, or zeros and ones for
+    /// any-hit queries.
     fn embree<'b>(
         &'b self,
         name: &str,

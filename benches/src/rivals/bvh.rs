@@ -7,14 +7,14 @@ use bvh::bvh::{Bvh as Tree, BvhNode};
 use geom::Ray;
 use nalgebra::Vector3;
 
-/// A tree of the crate `bvh`.
+/// Tree of the crate `bvh`.
 #[derive(Default)]
 pub(super) struct Bvh {
     soup: Vec<Shape>,
     tree: Option<Tree<f32, 3>>,
 }
 
-/// A triangle as the crate wants it.
+/// A triangle in the crate's format.
 struct Shape {
     corners: geom::Triangle,
     at: u32,
@@ -43,9 +43,10 @@ impl Bvh {
         self.tree.as_ref().expect("a tree is built first")
     }
 
-    /// The closest hit by shapes in the order in which the ray enters their boxes,
-    /// or any hit if `first` says so. Triangles are left to the crate's callers
-    /// (its own test culls back faces).
+    /// Returns the closest hit, or any hit if `first` is set.
+    ///
+    /// Visits triangles in the order in which the ray enters their boxes. Tests triangles here, because the crate's own
+    /// test culls back faces.
     fn search(&self, ray: &Ray, first: bool) -> Option<(f32, u32)> {
         let direction = Vector3::from(ray.direction);
         let length = direction.norm();
@@ -107,7 +108,7 @@ impl Rival for Bvh {
     }
 }
 
-/// The two-sided test (Möller, Trumbore 1997) without an absolute threshold, over `(0, inf)`.
+/// Two-sided test (Möller, Trumbore 1997) without an absolute threshold, over `(0, inf)`.
 fn moller_trumbore(ray: &Ray, corners: &geom::Triangle) -> Option<f32> {
     let [a, b, c] = corners.map(Vector3::from);
     let direction = Vector3::from(ray.direction);

@@ -1,7 +1,8 @@
-//! Embree 4 (Wald, Woop, Benthin, Johnson, Ernst 2014), by its C interface: the feature `embree` links it.
+//! Embree 4 (Wald, Woop, Benthin, Johnson, Ernst 2014) by its C interface, linked by the feature `embree`.
 //!
-//! Scenes of medium quality (binned SAH), asked ray by ray or by packets of sixteen. The Python wheel `embreex` holds
-//! the library: `LIBRARY_PATH` must name a folder with it as `libembree4.so` to link, `LD_LIBRARY_PATH` to run.
+//! Scenes have medium quality (binned SAH). Rays are traced singly or in packets of sixteen. The Python wheel `embreex`
+//! contains the library. `LIBRARY_PATH` must name a folder that has it as `libembree4.so` to link, and
+//! `LD_LIBRARY_PATH` to run.
 
 #![expect(unsafe_code, reason = "a C library")]
 
@@ -19,38 +20,38 @@ pub struct EmbreeScene {
     geometry: NonNull<c_void>,
 }
 
-// SAFETY: a committed scene may be asked from any thread at once, says Embree's manual.
+// SAFETY: Embree's manual allows queries of a committed scene from any thread at the same time.
 unsafe impl Send for EmbreeScene {}
-// SAFETY: likewise.
+// SAFETY: as for `Send`: concurrent queries of a committed scene are allowed, and changes require `&mut`.
 unsafe impl Sync for EmbreeScene {}
 
-/// What a scene is made for.
+/// Purpose for which a scene is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Made {
-    /// The fastest rays.
+    /// Fastest rays.
     Fast,
-    /// Rays that pass between no neighbours.
+    /// Robust rays, which cannot pass between adjacent triangles.
     Robust,
-    /// Vertices that move: each commit but the first refits.
+    /// Moving vertices: each commit after the first refits.
     Refitted,
 }
 
-/// Up to sixteen rays in the form that Embree asks for.
+/// Up to sixteen rays in Embree's format.
 #[derive(Clone, Copy)]
 pub struct Packet16 {
     rays: RayHits<16>,
     valid: Valid,
-    /// What Embree is told of them.
+    /// Coherence hint for Embree.
     coherent: bool,
 }
 
-/// -1 for each lane that holds a ray.
+/// -1 for each lane that contains a ray.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Valid([i32; 16]);
 
 impl Packet16 {
-    /// Packs rays, of which there are at most sixteen. Those that are `coherent` lie close together.
+    /// Packs up to sixteen rays. `coherent` states that the rays are close together.
     pub fn new(rays: &[Ray], coherent: bool) -> Self {
         let valid = |lane| if lane < rays.len() { -1 } else { 0 };
         Self {
@@ -62,7 +63,8 @@ impl Packet16 {
 }
 
 impl EmbreeScene {
-    /// Builds over `triangles`, on as many threads (0: on all). All scenes alive at a time share the largest number.
+    /// Builds a scene over `triangles` on `threads` threads, or on all if 0. Scenes that exist at the same time share
+    /// the largest number.
     pub fn new(triangles: &[Triangle], threads: usize, made: Made) -> Self {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte within");
         // SAFETY: the configuration is a string that ends with a zero byte.
@@ -76,8 +78,8 @@ impl EmbreeScene {
             Made::Robust => (MEDIUM, ROBUST),
             Made::Refitted => (LOW, DYNAMIC),
         };
-        // SAFETY: the device exists, and so do all that is made of it here. A new buffer holds as many
-        // elements as were asked for, and numbers and indices are written to it in the stated format.
+        // SAFETY: the device exists, and so does every object that is created from it here. A new buffer has as many
+        // elements as requested. Coordinates and indices are written to it in the specified format.
         let (scene, geometry) = unsafe {
             let scene = rtcNewScene(device.as_ptr());
             rtcSetSceneBuildQuality(scene, quality);
@@ -100,9 +102,9 @@ impl EmbreeScene {
         }
     }
 
-    /// Builds anew or refits, over the same triangles and in the memory at hand.
+    /// Rebuilds or refits, over the same triangles and in existing memory.
     pub fn rebuild(&mut self) {
-        // SAFETY: both exist, and nobody else asks the scene meanwhile.
+        // SAFETY: both objects exist, and `&mut self` excludes concurrent queries of the scene.
         unsafe {
             rtcUpdateGeometryBuffer(self.geometry.as_ptr(), VERTICES[0], 0);
             rtcCommitGeometry(self.geometry.as_ptr());
@@ -110,22 +112,22 @@ impl EmbreeScene {
         }
     }
 
-    /// The closest hits of rays, for as many as there is room for; likewise below.
+    /// Writes the closest hits of rays, for as many rays as `out` has elements.
     pub fn closest(&self, rays: &[Ray], out: &mut [Hit]) {
         for (ray, out) in rays.iter().zip(out) {
             *out = self.ask(ray, rtcIntersect1).hit(0);
         }
     }
 
-    /// 1 for a ray that hits anything.
+    /// Writes 1 for each ray that hits anything and 0 for the others, for as many rays as `out` has elements.
     pub fn occluded(&self, rays: &[Ray], out: &mut [u8]) {
         for (ray, out) in rays.iter().zip(out) {
-            // Embree's sign for a ray that met something.
+            // Embree sets the upper bound of an occluded ray to a negative number.
             *out = u8::from(self.ask(ray, rtcOccluded1).t_max < [0.0]);
         }
     }
 
-    /// The closest hits of the rays of packets.
+    /// Writes the closest hits of the rays of packets, for as many rays as `out` has elements.
     pub fn closest_packets(&self, packets: &[Packet16], out: &mut [Hit]) {
         for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
             let found = self.ask_packet(packet, rtcIntersect16);
@@ -135,7 +137,8 @@ impl EmbreeScene {
         }
     }
 
-    /// Likewise, 1 for a ray that hits anything.
+    /// Writes 1 for each ray of packets that hits anything and 0 for the others, for as many rays as `out` has
+    /// elements.
     pub fn occluded_packets(&self, packets: &[Packet16], out: &mut [u8]) {
         for (packet, out) in packets.iter().zip(out.chunks_mut(16)) {
             let found = self.ask_packet(packet, rtcOccluded16);
@@ -153,7 +156,7 @@ impl EmbreeScene {
         let mut arguments = Arguments::new(packet.coherent);
         let (valid, mut rays) = (packet.valid, packet.rays);
         let scene = self.scene.as_ptr();
-        // SAFETY: the scene is committed; rays, their marks and the arguments live as long as the call.
+        // SAFETY: the scene is committed. The rays, their marks and the arguments outlive the call.
         unsafe {
             ask(valid.0.as_ptr(), scene, &raw mut rays, &raw mut arguments);
         }
@@ -167,7 +170,7 @@ impl EmbreeScene {
     ) -> RayHits<1> {
         let mut arguments = Arguments::new(false);
         let mut found = RayHits::new(std::slice::from_ref(ray));
-        // SAFETY: the scene is committed, and ray and arguments live as long as the call.
+        // SAFETY: the scene is committed. The ray and the arguments outlive the call.
         unsafe { ask(self.scene.as_ptr(), &raw mut found, &raw mut arguments) };
         found
     }
@@ -176,9 +179,9 @@ impl EmbreeScene {
 /// Copies `elements` to a new buffer of `geometry`.
 ///
 /// # Safety
-/// The geometry exists, and the format is that of `T`.
+/// The geometry must exist, and `format` must be that of `T`.
 unsafe fn fill<T: Copy>(geometry: Handle, [kind, format]: [u32; 2], elements: &[T]) {
-    // SAFETY: see above; the buffer is as long as the elements.
+    // SAFETY: the caller guarantees the geometry and the format. The buffer is as long as the elements.
     unsafe {
         let (size, count) = (size_of::<T>(), elements.len());
         let buffer = rtcSetNewGeometryBuffer(geometry, kind, 0, format, size, count);
@@ -189,7 +192,7 @@ unsafe fn fill<T: Copy>(geometry: Handle, [kind, format]: [u32; 2], elements: &[
 
 impl Drop for EmbreeScene {
     fn drop(&mut self) {
-        // SAFETY: all exist until here.
+        // SAFETY: all three objects exist until here, and each is released once.
         unsafe {
             rtcReleaseGeometry(self.geometry.as_ptr());
             rtcReleaseScene(self.scene.as_ptr());

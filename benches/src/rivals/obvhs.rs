@@ -11,7 +11,7 @@ use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
 use std::time::Duration;
 
-/// The crate's `medium_build` preset, or else its `fastest_build`.
+/// Tree with the crate's `medium_build` preset, or else its `fastest_build` preset.
 #[derive(Default)]
 pub(super) struct Obvhs<const MEDIUM: bool> {
     soup: Vec<Triangle>,
@@ -45,7 +45,7 @@ impl<const MEDIUM: bool> Rival for Obvhs<MEDIUM> {
             self.tree = build_bvh2_from_tris(&self.soup, params, &mut Duration::default());
             return;
         }
-        // What the preset amounts to, in memory that is reused.
+        // Equivalent to the preset, but reuses memory.
         let params = BvhBuildParams::fastest_build();
         let mut indices = std::mem::take(&mut self.tree.primitive_indices);
         indices.clear();

@@ -1,4 +1,4 @@
-//! `parry3d`: binned builds (Wald 2007), sequential, and refits in parallel; leaf boxes and memory are reused.
+//! `parry3d`: sequential binned builds (Wald 2007) and parallel refits. Leaf boxes and memory are reused.
 
 use super::{Node, Rival};
 use geom::{Aabb, Point, Ray};
@@ -10,7 +10,7 @@ use parry3d::query::RayCast;
 use parry3d::shape::Triangle;
 use rayon::prelude::*;
 
-/// A tree of `parry3d::partitioning`.
+/// Tree of `parry3d::partitioning`.
 #[derive(Default)]
 pub(super) struct Parry {
     soup: Vec<Triangle>,
@@ -55,7 +55,7 @@ impl Rival for Parry {
             self.update_leaves();
             self.tree
                 .rebuild(&mut self.workspace, BvhBuildStrategy::Binned);
-            // The crate's own builds end so too: nodes in depth-first order.
+            // The crate's own builds also end with a refit, which sorts nodes in depth-first order.
             self.tree.refit(&mut self.workspace);
             return;
         }

@@ -1,4 +1,4 @@
-//! Rays into a sheet that waves: a new position a vertex and step, and no key frames.
+//! Traces rays to a waving sheet. Each step passes new positions of all vertices.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 

@@ -1,16 +1,16 @@
-//! A sensor that turns above ground that heaves: 16 beams, a full turn a step, distances in metres.
+//! A lidar sensor above a moving ground: 16 beams, one full turn per step, distances in metres.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
 use abvh::{Error, Mesh, Point, Query, Ray, Scene, Source, Tracer};
 use std::f32::consts::TAU;
 
-/// Squares along each side.
+/// Number of squares along each side of the ground.
 const SIDE: u32 = 64;
 const BEAMS: usize = 16;
 const COLUMNS: usize = 512;
 
-/// Heights of waves that go on with time, over 40 by 40 metres.
+/// Returns the vertices of a wave pattern at `time`, over 40 by 40 metres.
 fn ground(time: f32) -> Vec<Point> {
     let vertex = |i: u32| {
         let place = [i % (SIDE + 1), i / (SIDE + 1)];
@@ -30,7 +30,7 @@ fn triangles() -> Vec<[u32; 3]> {
     (0..SIDE * SIDE).flat_map(square).collect()
 }
 
-/// Beams from 3 metres above, with directions of unit length, so that `t` is a distance.
+/// Returns the beams, from a height of 3 metres. Directions have length 1, so that `t` is a distance.
 fn beams() -> Vec<Ray> {
     let beam = |i: usize| {
         let turn = (i / BEAMS) as f32 / COLUMNS as f32 * TAU;

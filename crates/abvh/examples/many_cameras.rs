@@ -1,4 +1,4 @@
-//! Four cameras around a figure with key frames, all in one step; then what the pixel in the middle of each shows.
+//! Traces four cameras around a mesh with key frames in one step, and prints the hit in the centre of each.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 

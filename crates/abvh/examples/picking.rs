@@ -1,16 +1,16 @@
-//! What is under the cursor of a moving scene: one ray a step gives the mesh, its triangle and the point.
+//! Picks the mesh under the cursor in a moving scene. One ray per step returns the mesh, the triangle and the point.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
 use abvh::{Camera, Error, Matrix, Mesh, Point, Query, Scene, Tracer};
 
-/// An upright rectangle of two triangles.
+/// Returns the corners of an upright rectangle.
 fn panel(x: [f32; 2], y: [f32; 2], z: f32) -> Vec<Point> {
     let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
     corners.map(|[i, j]| [x[i], y[j], z]).to_vec()
 }
 
-/// Opens a door by an angle in radians, about its hinge at `x = -1, z = 0`.
+/// Returns the matrix that opens a door by an angle in radians, about its hinge at `x = -1, z = 0`.
 fn open(angle: f32) -> Matrix {
     let (sin, cos) = angle.sin_cos();
     [

@@ -1,11 +1,11 @@
-//! A sheet that waves over a floor, as a picture: `picture.png` in the folder for temporary files.
+//! Renders a waving sheet over a floor to `picture.png` in the folder for temporary files.
 
 #![expect(clippy::print_stdout, reason = "it says where the picture is")]
 
 use abvh::{Camera, Mesh, Point, Scene, Source, Tracer};
 use std::error::Error;
 
-/// Vertices along each side of the sheet.
+/// Number of vertices along each side of the sheet.
 const SIDE: u32 = 60;
 const SIZE: [u32; 2] = [640, 360];
 

@@ -1,15 +1,15 @@
-//! An arm of two rigid parts: a matrix a part and step, and a ray that watches the hand.
+//! Moves an arm of two rigid parts by matrices, and detects its hand with a ray.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
 use abvh::{Error, Matrix, Mesh, Point, Query, Ray, Scene, Tracer};
 
-/// A bar of two triangles along the x axis.
+/// Returns the corners of a bar along the x axis.
 fn bar(from: f32, to: f32) -> [Point; 4] {
     [[from, -0.1], [to, -0.1], [from, 0.1], [to, 0.1]].map(|[x, y]| [x, y, 0.0])
 }
 
-/// A turn about the z axis at a point on the x axis.
+/// Returns a rotation by `angle` about the z direction, at the point `at` of the x axis.
 fn turn(angle: f32, at: f32) -> Matrix {
     let (sin, cos) = angle.sin_cos();
     [

@@ -1,12 +1,14 @@
-//! A cloth of springs falls on a dome: simulated here, its vertices streamed each step, its depth seen from above.
+//! Simulates a cloth of springs that falls on a dome, streams its vertices in each step, and traces its depth from
+//! above.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
 use abvh::{Camera, Error, Mesh, Point, Query, Scene, Source, Tracer};
 
-/// Vertices along each side of the cloth and of the dome.
+/// Number of vertices along each side of the cloth and of the dome.
 const SIDE: u32 = 33;
-/// How far the cloth stays from the dome's middle. The dome's radius is 1, and triangles lie lower than their vertices.
+/// Least distance of the cloth's vertices from the dome's centre. The dome's radius is 1, and the cloth's triangles are
+/// nearer to the centre than their vertices.
 const NEAREST: f32 = 1.05;
 
 fn grid(place: impl Fn(f32, f32) -> Point) -> Vec<Point> {
@@ -19,7 +21,7 @@ fn length(p: Point) -> f32 {
     p.iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
-/// A sixtieth of a second: Verlet's method, with springs along the squares' sides as constraints (Jakobsen 2001).
+/// Advances the simulation by 1/60 s, by Verlet integration with the squares' sides as constraints (Jakobsen 2001).
 fn advance(cloth: &mut [Point], before: &mut [Point], triangles: &[[u32; 3]]) {
     for (now, before) in cloth.iter_mut().zip(before) {
         let fall = [0.0, -9.8 / 3600.0, 0.0];

@@ -1,5 +1,5 @@
-//! A program with a wgpu device of its own: its shader moves the vertices, the library traces there, and another shader reads
-//! the hits where they lie. All of it is in one list of commands, which the program submits.
+//! Traces on the program's own wgpu device. One shader moves the vertices, the library traces rays, and another shader
+//! reads the hits from device memory. All commands are in one encoder, which the program submits.
 
 #![expect(clippy::print_stdout, reason = "it shows what it found")]
 
@@ -10,7 +10,7 @@ use wgpu::util::DeviceExt;
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// Lifts the sheet, and counts rays that hit something nearer than 4.
+/// Lifts the sheet, and counts the hits that are nearer than 4.
 const SHADER: &str = "
 @group(0) @binding(0) var<storage, read_write> heights: array<f32>;
 @compute @workgroup_size(3)
@@ -43,7 +43,7 @@ fn open(limits: wgpu::Limits) -> Result<OwnDevice, Box<dyn Error>> {
     })
 }
 
-/// Has one of the shaders run on buffers, after the commands before.
+/// Records a dispatch of the shader entry point `entry` with `buffers`.
 fn run(
     encoder: &mut wgpu::CommandEncoder,
     device: &wgpu::Device,
@@ -88,7 +88,7 @@ fn buffer(own: &OwnDevice, contents: &[f32]) -> wgpu::Buffer {
     own.device.create_buffer_init(&about)
 }
 
-/// The number that a shader counted: nobody waits before.
+/// Reads the number that the shader counted. Only this call waits for the device.
 fn read(own: &OwnDevice, near: &wgpu::Buffer) -> Result<u32, Box<dyn Error>> {
     let (said, heard) = std::sync::mpsc::channel();
     let OwnDevice { device, queue, .. } = own;

@@ -1,4 +1,4 @@
-//! Where the work is done.
+//! The device that traces.
 
 use crate::{Error, Result};
 use backend::{Backend, BackendError};
@@ -7,17 +7,17 @@ use backend::{Backend, BackendError};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Device {
-    /// A GPU through Vulkan, else one through wgpu, else the host. A driver that runs shaders on the host's cores is tried
-    /// only if the host fails.
+    /// A GPU through Vulkan, else a GPU through wgpu, else the host. A driver that runs shaders on the host's cores is
+    /// tried only if the host fails.
     #[default]
     Auto,
     /// The host's cores.
     Cpu,
-    /// Compute shaders through Vulkan: the first GPU, or the adapter with this index, or with a name that has this part and
-    /// no other name has. Digits alone are an index.
+    /// Compute shaders through Vulkan. `None` selects the first GPU. A string of digits selects an adapter by index,
+    /// any other string the only adapter whose name contains it.
     #[cfg(feature = "vulkan")]
     Vulkan(Option<String>),
-    /// Compute shaders through wgpu, on an adapter that is chosen as for Vulkan.
+    /// Compute shaders through wgpu. The adapter is selected as for `Vulkan`.
     #[cfg(feature = "wgpu")]
     Wgpu(Option<String>),
     /// Compute shaders on a wgpu device that the program opened: see [`crate::own_device`].
@@ -26,7 +26,7 @@ pub enum Device {
 }
 
 impl Device {
-    /// Opens it, with so many threads where it is the host.
+    /// Opens the device. The host uses `threads` threads.
     pub(crate) fn open(&self, threads: usize) -> Result<Box<dyn Backend>> {
         let (name, adapter) = match self {
             Self::Auto => {

@@ -1,43 +1,43 @@
-//! Which meshes have their newest vertices on a device alone.
+//! Tracks the meshes whose newest vertices only the device has.
 
 use crate::{Error, Mesh, MeshId, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Those meshes, and others that had theirs there.
+/// Meshes with vertices on the device, and meshes that got vertices from the host again.
 #[derive(Default)]
 pub(crate) struct DeviceVertices {
-    /// Whether a step that failed may have lost them, by mesh.
+    /// For each mesh with vertices on the device, whether a failed step may have lost them.
     lost: BTreeMap<usize, bool>,
-    /// Where vertices are the host's again since a step was last submitted.
+    /// Ranges of vertices that the host has provided again since the last submission.
     returned: Vec<Range<usize>>,
 }
 
 impl DeviceVertices {
-    /// A mesh's vertices, which lie there among all, came to the device.
+    /// Notes that the vertices of a mesh, which are `range` of all vertices, are on the device.
     pub(crate) fn come(&mut self, mesh: usize, range: &Range<usize>) {
         self.returned.retain(|other| other != range);
         self.lost.insert(mesh, false);
     }
 
-    /// Likewise, to the host.
+    /// Notes that the host provides the vertices of a mesh.
     pub(crate) fn leave(&mut self, mesh: usize, range: &Range<usize>) {
         if self.lost.remove(&mesh).is_some() {
             self.returned.push(range.clone());
         }
     }
 
-    /// Where the device is to forget its own.
+    /// Takes the ranges of vertices that the device must read from the host again.
     pub(crate) fn take_returned(&mut self) -> Vec<Range<usize>> {
         std::mem::take(&mut self.returned)
     }
 
-    /// A step failed: nobody knows how far vertices came.
+    /// Marks all vertices on the device as lost, after a failed step.
     pub(crate) fn lose(&mut self) {
         self.lost.values_mut().for_each(|lost| *lost = true);
     }
 
-    /// Refuses steps as long as vertices that were lost have not come again.
+    /// Returns an error while lost vertices are not replaced.
     pub(crate) fn check(&self, meshes: &[Mesh]) -> Result<()> {
         let Some((mesh, _)) = self.lost.iter().find(|(_, lost)| **lost) else {
             return Ok(());

@@ -1,4 +1,4 @@
-//! What keeps this machine's GPU from being used, and how to mend it.
+//! Diagnoses why a GPU cannot be used, and how to fix it.
 
 use backend::DeviceKind;
 use backends::Known;
@@ -6,33 +6,33 @@ use host::NVIDIA_LIBRARIES;
 use std::fs::File;
 use std::path::PathBuf;
 
-/// What [`doctor`] found.
+/// Result of [`doctor`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Diagnosis {
-    /// GPUs that can be used. [`Device::Auto`](crate::Device::Auto) takes the first.
+    /// Names of usable GPUs. [`Device::Auto`](crate::Device::Auto) takes the first.
     pub gpus: Vec<String>,
-    /// What is missing, where there is no such GPU.
+    /// Problems found if there is no usable GPU.
     pub problems: Vec<Problem>,
 }
 
-/// Something that is missing.
+/// A problem, and how to fix it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// What.
+    /// Description of the problem.
     pub what: String,
-    /// What to do about it.
+    /// Instructions to fix it.
     pub mend: String,
 }
 
-/// Whether a GPU can be used here. If none can, says what is missing and how to mend it, on Linux for drivers of NVIDIA and
-/// Mesa too. Opens no device.
+/// Checks if a GPU can be used on this machine. If not, returns the problems and how to fix them. On Linux, this covers
+/// the drivers of NVIDIA and Mesa. Opens no device.
 #[must_use]
 pub fn doctor() -> Diagnosis {
     diagnose(&adapters(), &nodes(), has_nvidia_library())
 }
 
-/// Where libraries of drivers lie.
+/// Folders of driver libraries.
 const FOLDERS: [&str; 6] = [
     "/usr/lib/x86_64-linux-gnu",
     "/usr/lib/aarch64-linux-gnu",
@@ -41,14 +41,14 @@ const FOLDERS: [&str; 6] = [
     "/usr/local/nvidia/lib64",
     "/usr/lib/nvidia",
 ];
-/// Files by which processes reach GPUs: NVIDIA's, and those of other drivers.
+/// Device files of GPUs: the file of NVIDIA's driver, and the folder of other drivers.
 const NVIDIA_NODE: &str = "/dev/nvidiactl";
 const NODES: &str = "/dev/dri";
 
-/// A name, and whether it is a GPU's.
+/// Names of adapters, and whether they are GPUs. Or the error of listing them.
 type Adapters = Result<Vec<(String, bool)>, String>;
 
-/// Files of GPUs, and whether this process may use them.
+/// Returns the device files of GPUs, and whether this process may open them.
 fn nodes() -> Vec<(PathBuf, bool)> {
     let entries = std::fs::read_dir(NODES).into_iter().flatten().flatten();
     let nodes = entries.map(|entry| entry.path());
@@ -69,7 +69,7 @@ fn has_nvidia_library() -> bool {
     files.any(|file| file.exists())
 }
 
-/// What follows from what Vulkan and wgpu list, or why they list nothing, and from files of drivers.
+/// Diagnoses the adapters that Vulkan and wgpu list, or their error, together with the driver's files.
 fn diagnose(adapters: &Adapters, nodes: &[(PathBuf, bool)], has_nvidia_library: bool) -> Diagnosis {
     let listed = |gpus: bool| -> Vec<String> {
         let listed = adapters.as_deref().unwrap_or_default().iter();

@@ -1,84 +1,84 @@
-//! What can go wrong.
+//! The error type.
 
 use crate::MeshId;
 use backend::BackendError;
 use pipeline::PipelineError;
 
-/// Shorthand.
+/// Result with [`Error`] as the default error type.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Why something was not done. Nothing panics that a caller could cause.
+/// Reason for a failed operation. No call panics because of its arguments.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Parts of a mesh do not fit together.
+    /// The parts of a mesh are inconsistent.
     #[error("the mesh does not fit together: {0}")]
     Mesh(String),
-    /// A step gave a mesh another number of vertices or matrices than it has.
+    /// A step passed a wrong number of vertices or matrices for a mesh.
     #[error("mesh {} takes {expected} {what}, {found} were given", mesh.index())]
     Count {
-        /// Whose they are.
+        /// The mesh.
         mesh: MeshId,
-        /// Of what: vertices, or matrices.
+        /// `vertices`, `matrices` or `bytes`.
         what: &'static str,
-        /// How many it has.
+        /// Number that the mesh takes.
         expected: usize,
-        /// How many were given.
+        /// Number that was passed.
         found: usize,
     },
     /// The mesh belongs to another scene.
     #[error("mesh {} is of another scene", .0.index())]
     ForeignMesh(MeshId),
-    /// The mesh moves in another way: vertices are for streamed meshes, matrices for rigid ones.
+    /// The mesh does not move in this way: vertices are for streamed meshes, matrices for rigid meshes.
     #[error("mesh {} takes no {what}", mesh.index())]
     Motion {
-        /// Whose they were to be.
+        /// The mesh.
         mesh: MeshId,
-        /// Vertices, or matrices.
+        /// `vertices` or `matrices`.
         what: &'static str,
     },
-    /// Meshes were moved after a query of the same step, or the step was to be encoded after one of the host's rays or a
-    /// picture.
+    /// A mesh was moved after a query of the same step, or a step was encoded after a query with rays in host memory or
+    /// a picture.
     #[error("the step has begun to trace")]
     TooLate,
-    /// The replacement of this mesh was prepared for another tracer.
+    /// The replacement of this mesh belongs to another tracer.
     #[error("the replacement of mesh {} is of another tracer", .0.index())]
     ForeignReplacement(MeshId),
-    /// The replacement of this mesh was begun before another replacement of the same mesh was committed.
+    /// Another replacement of this mesh was committed after this replacement was started.
     #[error("the replacement of mesh {} was begun before another of the same mesh was committed", .0.index())]
     Conflict(MeshId),
-    /// The query is of another step or tracer, or its result was dropped. A result can be read any number of times until the
-    /// second step after its own is submitted. Steps that are dropped have no results and do not count.
+    /// The query belongs to another step or tracer, or its result was dropped. A result can be read any number of times
+    /// until the second step after its own is submitted. Dropped steps have no results and do not count.
     #[error("there is no result of this query any more, or it is of another step")]
     NoResult,
-    /// A key frame cannot be read, or a file that is to have some.
+    /// A key frame or a mesh file cannot be read.
     #[error("{0}")]
     KeyFrame(String),
-    /// No device suits, or the one named cannot run here.
+    /// No device can be used, or the requested device cannot run on this machine.
     #[error("{0}")]
     NoDevice(String),
-    /// The device does not do what was asked, or the scene is beyond its limits; or so many threads are beyond the machine's.
+    /// The device does not support the operation, the scene exceeds its limits, or the threads cannot be started.
     #[error("{0}")]
     Unsupported(String),
-    /// The program broke a rule of the interface, which the message names. The tracer stays usable.
+    /// The program violated a rule of the interface, which the message names. The tracer remains usable.
     #[error("{0}")]
     Misuse(String),
-    /// Vertices of this mesh that only the device had are gone, because a step that used them failed or was dropped. The next
-    /// step has to give them again.
+    /// Vertices of this mesh that only the device had are lost, because a step that used them failed or was dropped.
+    /// The next step must pass them again.
     #[error("a step that failed or was dropped had vertices of mesh {} on the device: they have to come again", .0.index())]
     VerticesLost(MeshId),
-    /// The memory of the device or of the host is too small. A smaller request may succeed.
+    /// Device or host memory is exhausted. A smaller request may succeed.
     #[error("{0}")]
     OutOfMemory(String),
-    /// The device is gone for good, unplugged or reset: only a new tracer helps.
+    /// The device was unplugged or reset. Only a new tracer can recover.
     #[error("{0}")]
     DeviceLost(String),
-    /// The driver refused a call, or a build of a tree failed: a fault in the driver or in the library.
+    /// The driver refused a call, or a tree build failed. This is a bug in the driver or in the library.
     #[error("{0}")]
     Device(String),
 }
 
-// No `From`: what is inside is no promise.
+// Private functions instead of `From`, which would make the inner error types part of the public interface.
 impl Error {
     pub(crate) fn of_backend(e: BackendError) -> Self {
         match e {

@@ -1,10 +1,11 @@
-//! Memory on a Vulkan device that another interface to the same GPU shares, CUDA for one: vertices, rays and answers stay there.
+//! Shares device memory of Vulkan with another API on the same GPU, such as CUDA. Vertices, rays and results remain on
+//! the device.
 //!
-//! The library allocates and exports, by opaque file descriptors (`VK_KHR_external_memory_fd`,
-//! `VK_KHR_external_semaphore_fd`); the other interface imports. That needs Linux, [`Device::Vulkan`](crate::Device::Vulkan),
-//! and a driver that has these extensions. Which work comes first is for a timeline semaphore to say:
-//! [`Step::synchronize`]. Without one, the program waits for the other interface before a step's first query, and for that
-//! step's [`Tracer::hits`] before it has a buffer written again.
+//! The library allocates and exports memory and semaphores as opaque file descriptors (`VK_KHR_external_memory_fd`,
+//! `VK_KHR_external_semaphore_fd`), and the other API imports them. This needs Linux,
+//! [`Device::Vulkan`](crate::Device::Vulkan), and a driver with these extensions. A timeline semaphore orders the work
+//! of both APIs: see [`Step::synchronize`]. Without one, the program must wait for the other API before a step's first
+//! query, and for [`Tracer::hits`] of that step before the other API writes a buffer again.
 //!
 //! ```no_run
 //! # #[cfg(unix)] {
@@ -31,8 +32,8 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
-//! What CUDA's driver has to be told is in the trials of the repository, `tests/tests/devices/cuda.rs`, which NVIDIA's driver
-//! 580 passes on an H100. Buffers and semaphores stay valid when a mesh is [replaced](Tracer::replace).
+//! The test `tests/tests/devices/cuda.rs` of the repository shows the calls of CUDA's driver API. It passes with
+//! NVIDIA's driver 580 on an H100. Buffers and semaphores remain valid when a mesh is [replaced](Tracer::replace).
 
 use crate::loaded::Loaded;
 use crate::step::apart;
@@ -49,41 +50,42 @@ use std::fmt;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
-/// A buffer in device-local memory that is exported: [`Tracer::external_buffer`]. Its allocation is a dedicated one
-/// (`cudaExternalMemoryDedicated`), it begins there at 0, and its usages are `STORAGE_BUFFER`, `TRANSFER_SRC` and
-/// `TRANSFER_DST`. Clones are the same buffer.
+/// An exported buffer in device-local memory, created by [`Tracer::external_buffer`].
+///
+/// It has a dedicated allocation (`cudaExternalMemoryDedicated`) and starts at its offset 0. Its usages are
+/// `STORAGE_BUFFER`, `TRANSFER_SRC` and `TRANSFER_DST`. Clones refer to the same buffer.
 #[derive(Clone)]
 pub struct ExternalBuffer(Arc<ExternalMemory>);
 
 impl ExternalBuffer {
-    /// Bytes that it holds: those asked for, or a few more.
+    /// Returns the size in bytes: the requested size, or slightly more.
     #[must_use]
     pub fn size(&self) -> u64 {
         self.0.bytes
     }
 
-    /// Bytes of its allocation, which whoever imports it has to name.
+    /// Returns the size of the allocation in bytes, which an import must specify.
     #[must_use]
     pub fn allocation_size(&self) -> u64 {
         self.0.allocation_bytes
     }
 
-    /// The index of its memory type, which another device of Vulkan's has to name.
+    /// Returns the index of the memory type, which an import by another Vulkan device must specify.
     #[must_use]
     pub fn memory_type(&self) -> u32 {
         self.0.memory_type
     }
 
-    /// The GPU's UUID, as Vulkan and CUDA have it.
+    /// Returns the UUID of the GPU, which is the same in Vulkan and CUDA.
     #[must_use]
     pub fn device_uuid(&self) -> [u8; 16] {
         self.0.device_uuid()
     }
 
-    /// A new opaque file descriptor of the allocation. An import takes it over.
+    /// Creates an opaque file descriptor of the allocation. An import takes ownership of the descriptor.
     ///
     /// # Errors
-    /// [`Error::Device`], if the process may have no more.
+    /// [`Error::Device`] if the process has too many open descriptors.
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         self.0.fd().map_err(Error::of_backend)
@@ -96,15 +98,16 @@ impl fmt::Debug for ExternalBuffer {
     }
 }
 
-/// A timeline semaphore that is exported, at 0 when made: [`Tracer::external_semaphore`]. Clones are the same semaphore.
+/// An exported timeline semaphore with initial value 0, created by [`Tracer::external_semaphore`]. Clones refer to the
+/// same semaphore.
 #[derive(Clone)]
 pub struct ExternalSemaphore(Arc<Timeline>);
 
 impl ExternalSemaphore {
-    /// A new opaque file descriptor of it. An import takes it over.
+    /// Creates an opaque file descriptor of the semaphore. An import takes ownership of the descriptor.
     ///
     /// # Errors
-    /// [`Error::Device`], if the process may have no more.
+    /// [`Error::Device`] if the process has too many open descriptors.
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         self.0.fd().map_err(Error::of_backend)
@@ -117,16 +120,17 @@ impl fmt::Debug for ExternalSemaphore {
     }
 }
 
-/// Rays in an external buffer, and where what they meet is to be written.
+/// An external buffer of rays, and an optional external buffer for their results.
 #[derive(Clone, Copy, Debug)]
 pub struct ExternalRays<'a> {
-    /// Eight floats a ray, as [`Ray`] lies in memory: origin, `t_min`, direction, `t_max`.
+    /// Rays of eight floats in the memory layout of [`Ray`]: origin, `t_min`, direction, `t_max`.
     pub rays: &'a ExternalBuffer,
-    /// How many of them there are, from the first on.
+    /// Number of rays, from the start of the buffer.
     pub count: usize,
-    /// Another buffer. [`Query::Closest`] writes 16 bytes a ray: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the
-    /// triangle's number among those of all meshes ([`Tracer::first_triangle`]) or 4294967295 for a miss. [`Query::Any`]
-    /// writes a word a ray that is not 0 if the ray met anything. Without this buffer the library uses its own.
+    /// Results, in a different buffer than the rays. [`Query::Closest`] writes 16 bytes per ray: `t`, `u` and `v` as in
+    /// [`Hit`](crate::Hit), and the index of the triangle among the triangles of all meshes
+    /// ([`Tracer::first_triangle`]), or 4294967295 for a miss. [`Query::Any`] writes a `u32` per ray, which is not 0
+    /// for a hit. Without this buffer, the library uses its own.
     pub answers: Option<&'a ExternalBuffer>,
 }
 
@@ -160,7 +164,7 @@ impl Loaded {
         self.vulkan().ok_or_else(none)
     }
 
-    /// Has a streamed mesh's vertices come from external memory.
+    /// Sets the external buffer that the vertices of a streamed mesh are read from.
     pub(crate) fn bring_external(
         &mut self,
         mesh: usize,
@@ -177,7 +181,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Takes over what `before`, which differs by one mesh, has on its device alone.
+    /// Takes over the vertices that only the device has from `before`, a scene that differs in mesh `but` only.
     pub(crate) fn follow_external(&mut self, before: &mut Self, but: usize) -> Result<()> {
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
             let run = before.joined.range_of(mesh);
@@ -191,7 +195,7 @@ impl Loaded {
         before.signal()
     }
 
-    /// Has semaphores signal what was submitted so far.
+    /// Submits the semaphore signals that follow the work submitted so far.
     pub(crate) fn signal(&mut self) -> Result<()> {
         match self.vulkan() {
             Some(gpu) => gpu.signal().map_err(Error::of_backend),
@@ -201,18 +205,18 @@ impl Loaded {
 }
 
 impl Tracer {
-    /// Device-local memory that is exported, of at least so many bytes. Nothing is written there yet.
+    /// Creates an exported buffer of at least `bytes` in device-local memory. Its content is undefined.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device than Vulkan's, where the driver does not export, with the extension's name, and
-    /// beyond its limits; [`Error::OutOfMemory`].
+    /// [`Error::Unsupported`] on devices other than Vulkan's, if the driver lacks an extension (which the message
+    /// names), and for sizes beyond its limits. [`Error::OutOfMemory`].
     pub fn external_buffer(&mut self, bytes: u64) -> Result<ExternalBuffer> {
         let gpu = &self.state().current.exporter()?.gpu;
         let made = ExternalMemory::new(gpu, bytes).map_err(Error::of_backend)?;
         Ok(ExternalBuffer(Arc::new(made)))
     }
 
-    /// A timeline semaphore that is exported.
+    /// Creates an exported timeline semaphore.
     ///
     /// # Errors
     /// As for [`Tracer::external_buffer`].
@@ -224,15 +228,16 @@ impl Tracer {
 }
 
 impl Step<'_> {
-    /// Has the step wait until `semaphore` reaches `wait`, before it reads or writes any external buffer, and has it reach
-    /// `signal` once the submitted step is done. The device waits. So does the host where it needs the device: for hits, for a
-    /// tree before the first query or with [`Update::Rebuild`](crate::Update::Rebuild), and while many steps are under way.
-    /// It waits for ever if the value is never reached. What a step was to wait for and to signal, and was dropped, the next
-    /// one does.
+    /// Makes the step wait until `semaphore` reaches `wait` before it accesses external buffers. When the submitted
+    /// step is done, the semaphore is signalled with `signal`.
+    ///
+    /// The device waits. The host also waits if it needs results of the device: for hits, for a tree before the first
+    /// query or with [`Update::Rebuild`](crate::Update::Rebuild), and while too many steps are in flight. If the value
+    /// is never reached, it waits forever. If the step is dropped, the next step waits and signals in its place.
     ///
     /// # Errors
-    /// [`Error::TooLate`] after a query; [`Error::Misuse`] if the semaphore is another device's, or `signal` is not above
-    /// `wait`, above the semaphore's value and above those of steps before.
+    /// [`Error::TooLate`] after a query. [`Error::Misuse`] if the semaphore belongs to another device, or if `signal`
+    /// is not above `wait`, the semaphore's value and the signals of earlier steps.
     pub fn synchronize(
         &mut self,
         semaphore: &ExternalSemaphore,
@@ -247,10 +252,11 @@ impl Step<'_> {
         said.map_err(Error::of_backend)
     }
 
-    /// As [`Step::trace`], of rays that lie in an external buffer, which no host sees.
+    /// Traces rays from an external buffer. They are not copied to the host.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device; [`Error::Misuse`] where a buffer is too small or another device's.
+    /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or belongs to another
+    /// device.
     pub fn trace_external(&mut self, rays: ExternalRays<'_>, query: Query) -> Result<QueryId> {
         rays.lend(self.tracer.current.exporter()?, query)?;
         self.trace(Rays::OnDevice(rays.count), query)

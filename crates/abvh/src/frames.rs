@@ -1,4 +1,4 @@
-//! Pictures of many moments, one after another, as fast as the device makes them.
+//! Renders sequences of pictures at the full speed of the device.
 //!
 //! ```
 //! use abvh::frames::{Frame, Wanted};
@@ -27,8 +27,8 @@ use pipeline::LOOK_AHEAD;
 pub use pipeline::{Answers, Frame, FrameRecord, Wanted};
 
 impl Tracer {
-    /// Begins to make ready what such frames take, beside other work: kernels are compiled on threads of their own. Says
-    /// whether pixels, if they are wanted, come from the device; else the host shades hits.
+    /// Starts to compile the kernels for such frames, on separate threads. Returns whether the device computes the
+    /// pixels, if pixels are wanted. If it returns `false`, the host shades the hits.
     ///
     /// # Errors
     /// [`Error::Device`].
@@ -39,15 +39,18 @@ impl Tracer {
         Ok(shades)
     }
 
-    /// Renders what a camera sees at the times of `frames`, in the light of the sky and of one point. As many are under way as
-    /// the device allows, and key frames that are not held are read ahead. Each is shown to `on_frame` when it is done, in the
-    /// order of `frames`, with what is wanted of it, in memory that `on_frame` may take: what it leaves there is used for a later one.
-    /// Meshes that steps move stand where the last step left them. Results of earlier steps are dropped.
+    /// Renders the view of a camera at the times of `frames`, lit by the sky and by one point light.
     ///
-    /// A frame's `index` is the caller's own. What a [`FrameRecord`] tells, for those who measure, may grow with each version.
+    /// As many frames are in flight as the device allows, and key frames are read ahead. `on_frame` is called for each
+    /// finished frame, in the order of `frames`, with the results selected by `wanted`. It may take the memory of the
+    /// results; memory that it leaves is reused. Streamed and rigid meshes keep the vertices of the last step. Results
+    /// of earlier steps are dropped.
+    ///
+    /// A frame's `index` is not used here and is passed through. [`FrameRecord`] holds measurements, and may get more
+    /// fields with each version.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`], [`Error::Unsupported`], [`Error::Device`], or whatever `on_frame` returns.
+    /// [`Error::KeyFrame`], [`Error::Unsupported`], [`Error::Device`], or the error of `on_frame`.
     pub fn render_frames<E: From<Error>>(
         &mut self,
         frames: &[Frame],
@@ -65,7 +68,7 @@ impl Tracer {
         };
         let query = shading::query(shot);
         let most = match colours.is_some() && current.joined.is_arriving() {
-            // Later frames would take its vertices away.
+            // The host shades with the animation's newest vertices, which a later frame would replace.
             true => 1,
             false => current.driver.most_under_way(&[query]),
         };

@@ -1,13 +1,13 @@
-//! Guides, one topic a page.
+//! Guides, one topic per page.
 //!
 //! - [`concepts`]: scenes, steps, queries, hits, trees.
-//! - [`streaming`]: meshes that a simulation moves, and how its work overlaps with tracing.
-//! - [`devices`]: which device is taken, how to name one, what to do where none is found.
-//! - [`accuracy`]: what an intersector promises, and what makes a ray miss.
-//! - [`migration`]: the calls of Embree, `bvh` and `obvhs`, and what stands for them here.
+//! - [`streaming`]: meshes that a simulation moves, and how to overlap simulation and tracing.
+//! - [`devices`]: device selection, and what to do if no GPU is found.
+//! - [`accuracy`]: guarantees of each intersector, and the cases in which rays miss.
+//! - [`migration`]: functions of Embree, `bvh` and `obvhs`, and their equivalents here.
 //!
-//! The examples of the package are whole programs: `hello_rays`, `stream_cloth`, `rigid_robot`, `lidar`, `many_cameras`,
-//! `picking`, `picture`, `wgpu_own_device`.
+//! The examples of the package are complete programs: `hello_rays`, `stream_cloth`, `rigid_robot`, `lidar`,
+//! `many_cameras`, `picking`, `picture`, `wgpu_own_device`.
 
 pub mod accuracy;
 pub mod concepts;

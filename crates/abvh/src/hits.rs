@@ -7,12 +7,12 @@ use geom::lock;
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
-/// Where a ray met a triangle.
+/// A hit of a ray on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The mesh.
     pub mesh: MeshId,
-    /// The triangle's number in the mesh.
+    /// Index of the triangle in the mesh.
     pub triangle: u32,
     /// Distance in units of the ray's direction.
     pub t: f32,
@@ -22,9 +22,10 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// The results of one query, in the order of its rays. A handle: clones share the same results, and it may be held as long as
-/// it is of use, while later steps are prepared, on any thread, and after the tracer is dropped. Its memory is used again for
-/// a later query once the last clone is dropped.
+/// The results of one query, in the order of its rays.
+///
+/// This is a handle: clones share the same results. It remains valid while later steps are prepared, on any thread, and
+/// after the tracer is dropped. Its memory is reused for a later query once the last clone is dropped.
 #[derive(Clone)]
 pub struct Hits(Arc<Found>);
 
@@ -34,14 +35,14 @@ struct Found {
     spares: Spares,
 }
 
-/// Memory of hits that were dropped.
+/// Memory of dropped hits, for reuse.
 pub(crate) type Spares = Arc<Mutex<HitsPool>>;
 
-/// How triangles are numbered through all meshes of a scene.
+/// Maps triangle indices of a scene to meshes.
 pub(crate) struct Numbering {
-    /// The first triangle of each mesh, and the number of all triangles.
+    /// Index of the first triangle of each mesh, and finally the number of all triangles.
     pub(crate) starts: Vec<usize>,
-    /// The id of each mesh.
+    /// Identifier of each mesh.
     pub(crate) ids: Vec<MeshId>,
 }
 
@@ -81,8 +82,8 @@ impl Hits {
         self.len() == 0
     }
 
-    /// Returns the closest hit of a ray, or `None` for a miss, for a number that no ray has, and for a query without closest
-    /// hits.
+    /// Returns the closest hit of a ray, or `None` for a miss, for an index out of range, and for a query without
+    /// closest hits.
     #[must_use]
     pub fn closest(&self, ray: usize) -> Option<Hit> {
         let hit = self.in_scene().get(ray).filter(|hit| hit.is_hit())?;
@@ -96,36 +97,36 @@ impl Hits {
         })
     }
 
-    /// Returns whether a ray met anything.
+    /// Returns whether a ray hit any triangle.
     #[must_use]
     pub fn is_hit(&self, ray: usize) -> bool {
         let closest = self.in_scene().get(ray).is_some_and(|hit| hit.is_hit());
         closest || self.any().get(ray).is_some_and(|&met| met != 0)
     }
 
-    /// Returns the closest hits of all rays, without a copy. Triangles are numbered through all meshes of the scene, in the
-    /// order in which these were added: [`Tracer::first_triangle`](crate::Tracer::first_triangle). Empty for a query without
-    /// closest hits.
+    /// Returns the closest hits of all rays, without a copy. Triangle indices count through all meshes of the scene in
+    /// the order in which the meshes were added: see [`Tracer::first_triangle`](crate::Tracer::first_triangle). Empty
+    /// for a query without closest hits.
     #[must_use]
     pub fn in_scene(&self) -> &[SceneHit] {
         &self.0.hits.closest
     }
 
-    /// Copies closest hits as [`Hits::in_scene`] has them, several threads at a time where there are many. Returns how many
-    /// were copied: one a ray, or as many as `to` has room for.
+    /// Copies the hits of [`Hits::in_scene`], on several threads if there are many. Returns the number of copied hits:
+    /// the number of closest hits, or the length of `to` if that is smaller.
     pub fn copy_to(&self, to: &mut [SceneHit]) -> usize {
         let count = to.len().min(self.in_scene().len());
         copy(&mut to[..count], &self.in_scene()[..count]);
         count
     }
 
-    /// Returns 1 for each ray that met anything, else 0. Empty for a query of closest hits.
+    /// Returns one byte per ray: 1 if the ray hit any triangle, else 0. Empty for a query of closest hits.
     #[must_use]
     pub fn any(&self) -> &[u8] {
         &self.0.hits.blocked
     }
 
-    /// Returns `t` of the closest hits, one a ray: infinite for a miss. Empty for a query without closest hits.
+    /// Returns `t` of each ray's closest hit, infinite for a miss. Empty for a query without closest hits.
     pub fn distances(&self) -> impl ExactSizeIterator<Item = f32> {
         self.in_scene().iter().map(|hit| hit.t)
     }

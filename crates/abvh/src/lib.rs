@@ -1,4 +1,4 @@
-//! Traces rays through triangle meshes that move and deform, on the host or on a GPU, which needs no ray-tracing hardware.
+//! Traces rays through triangle meshes that move and deform, on the host or on a GPU without ray-tracing hardware.
 //!
 //! ```
 //! use abvh::{Mesh, Query, Ray, Scene, Source, Tracer};
@@ -21,12 +21,12 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
-//! A [`Scene`] holds meshes, and a [`Tracer`] owns it on a [`Device`]. Time goes on in [`Step`]s: a step moves meshes, traces
-//! any number of queries, and is submitted. The device refits one tree to each step's vertices while threads of the host
-//! build the next, and no hit ever depends on a tree.
+//! A [`Scene`] holds meshes, and a [`Tracer`] owns it on a [`Device`]. Time advances in [`Step`]s: a step moves meshes,
+//! traces any number of queries, and is submitted. The device refits one tree to each step's vertices while host
+//! threads build the next tree. No hit depends on a tree.
 //!
-//! [`guide`] has more: [concepts](guide::concepts), [streaming](guide::streaming), [devices](guide::devices),
-//! [accuracy](guide::accuracy), and the calls of [other libraries](guide::migration).
+//! The [`guide`] explains [concepts](guide::concepts), [streaming](guide::streaming), [devices](guide::devices) and
+//! [accuracy](guide::accuracy), and maps the functions of [other libraries](guide::migration).
 
 mod device;
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]

@@ -1,4 +1,4 @@
-//! A scene loaded on a device, with the trees that follow its motion and what was asked of it.
+//! A scene loaded on a device, with its trees, submissions and results.
 
 use crate::hits::Spares;
 use crate::mesh::Colour;
@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::mem::discriminant;
 use std::sync::Arc;
 
-/// What kernels depend on: whether rays are a camera's, and what is looked for.
+/// The properties of a query that its kernels depend on: the camera, if any, and the kind.
 pub(crate) type Asked = (Option<Camera>, QueryKind);
 
 pub(crate) struct Loaded {
@@ -21,31 +21,32 @@ pub(crate) struct Loaded {
     pub(crate) joined: Joined,
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
-    /// One query of each kind so far.
+    /// One query of each kind that was traced so far.
     pub(crate) asked: Vec<Asked>,
-    /// Trees of the scenes before it.
+    /// Number of trees of the scenes before this one.
     trees_before: u64,
-    /// Submissions that were not seen to be done, the oldest first.
+    /// Submissions that are not known to be done, oldest first.
     pub(crate) under_way: VecDeque<Ticket>,
-    /// Results that are available, from the oldest to the newest.
+    /// Results that are available, oldest first.
     pub(crate) results: VecDeque<Answer>,
     /// Memory of hits whose handles were all dropped.
     spares: Spares,
-    /// Since the first picture: colours of all triangles where the host shades; the device has its own.
+    /// `None` before the first picture. Then the colours of all triangles if the host shades, or `None` if the device
+    /// does.
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
-/// Where the result of a query is kept.
+/// The location of a query's result.
 pub(crate) struct Answer {
     pub(crate) query: QueryId,
     pub(crate) ticket: Ticket,
-    /// Among the queries of its submission.
+    /// Index among the queries of its submission.
     pub(crate) place: usize,
     rays: usize,
     kind: QueryKind,
-    /// Taken from the backend when they are first read.
+    /// Hits, which are taken from the backend when they are first read.
     hits: Option<Hits>,
-    /// Of a picture that the host shaded.
+    /// Pixels, if the host shaded the picture.
     pub(crate) pixels: Option<Vec<u8>>,
 }
 
@@ -59,7 +60,7 @@ impl Loaded {
         check_memory(&meshes)?;
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
-        // Key frames that arrive are numbered from 0 on, whatever time a step has.
+        // Key frames that arrive are numbered from 0 on, independent of the times of steps.
         options.time_range = match joined.is_arriving() {
             true => [0.0, f64::MAX],
             false => options.time_range.map(|time| time.min(animation.end())),
@@ -85,7 +86,8 @@ impl Loaded {
         self.driver.generation().0 > 0
     }
 
-    /// Has the first tree built for `time`, and all made ready that such queries take.
+    /// Builds the first tree for `time`, and prepares everything that such queries need, by tracing one ray of each
+    /// kind.
     pub(crate) fn warm_up(&mut self, time: f64, asked: &[Asked]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
         // The first tree is built for the first query.
@@ -104,7 +106,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Goes on where `before` is, which differs by one mesh.
+    /// Continues from the state of `before`, a scene that differs in mesh `but` only.
     pub(crate) fn follow(&mut self, before: &mut Self, but: usize) -> Result<()> {
         self.joined.move_to(&before.settle()?, but);
         #[cfg(feature = "wgpu")]
@@ -116,14 +118,14 @@ impl Loaded {
         Ok(())
     }
 
-    /// Where meshes stand, with what no query has seen yet.
+    /// Returns the newest vertices of all meshes, including changes since the last query.
     fn settle(&mut self) -> Result<KeyFrame> {
         let time = self.joined.time;
         self.joined.tell(self.driver.backend(), time)?;
         self.joined.newest()
     }
 
-    /// Begins queries, in one submission if the device can.
+    /// Submits queries, in one submission if the device can, and notes where their results will be.
     pub(crate) fn begin(
         &mut self,
         time: f64,
@@ -138,7 +140,8 @@ impl Loaded {
             self.finish(last)?;
         }
         let started = self.start(time, queries).inspect_err(|_| {
-            // Backends forget reports of dropped steps soon, counted in submissions. One that was refused is one, too.
+            // Backends keep reports for a number of submissions, and a refused submission counts. So read all reports
+            // now.
             let _ = self.finish_all(last);
         });
         let ticket = started?;
@@ -156,7 +159,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Has queries be under way, in one submission, of whose results nobody is told.
+    /// Submits queries in one submission, without noting where their results will be.
     pub(crate) fn start(&mut self, time: f64, queries: &[Query<'_>]) -> Result<Ticket> {
         let ticket = self.submit(time, queries)?;
         queries.iter().for_each(|&query| self.note(query));
@@ -184,7 +187,7 @@ impl Loaded {
         begun
     }
 
-    /// Has vertices come from the host again that did not.
+    /// Makes the device read vertices from the host again where they came from device memory before.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     fn release_points(&mut self) {
         let returned = self.joined.on_device.take_returned();
@@ -204,7 +207,7 @@ impl Loaded {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(_) | Rays::OnDevice(_) => None,
         };
-        // Wherever the light is.
+        // The position of the light does not matter.
         let form = |(camera, kind): &Asked| (camera.is_some(), discriminant(kind));
         let asked = (camera, query.kind);
         if !self.asked.iter().any(|other| form(other) == form(&asked)) {
@@ -238,13 +241,13 @@ impl Loaded {
         Ok(())
     }
 
-    /// Waits for the oldest submission under way.
+    /// Waits for the oldest submission in flight.
     fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
         let finished = self.take((Wanted::default(), &mut Answers::default()), last);
         finished.map(drop)
     }
 
-    /// Likewise, and takes what is wanted of it.
+    /// Waits for the oldest submission in flight, and takes the results selected by `wanted`.
     pub(crate) fn take(
         &mut self,
         (wanted, answers): (Wanted, &mut Answers),
@@ -254,7 +257,7 @@ impl Loaded {
         let finished = self.driver.finish(wanted, answers);
         let record = finished.map_err(Error::of_driver)?.ok_or(Error::NoResult)?;
         let done = self.statistics(&record);
-        // Those of a former scene may be waited for late.
+        // A submission of a former scene may be waited for after newer ones.
         if last.is_none_or(|l| l.generation <= done.generation) {
             *last = Some(done);
         }
@@ -272,7 +275,7 @@ impl Loaded {
         }
     }
 
-    /// Has the backend keep all results that are available beside those of one more submission.
+    /// Makes the backend keep all available results and those of one more submission.
     fn keep_results(&mut self) {
         let submissions = self.results.iter().filter(|answer| answer.place == 0);
         let traces = submissions.count() + 1;
@@ -300,7 +303,7 @@ impl Loaded {
         Ok(self.results[at].hits.insert(hits).clone())
     }
 
-    /// Returns whether a result is there, so that reading it would not wait.
+    /// Returns whether a result is available, so that reading it would not wait.
     pub(crate) fn is_done(&mut self, at: usize) -> Result<bool> {
         let answer = &self.results[at];
         match (&answer.hits, answer.ticket) {
@@ -312,13 +315,13 @@ impl Loaded {
         }
     }
 
-    /// Drops results of steps before one. Returns whether any are left.
+    /// Drops the results of steps before `step`. Returns whether any results are left.
     pub(crate) fn keep_from(&mut self, step: u64) -> bool {
         self.retain(|of| of >= step);
         !self.results.is_empty()
     }
 
-    /// Drops results of one step, and frees memory that only they needed.
+    /// Drops the results of one step, and frees memory that only they needed.
     pub(crate) fn drop_step(&mut self, step: StepId) {
         let before = self.results.len();
         self.retain(|of| of != step.0);
@@ -329,7 +332,7 @@ impl Loaded {
     }
 
     fn retain(&mut self, is_kept: impl Fn(u64) -> bool) {
-        // As many queries are likely to come again.
+        // The next steps are likely to have as many queries.
         lock(&self.spares).keep(self.results.len());
         let mut released = Vec::new();
         self.results.retain(|answer| {
@@ -346,7 +349,8 @@ impl Loaded {
     }
 }
 
-/// Refuses a scene that takes more memory than the system grants, because a build cannot report an allocation that fails.
+/// Returns an error if the scene needs more memory than the system has, because a build cannot report a failed
+/// allocation.
 fn check_memory(meshes: &[Mesh]) -> Result<()> {
     let keys = meshes.iter().map(Mesh::joined_points).sum::<usize>();
     let triangles = meshes.iter().map(Mesh::triangle_count).sum::<usize>();
@@ -355,7 +359,7 @@ fn check_memory(meshes: &[Mesh]) -> Result<()> {
     host::check(bytes).map_err(|e| Error::OutOfMemory(e.to_string()))
 }
 
-/// Whether a step failed in a way that leaves the device's vertices unknown.
+/// Returns whether a step failed in a way that leaves the vertices on the device undefined.
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 fn is_failure<T>(begun: &Result<T>) -> bool {
     use Error::{Device, DeviceLost, Misuse, OutOfMemory};

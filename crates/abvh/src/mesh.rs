@@ -1,4 +1,4 @@
-//! Meshes, and scenes made of them.
+//! Meshes and scenes.
 
 use crate::motion::Motion;
 use crate::{Error, Point, Result};
@@ -7,28 +7,28 @@ use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Triangles, and how they move.
+/// Triangles and their motion.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Empty where its motion has them.
+    /// Empty if the motion has the triangles.
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) motion: Arc<Motion>,
     pub(crate) colours: Arc<[Colour]>,
-    /// Tells meshes of scenes apart; 0 of one that is in none.
+    /// Identifies a mesh that was added to a scene; otherwise 0.
     pub(crate) number: u64,
 }
 
-/// sRGB.
+/// 8-bit sRGB.
 pub(crate) type Colour = [u8; 3];
 
-/// Of a mesh that was given none.
+/// Default colour.
 const GREY: Colour = [190; 3];
 
 impl Mesh {
-    /// A mesh that never moves: vertices in any unit, and three of their indices a triangle.
+    /// Creates a mesh that never moves, from vertices in any unit and three vertex indices per triangle.
     ///
     /// # Errors
-    /// [`Error::Mesh`]: a triangle names a vertex that does not exist.
+    /// [`Error::Mesh`] if a vertex index is out of range.
     pub fn fixed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
         let motion = Motion::Keys(vec![copied(vertices)?]);
         Self::new(triangles, vertices.len(), motion)
@@ -36,8 +36,8 @@ impl Mesh {
 
     /// Creates a mesh that never moves from vertices in double precision, such as those of a survey or a globe.
     ///
-    /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh. Meshes
-    /// of one scene take the same offset, and so do the origins of its rays:
+    /// `offset` is subtracted from every vertex in double precision before rounding, so it should be near the mesh.
+    /// Meshes of one scene take the same offset, and so do the origins of its rays:
     ///
     /// ```
     /// use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
@@ -75,11 +75,12 @@ impl Mesh {
         Self::fixed(&rounded, triangles)
     }
 
-    /// A mesh that goes through key frames, one position a vertex each. Time is measured in them: at time `k + a` it stands
-    /// between key frames `k` and `k + 1`, by the weight `a`, and before the first and after the last it stands still.
+    /// Creates a mesh that moves through key frames, which hold one position per vertex. Time is measured in key
+    /// frames: at time `k + a`, positions are blended from key frames `k` and `k + 1` with weight `a`. Before the first
+    /// and after the last key frame, the mesh does not move.
     ///
     /// # Errors
-    /// [`Error::Mesh`]: there is no key frame, they differ in their numbers of vertices, or as for [`Mesh::fixed`].
+    /// [`Error::Mesh`] without key frames, if their numbers of vertices differ, or as for [`Mesh::fixed`].
     pub fn keyframes(keys: Vec<Vec<Point>>, triangles: &[[u32; 3]]) -> Result<Self> {
         let Some(vertices) = keys.first().map(Vec::len) else {
             return Err(Error::Mesh("it has no key frame".to_owned()));
@@ -92,14 +93,17 @@ impl Mesh {
         Self::new(triangles, vertices, Motion::Keys(keys))
     }
 
-    /// A mesh that goes through `keys` key frames, likewise, of which no more than about `window` are held: `read` gives each
-    /// where it is about to be played, from a file or by computing it, again and again the same. Several threads call it at a
-    /// time. All are read once before the first step, to learn what stands still.
+    /// Creates a mesh that moves through `keys` key frames. At most about `window` key frames are in memory.
     ///
-    /// A scene of nothing else is blended on the device, which holds as many; beside other meshes it is blended on the host.
+    /// `read` returns a key frame shortly before it is played, from a file or by computing it. It is called from
+    /// several threads, and must return the same positions each time. All key frames are read once before the first
+    /// step, to find the vertices that never move. Time is measured as for [`Mesh::keyframes`].
+    ///
+    /// If the scene has no other mesh, the device blends the key frames, and also holds about `window` key frames.
+    /// Otherwise the host blends them.
     ///
     /// # Errors
-    /// As for [`Mesh::keyframes`]; [`Error::KeyFrame`], with what `read` said, also later from steps.
+    /// As for [`Mesh::keyframes`]. [`Error::KeyFrame`] with the message of `read`, also from later steps.
     pub fn sequence<E: Display>(
         keys: usize,
         window: usize,
@@ -120,7 +124,7 @@ impl Mesh {
         Ok(Self::animated(Arc::new(animation)))
     }
 
-    /// A mesh of one colour that moves as an animation does.
+    /// Creates a grey mesh with the triangles and the motion of an animation.
     pub(crate) fn animated(animation: Arc<Animation>) -> Self {
         Self {
             triangles: Vec::new(),
@@ -130,7 +134,8 @@ impl Mesh {
         }
     }
 
-    /// A mesh whose vertices arrive while it is traced: see [`Step::vertices`](crate::Step::vertices). Until then it stands at `rest`.
+    /// Creates a mesh whose vertices are passed to each step: see [`Step::vertices`](crate::Step::vertices). Its
+    /// initial positions are `rest`.
     ///
     /// # Errors
     /// As for [`Mesh::fixed`].
@@ -138,11 +143,11 @@ impl Mesh {
         Self::new(triangles, rest.len(), Motion::Streamed(copied(rest)?))
     }
 
-    /// A mesh of rigid parts, of which each vertex belongs to one, by its number. A step gives a matrix for each part: see
-    /// [`Step::poses`](crate::Step::poses). Until then it stands at `rest`.
+    /// Creates a mesh of rigid parts. `part_of_vertex` holds the part index of each vertex. Steps pass a matrix for
+    /// each part: see [`Step::poses`](crate::Step::poses). The initial positions are `rest`.
     ///
     /// # Errors
-    /// As for [`Mesh::fixed`], or there is not one part a vertex.
+    /// As for [`Mesh::fixed`], or if `part_of_vertex` does not have one entry per vertex.
     pub fn rigid(rest: &[Point], triangles: &[[u32; 3]], part_of_vertex: &[u32]) -> Result<Self> {
         if part_of_vertex.len() != rest.len() {
             let (parts, vertices) = (part_of_vertex.len(), rest.len());
@@ -168,10 +173,11 @@ impl Mesh {
         })
     }
 
-    /// The mesh in other colours than grey, for [pictures](crate::Step::render): 8-bit sRGB, one a triangle, or one for all.
+    /// Sets the colours for [pictures](crate::Step::render): 8-bit sRGB, one per triangle, or one for all. The default
+    /// is grey.
     ///
     /// # Errors
-    /// [`Error::Mesh`]: there are neither so many nor one.
+    /// [`Error::Mesh`] for any other number of colours.
     pub fn with_colours(mut self, colours: &[[u8; 3]]) -> Result<Self> {
         let (found, triangles) = (colours.len(), self.triangle_count());
         if found != 1 && found != triangles {
@@ -182,16 +188,17 @@ impl Mesh {
         Ok(self)
     }
 
-    /// The mesh of a file (`.obj`, `.ply`, `.gltf` or `.glb`), or of a folder or a pattern of files that are key frames, with
-    /// its motion and colours; `demo:NAME` makes one. Key frames that take much memory are read while they are played.
+    /// Opens a mesh file (`.obj`, `.ply`, `.gltf` or `.glb`) with its motion and colours. `name` may also be a folder
+    /// or a pattern of files, each of which is a key frame, or `demo:NAME` for a generated mesh. Key frames that take
+    /// much memory are read while they are played.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`], with the file and the place in it.
+    /// [`Error::KeyFrame`], with the file and the position in it.
     #[cfg(feature = "files")]
     pub fn open(name: &str) -> Result<Self> {
         let open = || scene::open(name, &scene::Options::default());
         let threads = rayon::ThreadPoolBuilder::new().num_threads(geom::parallelism());
-        // Opening may wait for readers of key frames, which the shared pool must not.
+        // Opening may block on readers of key frames, which threads of the shared pool must not do.
         let found = match geom::own_pool(threads) {
             Ok(pool) => geom::run_in(&pool, open),
             Err(e) => return Err(Error::Unsupported(format!("no threads to read files: {e}"))),
@@ -200,18 +207,18 @@ impl Mesh {
         Ok(Self::from(&found))
     }
 
-    /// How many vertices it has.
+    /// Returns the number of vertices.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.motion.first().len()
     }
 
-    /// Positions of all key frames that a scene copies.
+    /// Returns the number of positions that a scene copies, over all key frames.
     pub(crate) fn joined_points(&self) -> usize {
         self.motion.key_count() * self.vertex_count()
     }
 
-    /// How many triangles it has.
+    /// Returns the number of triangles.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles().len()
@@ -221,7 +228,7 @@ impl Mesh {
         self.animation().map_or(&self.triangles, |a| a.triangles())
     }
 
-    /// What it moves as, if that has triangles of its own.
+    /// Returns the animation that has the triangles, if the mesh was created from one.
     pub(crate) fn animation(&self) -> Option<&Arc<Animation>> {
         match &*self.motion {
             Motion::Animated(animation) => Some(animation),
@@ -230,7 +237,8 @@ impl Mesh {
     }
 }
 
-/// A scene that was read by other options than [`Mesh::open`] has. The crate promises nothing: it may change with each version.
+/// Converts a scene that was read with other options than those of [`Mesh::open`]. The crate `abvh-scene` has no
+/// stability guarantee: it may change with each version.
 #[cfg(feature = "files")]
 impl From<&scene::Scene> for Mesh {
     fn from(scene: &scene::Scene) -> Self {
@@ -242,7 +250,7 @@ impl From<&scene::Scene> for Mesh {
     }
 }
 
-/// Returns a copy, unless there is no memory for it.
+/// Copies a slice. Returns [`Error::OutOfMemory`] if the allocation fails.
 fn copied<T: Copy>(from: &[T]) -> Result<Vec<T>> {
     let room = host::room(from.len());
     let mut copy = room.map_err(|e| Error::OutOfMemory(format!("no memory for a mesh: {e}")))?;
@@ -261,7 +269,8 @@ fn check_triangles(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
     Err(Error::Mesh(why))
 }
 
-/// A mesh of a scene. It stays the same as long as the scene is traced, whatever is [replaced](crate::Tracer::replace).
+/// Identifies a mesh of a scene. It does not change while the scene is traced, even if meshes are
+/// [replaced](crate::Tracer::replace).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MeshId {
     number: u64,
@@ -269,7 +278,7 @@ pub struct MeshId {
 }
 
 impl MeshId {
-    /// Of one of a scene's meshes.
+    /// Returns the identifier of mesh `index` of a scene.
     pub(crate) fn of(meshes: &[Mesh], index: usize) -> Self {
         Self {
             number: meshes[index].number,
@@ -277,13 +286,13 @@ impl MeshId {
         }
     }
 
-    /// Its place among the scene's meshes, in the order in which they were added.
+    /// Returns the index of the mesh, in the order in which meshes were added to the scene.
     #[must_use]
     pub fn index(self) -> usize {
         self.index as usize
     }
 
-    /// Its place, if it is one of these meshes.
+    /// Returns the index of the mesh, or [`Error::ForeignMesh`] if it is not one of `meshes`.
     pub(crate) fn within(self, meshes: &[Mesh]) -> Result<usize> {
         let found = meshes.get(self.index());
         let is_it = found.is_some_and(|mesh| mesh.number == self.number);
@@ -293,23 +302,23 @@ impl MeshId {
     }
 }
 
-/// Meshes that are traced together. A clone has the same ones, by the same ids.
+/// Meshes that are traced together. A clone has the same meshes with the same identifiers.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     pub(crate) meshes: Vec<Mesh>,
 }
 
-/// Meshes that were added to scenes so far.
+/// Number of meshes added to scenes so far.
 static ADDED: AtomicU64 = AtomicU64::new(0);
 
 impl Scene {
-    /// A scene without meshes.
+    /// Creates an empty scene.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a mesh. Steps and hits name it by what this returns.
+    /// Adds a mesh. Returns the identifier that steps and hits use for it.
     pub fn add(&mut self, mesh: Mesh) -> MeshId {
         let number = 1 + ADDED.fetch_add(1, Ordering::Relaxed);
         self.meshes.push(Mesh { number, ..mesh });

@@ -1,4 +1,4 @@
-//! How meshes move, and where all of a scene's vertices are at one moment.
+//! Motion of meshes, and the joined vertices of a scene.
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 use crate::device_vertices::DeviceVertices;
@@ -11,16 +11,16 @@ use geom::{Animation, KeyFrame, PointBuffer, Pose};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Three rows of an affine map: a vertex `v` goes to `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]` on axis `i`,
-/// added from left to right, each operation rounded once.
+/// Three rows of an affine map. On axis `i`, it maps a vertex `v` to
+/// `m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3]`, added from left to right, each operation rounded once.
 pub type Matrix = [[f32; 4]; 3];
 
-/// How a mesh moves.
+/// Motion of a mesh.
 #[derive(Clone, Debug)]
 pub(crate) enum Motion {
-    /// One at least; with no other it is fixed.
+    /// One or more key frames. With one, the mesh is fixed.
     Keys(Vec<Vec<Point>>),
-    /// Key frames that may be read while they are played, with triangles.
+    /// An animation with its own triangles, whose key frames may be read while they are played.
     Animated(Arc<Animation>),
     Streamed(Vec<Point>),
     Rigid {
@@ -31,7 +31,7 @@ pub(crate) enum Motion {
 }
 
 impl Motion {
-    /// Where its vertices stand at first.
+    /// Returns the initial positions.
     pub(crate) fn first(&self) -> &[Point] {
         match self {
             Self::Keys(keys) => &keys[0],
@@ -40,7 +40,7 @@ impl Motion {
         }
     }
 
-    /// Key frames that an animation of all meshes takes of it.
+    /// Returns the number of key frames that the animation of all meshes copies.
     pub(crate) fn key_count(&self) -> usize {
         match self {
             Self::Keys(keys) => keys.len(),
@@ -48,7 +48,7 @@ impl Motion {
         }
     }
 
-    /// One of them; the last one after that.
+    /// Returns key frame `key`, or the last one if there are fewer.
     fn key(&self, key: usize) -> &[Point] {
         match self {
             Self::Keys(keys) => &keys[key.min(keys.len() - 1)],
@@ -64,7 +64,7 @@ impl Motion {
         }
     }
 
-    /// Whether steps say where it goes.
+    /// Returns whether steps pass its vertices or matrices.
     fn is_live(&self) -> bool {
         matches!(self, Self::Streamed(_) | Self::Rigid { .. })
     }
@@ -73,27 +73,27 @@ impl Motion {
 /// A scene's meshes in one list of vertices and one of triangles.
 pub(crate) struct Joined {
     pub(crate) animation: Arc<Animation>,
-    /// Without their triangles, which the animation has.
+    /// Meshes without their triangles, which the animation has.
     pub(crate) meshes: Vec<Mesh>,
-    /// The first vertex of each mesh; one more entry ends them.
+    /// Index of the first vertex of each mesh, and finally the number of all vertices.
     vertices: Vec<usize>,
     pub(crate) numbering: Arc<Numbering>,
-    /// Where all vertices are going to be, if anything arrives while the scene is traced; else empty.
+    /// Vertices of the next step, if vertices arrive while the scene is traced. Otherwise empty.
     next: PointBuffer,
-    /// Meshes whose vertices in there are the newest.
+    /// Whether `next` holds the newest vertices, for each mesh.
     is_fresh: Vec<bool>,
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
-    /// Whether the animation knows them all.
+    /// Whether all changes in `next` were passed to the animation.
     is_told: bool,
-    /// The time of the last step.
+    /// Time of the last step.
     pub(crate) time: f64,
-    /// What key-framed meshes were blended for, if all of them were.
+    /// Time that all key-framed meshes were last blended for; `None` after an error.
     blended: Option<f64>,
 }
 
 impl Joined {
-    /// Joins meshes, and makes an animation of them.
+    /// Joins meshes to one animation.
     pub(crate) fn of(mut meshes: Vec<Mesh>) -> Result<Self> {
         let starts = |count: fn(&Mesh) -> usize| {
             let ends = meshes.iter().scan(0, |end, mesh| {
@@ -144,24 +144,24 @@ impl Joined {
         })
     }
 
-    /// Whether vertices arrive while the scene is traced.
+    /// Returns whether vertices arrive while the scene is traced.
     pub(crate) fn is_arriving(&self) -> bool {
         self.animation.is_arriving()
     }
 
-    /// Where meshes stand, but for what no query has seen yet.
+    /// Returns the newest vertices that were passed to the animation.
     pub(crate) fn newest(&self) -> Result<KeyFrame> {
         let last = self.animation.key_count() - 1;
         self.animation.key(last).map_err(Error::of_reading)
     }
 
-    /// Puts meshes that steps move, but for one, where they stand in another scene, which differs by that one.
+    /// Copies the vertices of meshes that steps move from another scene, which differs in mesh `but` only.
     pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
             if self.meshes[mesh].motion.is_live() {
                 let first = match mesh < but {
                     true => self.vertices[mesh],
-                    // As far from the end.
+                    // The distance from the end is the same in both scenes.
                     false => other.len() - (self.next.len() - self.vertices[mesh]),
                 };
                 set(self.vertices_of(mesh), |v| other[first + v]);
@@ -169,7 +169,7 @@ impl Joined {
         }
     }
 
-    /// Takes the scene apart into the meshes that it was made of, once that is called for.
+    /// Returns a closure that splits the scene into its original meshes.
     pub(crate) fn parts(&self) -> impl FnOnce() -> Vec<Mesh> + use<> {
         let (vertices, numbering) = (self.vertices.clone(), Arc::clone(&self.numbering));
         let (mut meshes, animation) = (self.meshes.clone(), Arc::clone(&self.animation));
@@ -186,7 +186,7 @@ impl Joined {
         }
     }
 
-    /// One colour a triangle.
+    /// Returns the colour of each triangle.
     pub(crate) fn triangle_colours(&self) -> Arc<[Colour]> {
         let starts = &self.numbering.starts;
         let counts = starts.windows(2).map(|ends| ends[1] - ends[0]);
@@ -203,12 +203,12 @@ impl Joined {
         each.flat_map(of_mesh).collect()
     }
 
-    /// Where a mesh's vertices lie among all.
+    /// Returns the range of a mesh's vertices among all vertices.
     pub(crate) fn range_of(&self, mesh: usize) -> Range<usize> {
         self.vertices[mesh]..self.vertices[mesh + 1]
     }
 
-    /// A mesh's vertices, to be moved.
+    /// Returns a mesh's vertices for writing.
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
         (self.is_told, self.is_fresh[mesh]) = (false, true);
@@ -217,7 +217,7 @@ impl Joined {
         &mut self.next[range]
     }
 
-    /// A mesh's vertices came to the device alone.
+    /// Notes that only the device has the newest vertices of a mesh.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn is_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
@@ -225,20 +225,20 @@ impl Joined {
         self.on_device.come(mesh, &range);
     }
 
-    /// Has key frames be read that will be played next, where not all are held.
+    /// Starts to read the key frames that will be played next, for meshes that do not hold all of their key frames.
     pub(crate) fn look_ahead(&self, times: impl Iterator<Item = f64> + Clone) {
         for animation in self.meshes.iter().filter_map(Mesh::animation) {
             animation.look_ahead(times.clone());
         }
     }
 
-    /// Has steps to come prepared where the device reads them. Memory for as many as are held at a time is made at once: a
-    /// driver takes milliseconds for it.
+    /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that are in use at
+    /// a time, because an allocation takes a driver milliseconds.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
         if self.is_arriving() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
-            // Two may be read by who builds a tree, one by a copy under way.
+            // Besides the kept key frames, the tree builder may read two, and a copy in progress one.
             let spare = match self.next {
                 PointBuffer::Shared(_) => Animation::KEPT + 3,
                 PointBuffer::List(_) => 0,
@@ -250,7 +250,7 @@ impl Joined {
         Ok(())
     }
 
-    /// The time in the animation at which a step at `time` stands, with all that was said of it.
+    /// Passes all changes to the animation. Returns the animation's time for a step at `time`.
     pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
         if !self.is_arriving() {
@@ -268,7 +268,7 @@ impl Joined {
             let range = self.range_of(mesh);
             copy(&mut self.next[range.clone()], &last[range]);
         }
-        // A frame that was dropped has meshes that never move where they are.
+        // A reused frame already has the vertices of fixed meshes.
         let spare = match self.animation.spare_frame() {
             Some(spare) => spare,
             None => copy_of(&self.next, backend)?,
@@ -280,7 +280,7 @@ impl Joined {
         pushed.map_err(Error::of_keys)
     }
 
-    /// Brings key-framed meshes to `time`, with the bits that a device would blend.
+    /// Blends key-framed meshes at `time`, to the same bits as a device.
     fn blend(&mut self, time: f64) -> Result<()> {
         for mesh in 0..self.meshes.len() {
             let motion = Arc::clone(&self.meshes[mesh].motion);
@@ -309,7 +309,7 @@ fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
     Ok(made)
 }
 
-/// Whether vertices arrive while the scene is traced: steps bring them, or they are read beside those of other meshes.
+/// Returns whether vertices arrive while the scene is traced: from steps, or from an animation among several meshes.
 fn is_live(meshes: &[Mesh]) -> bool {
     let is_read = |motion: &Motion| {
         let is_animated = matches!(motion, Motion::Animated(_));
@@ -319,7 +319,7 @@ fn is_live(meshes: &[Mesh]) -> bool {
     all.any(|motion| motion.is_live() || is_read(motion))
 }
 
-/// One animation of all meshes, over their triangles, whose vertices are numbered through all.
+/// Creates one animation of all meshes. `triangles` holds vertex indices among the vertices of all meshes.
 fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     let motions = || meshes.iter().map(|mesh| &*mesh.motion);
     if is_live(meshes) {
@@ -334,7 +334,7 @@ fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
     Animation::new(frames, triangles).map_err(Error::of_keys)
 }
 
-/// Where a matrix brings a vertex.
+/// Transforms a vertex by a matrix.
 pub(crate) fn moved(m: &Matrix, v: Point) -> Point {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3])
 }

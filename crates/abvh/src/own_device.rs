@@ -1,13 +1,14 @@
-//! A wgpu device that the program opened for itself, and results that its own shaders read there.
+//! Traces on a wgpu device that the program opened, and shares buffers with the program's shaders.
 //!
-//! Vertices may come from its buffers, [`Source::Wgpu`](crate::Source::Wgpu), and so may rays: [`Step::trace_buffers`].
+//! Vertices and rays may come from the program's buffers: see [`Source::Wgpu`](crate::Source::Wgpu) and
+//! [`Step::trace_buffers`].
 //!
-//! [`Step::encode`] puts a step among commands of the program's, which it submits itself. Its shaders trace rays by
-//! [`shader_module`](crate::shader_module).
+//! [`Step::encode`] records a step into the program's command encoder, which the program submits. The program's shaders
+//! trace rays with [`shader_module`](crate::shader_module).
 //!
-//! It needs the features [`required_features`] and the limits [`required_limits`], and is faster with
-//! [`useful_features`]. What the library submits goes in order with what the program submits to the same queue, so a shader
-//! reads a query's results without anyone waiting for them: see [`Tracer::hits_buffer`].
+//! The device needs the features [`required_features`] and the limits [`required_limits`], and is faster with
+//! [`useful_features`]. The library and the program submit to the same queue, whose work runs in order. So a shader can
+//! read a query's results without a wait on the host: see [`Tracer::hits_buffer`].
 
 use crate::loaded::{Answer, Loaded, find};
 use crate::motion::Joined;
@@ -20,18 +21,18 @@ use gpu_wgpu::{LentRays, WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
 use pipeline::Update;
 use std::any::Any;
-/// The version of wgpu that the library speaks.
+/// The version of wgpu that the library uses.
 pub use wgpu;
 
-/// A device, its queue, and what its adapter says of itself. Buffers and encoders must be of the same wgpu instance: wgpu
-/// panics if they are not, or if the queue is another device's.
+/// A wgpu device with its queue and adapter information. Buffers and encoders must belong to the same wgpu instance:
+/// wgpu panics otherwise, and also if the queue belongs to another device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OwnDevice {
-    /// The device. Its handlers of errors and of its loss stay as they are.
+    /// The device. Its error and device-lost callbacks are not changed.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// Of the adapter that it was opened on.
+    /// Information about the adapter that the device was opened on.
     pub info: wgpu::AdapterInfo,
 }
 
@@ -49,11 +50,11 @@ impl OwnDevice {
     }
 }
 
-/// The limits that a device needs for a scene, traced by up to `rays` rays a query: the least that suffice, to be merged with
-/// the program's own.
+/// Returns the smallest limits that suffice for a scene and queries of up to `rays` rays. The program merges them with
+/// its own limits.
 ///
 /// # Errors
-/// As for [`Builder::build`](crate::Builder::build): the meshes are too large to be joined.
+/// As for [`Builder::build`](crate::Builder::build), if the meshes are too large to be joined.
 pub fn required_limits(scene: &Scene, rays: usize) -> Result<wgpu::Limits> {
     let joined = Joined::of(scene.meshes.clone())?;
     Ok(gpu_wgpu::required_limits(&joined.animation, rays))
@@ -65,7 +66,7 @@ impl Loaded {
         backend.downcast_mut()
     }
 
-    /// Has a streamed mesh's vertices come from a buffer of the program's.
+    /// Sets the program's buffer that the vertices of a streamed mesh are read from.
     pub(crate) fn bring_points(
         &mut self,
         (mesh, index): (MeshId, usize),
@@ -90,7 +91,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// Forgets steps whose encoders were dropped, and steps after them, which build on what those were to do.
+    /// Drops the results of steps whose encoders were dropped, and of later steps, which depend on them.
     pub(crate) fn give_up_dropped(&mut self) {
         let dropped = self.wgpu().map(WgpuBackend::give_up_dropped);
         let dropped = dropped.unwrap_or_default();
@@ -102,7 +103,7 @@ impl Loaded {
         }
     }
 
-    /// Tells of the rays on the device that queries are going to trace, in their order.
+    /// Passes the ray buffers of the queries that will be traced next to the backend, in the order of the queries.
     pub(crate) fn lend_rays(&mut self, all: &[(QueryId, Deferred, Query)]) {
         let lent = all.iter().filter_map(|(_, rays, _)| match rays {
             Deferred::Wgpu(lent, _) => Some(lent.clone()),
@@ -114,7 +115,7 @@ impl Loaded {
         }
     }
 
-    /// Whether a step of such queries is one submission.
+    /// Checks that a step with these queries can be encoded, as one submission.
     fn check_encode(&mut self, queries: &[(QueryId, Deferred, Query)]) -> Result<()> {
         let asked = queries.iter().map(|(_, rays, query)| rays.asked(*query));
         let asked: Vec<_> = asked.collect();
@@ -132,7 +133,7 @@ impl Loaded {
         Err(Error::Unsupported(why.into()))
     }
 
-    /// Exchanges the program's commands for none, until they are returned.
+    /// Lends the program's encoder to the backend, and leaves an empty one in its place until it is returned.
     fn lend_encoder(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<()> {
         let gpu = self.wgpu().ok_or_else(no_wgpu)?.gpu_mut();
         let none = gpu.encoder().map_err(Error::of_backend)?;
@@ -147,12 +148,12 @@ impl Loaded {
         }
     }
 
-    /// Takes over what `before`, which differs by one mesh, has on the device alone.
+    /// Takes over the vertices that only the device has from `before`, a scene that differs in mesh `but` only.
     pub(crate) fn follow_on_device(&mut self, before: &mut Self, but: usize) -> Result<()> {
         before.give_up_dropped();
         let backend = before.wgpu();
         if backend.is_some_and(|backend| backend.gpu().has_encoded()) {
-            // What it takes over must have been submitted.
+            // The program must have submitted the commands that write these vertices.
             before.finish_all(&mut None)?;
         }
         for mesh in (0..self.joined.meshes.len()).filter(|&mesh| mesh != but) {
@@ -177,16 +178,17 @@ impl Loaded {
     }
 }
 
-/// Rays in a buffer of the program's, and where what they meet is to be written.
+/// A buffer of rays, and an optional buffer for their results, both created by the program.
 #[derive(Clone, Copy, Debug)]
 pub struct RayBuffers<'a> {
-    /// Eight floats a ray, as [`Ray`] lies in memory: origin, `t_min`, direction, `t_max`. It needs the usage `STORAGE`.
+    /// Rays, with usage `STORAGE`. A ray is eight floats in the memory layout of [`Ray`]: origin, `t_min`, direction,
+    /// `t_max`.
     pub rays: &'a wgpu::Buffer,
-    /// How many of them there are, from the first on.
+    /// Number of rays, from the start of the buffer.
     pub count: usize,
-    /// Of [`Query::Closest`] what [`Tracer::hits_buffer`] tells, of [`Query::Any`] a word a ray that is not 0 if it met
-    /// anything. It needs the usages `STORAGE` and `COPY_DST`, and `COPY_SRC` for [`Tracer::hits`]. Without it the library
-    /// has a buffer.
+    /// Results, with usages `STORAGE` and `COPY_DST`, and also `COPY_SRC` for [`Tracer::hits`]. [`Query::Closest`]
+    /// writes the format of [`Tracer::hits_buffer`], and [`Query::Any`] a `u32` per ray, which is not 0 for a hit.
+    /// Without this buffer, the library uses its own.
     pub answers: Option<&'a wgpu::Buffer>,
 }
 
@@ -214,11 +216,11 @@ impl RayBuffers<'_> {
 }
 
 impl Step<'_> {
-    /// As [`Step::trace`], of rays that lie on the program's wgpu device: they are read in the order of its queue after the
-    /// step is submitted, and no host sees them.
+    /// Traces rays from a buffer on the program's wgpu device. The device reads them in queue order after the step is
+    /// submitted, and they are not copied to the host.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device; [`Error::Misuse`] where a buffer is too small or lacks a usage.
+    /// [`Error::Unsupported`] on other devices. [`Error::Misuse`] if a buffer is too small or lacks a usage.
     pub fn trace_buffers(&mut self, buffers: RayBuffers<'_>, query: Query) -> Result<QueryId> {
         buffers.check(query)?;
         self.tracer.current.wgpu().ok_or_else(no_wgpu)?;
@@ -229,26 +231,26 @@ impl Step<'_> {
         Ok(self.defer(Deferred::Wgpu(lent, buffers.count), query))
     }
 
-    /// As [`Step::submit`], but the step goes into commands of the program's, after those that are there: it is done in their
-    /// order once the program submits them. Vertices ([`Source::Wgpu`](crate::Source::Wgpu)) and rays may be written by
-    /// commands before it, and what it finds be read by commands after it ([`Tracer::hits_buffer`]).
+    /// Ends the step and records it into the program's encoder, after the commands that are already there. It runs when
+    /// the program submits them. Earlier commands may write vertices ([`Source::Wgpu`](crate::Source::Wgpu)) and rays,
+    /// and later commands may read the results ([`Tracer::hits_buffer`]).
     ///
-    /// A step without queries brings the scene up to date for shaders of the program's ([`shader_module`](crate::shader_module)).
+    /// A step without queries updates the scene for the program's shaders ([`shader_module`](crate::shader_module)).
     ///
-    /// Steps are submitted in their order, before [`Tracer::hits`] of them and before the second step after them: both fail
-    /// until then. If the encoder or its commands are dropped instead, the step has no results, nor have steps after it that
-    /// were begun before. Vertices that only the device had are lost then: [`Error::VerticesLost`] until they come again.
+    /// The program must submit encoded steps in their order. Until a step is submitted, [`Tracer::hits`] of this step
+    /// and the second step after it fail. If the encoder or its commands are dropped instead, this step has no results,
+    /// nor do later steps that were begun before. Vertices that only the device had are then lost, and steps return
+    /// [`Error::VerticesLost`] until they are passed again.
     ///
-    /// wgpu checks commands only when they are finished. If it refuses them, for one because the encoder is another device's
-    /// or has a pass open, [`Tracer::hits`] of the step or the second step after it returns [`Error::Misuse`]. The tracer then
-    /// goes on as if the encoder had been dropped.
+    /// wgpu validates commands only when the encoder is finished. It may refuse them, for example because the encoder
+    /// belongs to another device or has an open pass. Then [`Tracer::hits`] of this step or the second step after it
+    /// returns [`Error::Misuse`], and the tracer continues as if the encoder had been dropped.
     ///
     /// # Errors
-    /// [`Error::TooLate`] if rays of the host's memory were traced in the step, or a picture rendered: they do not wait for
-    /// the program.
-    /// [`Error::Misuse`] before the first tree is there, see [`Tracer::warm_up`], and where two steps wait to be submitted.
-    /// [`Error::Unsupported`] on another device, with [`Update::Rebuild`](crate::Update::Rebuild), and with
-    /// [`Intersector::Exact`](crate::Intersector::Exact) and several queries. [`Error::Device`].
+    /// [`Error::TooLate`] if the step traced rays in host memory or rendered a picture, which are submitted at once.
+    /// [`Error::Misuse`] before the first tree (see [`Tracer::warm_up`]), and while two encoded steps are not
+    /// submitted. [`Error::Unsupported`] on other devices, with [`Update::Rebuild`](crate::Update::Rebuild), and for
+    /// several queries with [`Intersector::Exact`](crate::Intersector::Exact). [`Error::Device`].
     pub fn encode(mut self, encoder: &mut wgpu::CommandEncoder) -> Result<StepId> {
         if self.deferred.len() < self.queries as usize {
             return Err(Error::TooLate);
@@ -270,13 +272,15 @@ pub(crate) fn no_wgpu() -> Error {
 }
 
 impl Tracer {
-    /// Where a query's closest hits lie on a device of wgpu's, or will when the work submitted so far is done. One a ray, 16
-    /// bytes each: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the triangle's number among those of all meshes
-    /// ([`Tracer::first_triangle`]) or 4294967295 for a miss. It is used again when the query's results are dropped.
+    /// Returns the buffer of a query's closest hits on a wgpu device, which is filled once all submitted work is done.
+    ///
+    /// A hit has 16 bytes: `t`, `u` and `v` as in [`Hit`](crate::Hit), and the index of the triangle among the
+    /// triangles of all meshes ([`Tracer::first_triangle`]), or 4294967295 for a miss. The buffer is reused when the
+    /// query's results are dropped.
     ///
     /// # Errors
-    /// [`Error::NoResult`] as for [`Tracer::hits`], or if closest hits were not asked for; [`Error::Unsupported`] on another
-    /// device.
+    /// [`Error::NoResult`] as for [`Tracer::hits`], and for a query without closest hits. [`Error::Unsupported`] on
+    /// other devices.
     pub fn hits_buffer(&self, step: StepId, query: QueryId) -> Result<wgpu::Buffer> {
         let State {
             current, former, ..

@@ -10,11 +10,12 @@ use shading::Shot;
 use std::sync::Arc;
 
 impl Step<'_> {
-    /// Renders what a camera sees in the light of the sky and of one point, with shadows: meshes in their
-    /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] has the picture, [`Tracer::hits`] the closest
-    /// hits in it. All devices give the same bytes; one that is no GPU shades before the call returns, on the
-    /// host's cores. How shadows keep clear of surfaces depends on how far vertices reach. So those that a device alone knows are read
-    /// back first, and the call waits for them.
+    /// Renders the view of a camera, lit by the sky and by one point light with shadows. Meshes have their
+    /// [colours](crate::Mesh::with_colours). [`Tracer::pixels`] returns the picture, [`Tracer::hits`] its closest hits.
+    ///
+    /// All devices produce the same bytes. Without a GPU, the host shades the picture before the call returns. The
+    /// offset of shadow rays depends on the extent of the vertices. So vertices that only the device has are read back
+    /// first, and the call waits for them.
     ///
     /// ```
     /// # use abvh::{Camera, Device, Mesh, Scene, Tracer};
@@ -62,10 +63,11 @@ impl Step<'_> {
 }
 
 impl Tracer {
-    /// Waits for a picture and copies it: red, green, blue (8-bit sRGB) and 255 a pixel, row by row from the top.
+    /// Waits for a picture and copies it to `rgba`. A pixel is four bytes: red, green, blue (8-bit sRGB) and 255. Rows
+    /// start at the top.
     ///
     /// # Errors
-    /// [`Error::NoResult`] if the query is of another step, was dropped or is no picture; [`Error::Device`].
+    /// [`Error::NoResult`] if the query belongs to another step, was dropped or is not a picture; [`Error::Device`].
     pub fn pixels(&self, step: StepId, picture: QueryId, rgba: &mut Vec<u8>) -> Result<()> {
         let State {
             current,
@@ -87,15 +89,15 @@ impl Tracer {
 }
 
 impl Loaded {
-    /// Colours of all triangles where the host shades; none where the device does, which has all that pictures take from the
-    /// first one on.
+    /// Returns the colours of all triangles if the host shades, and `None` if the device does. The first call uploads
+    /// the colours to the device.
     pub(crate) fn host_colours(&mut self) -> Result<Option<Arc<[Colour]>>> {
         if let Some(known) = &self.host_colours {
             return Ok(known.clone());
         }
         let colours = self.joined.triangle_colours();
         let palette = shading::palette(&colours);
-        // Without triangles nothing is traced on a device, and there is only sky.
+        // Without triangles, the device traces nothing and the picture is only sky, so the host shades.
         let is_on_device = self.joined.animation.live_count() > 0
             && self.driver.shade(&palette).map_err(Error::of_driver)?;
         let known = (!is_on_device).then_some(colours);
@@ -104,7 +106,7 @@ impl Loaded {
 }
 
 impl Joined {
-    /// Shades what a query of the last step found, which had this time.
+    /// Shades the hits of a query of the last step, which was at `time`.
     pub(crate) fn shade(
         &self,
         time: f64,

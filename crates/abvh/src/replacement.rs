@@ -1,4 +1,4 @@
-//! Other triangles in a mesh's place, prepared while the scene is traced.
+//! Replaces meshes while the scene is traced.
 
 use crate::loaded::Loaded;
 use crate::tracer::{State, name};
@@ -10,30 +10,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// A mesh that is to be another: see [`Tracer::replace`]. One that is dropped instead of [committed](Tracer::commit) is given
-/// up.
+/// A replacement of a mesh in preparation: see [`Tracer::replace`]. Dropping it instead of [committing](Tracer::commit)
+/// it cancels the replacement.
 #[must_use = "nothing is replaced before it is committed"]
 pub struct Replacement {
     mesh: MeshId,
-    /// The other mesh, to be prepared once more for a scene of which others were replaced meanwhile.
+    /// The new mesh. It is prepared again if another mesh was replaced in the meantime.
     with: Mesh,
-    /// Replacements that were committed before it was begun.
+    /// Number of replacements that were committed before this one was started.
     commits: u64,
-    /// The tracer's, which it is known by.
+    /// Shared with the tracer, and identifies it.
     disposal: Arc<Disposal>,
     is_given_up: Arc<AtomicBool>,
-    /// `None` once somebody waits for it.
+    /// `None` once the thread is joined.
     preparation: Option<JoinHandle<Result<Loaded>>>,
 }
 
 impl Replacement {
-    /// The mesh that it replaces.
+    /// Returns the mesh that is replaced.
     #[must_use]
     pub fn mesh(&self) -> MeshId {
         self.mesh
     }
 
-    /// Whether [`Tracer::commit`] would not wait.
+    /// Returns whether the preparation is finished, so that [`Tracer::commit`] would not wait for it.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.preparation
@@ -65,10 +65,12 @@ impl fmt::Debug for Replacement {
 }
 
 impl Tracer {
-    /// Begins to replace a mesh: by any number of other vertices and triangles, which may move in another way. A scene with
-    /// them is loaded and its first tree built beside the steps, which go on with the old one until
-    /// [`Tracer::commit`]. A GPU is not opened again: it holds both scenes until then, and until the last results of the old one
-    /// are dropped.
+    /// Starts to replace a mesh. The new mesh may have other numbers of vertices and triangles, and may move in another
+    /// way.
+    ///
+    /// The new scene is loaded and its first tree built in parallel with steps, which use the old scene until
+    /// [`Tracer::commit`]. A GPU is not opened again. It holds both scenes until the commit, and until the last results
+    /// of the old scene are dropped.
     ///
     /// ```
     /// # use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
@@ -96,7 +98,7 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::ForeignMesh`]; [`Error::Unsupported`] if the system starts no thread.
+    /// [`Error::ForeignMesh`]; [`Error::Unsupported`] if no thread can be started.
     pub fn replace(&self, mesh: MeshId, with: Mesh) -> Result<Replacement> {
         let state = self.shared_state();
         let index = mesh.within(&state.current.joined.meshes)?;
@@ -117,15 +119,17 @@ impl Tracer {
         })
     }
 
-    /// Replaces a mesh from the next step on; waits if that is not [ready](Replacement::is_ready) yet. Other meshes stay
-    /// where they are, however often they moved meanwhile, and all keep their [`MeshId`]. Results of earlier steps
-    /// stay as long as ever, and name triangles of the old mesh.
+    /// Replaces a mesh from the next step on. Waits until the replacement is [ready](Replacement::is_ready).
     ///
-    /// Where another mesh was replaced since the replacement was begun, it is prepared once more, and the call waits for that.
+    /// Other meshes keep their current positions, and all meshes keep their [`MeshId`]. Results of earlier steps remain
+    /// available as usual, with triangle indices of the old mesh.
+    ///
+    /// If another mesh was replaced since this replacement was started, the call prepares it again and waits for that.
     ///
     /// # Errors
-    /// [`Error::Conflict`] if the same mesh was replaced since it was begun, [`Error::ForeignReplacement`],
-    /// those of [`Builder::build`](crate::Builder::build). The old mesh then stays.
+    /// [`Error::Conflict`] if the same mesh was replaced since this replacement was started.
+    /// [`Error::ForeignReplacement`]. The errors of [`Builder::build`](crate::Builder::build). After an error, the old
+    /// mesh remains.
     pub fn commit(&mut self, replacement: Replacement) -> Result<()> {
         let (mesh, state) = (replacement.mesh, self.state());
         if !Arc::ptr_eq(&state.disposal, &replacement.disposal) {
@@ -151,8 +155,8 @@ impl Tracer {
 }
 
 impl State {
-    /// What loads the scene with another mesh and builds its first tree. It takes threads that build trees anyway: steps need
-    /// the others.
+    /// Returns a closure that loads the scene with another mesh and builds its first tree. It runs on the threads that
+    /// build trees, since steps need the others.
     fn preparation(
         &self,
         mesh: usize,
@@ -160,19 +164,19 @@ impl State {
     ) -> Result<impl FnOnce(&AtomicBool) -> Result<Loaded> + Send + use<>> {
         let current = &self.current;
         let (builder, expected) = (self.builder.clone(), self.device.clone());
-        // Where there is none, the device is opened once more.
+        // If this is `None`, the device is opened again.
         let another = current.driver.another_backend();
         let parts = current.joined.parts();
         let (newest, time) = (current.joined.newest()?, current.joined.time);
         let asked = current.asked.clone();
         let threads = match current.update {
-            // They have all cores while steps wait for them.
+            // Builder threads of this policy use all cores, because steps wait for them. Steps do not wait here.
             Update::Refit => builder.builders(self.kind, Update::Async(Pace::Free))?,
             _ => current.builders.clone(),
         };
         Ok(move |is_given_up: &AtomicBool| {
             let stand = newest.to_vec();
-            // Steps to come use that memory again.
+            // Future steps reuse this memory.
             drop(newest);
             let mut meshes = parts();
             let number = meshes[mesh].number;
@@ -201,13 +205,13 @@ impl State {
     }
 }
 
-/// Frees beside the steps what takes long to be freed, on threads that its owner waits for in the end. Drivers do not like a
-/// process to end meanwhile.
+/// Drops large objects on separate threads, because that takes long. Its own drop waits for these threads, because
+/// drivers may fail if the process exits meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct Disposal(Mutex<Vec<JoinHandle<()>>>);
 
 impl Disposal {
-    /// Frees what `free` owns, here if no thread is to be had.
+    /// Runs `free` on a new thread. If no thread can be started, drops it on this thread.
     pub(crate) fn begin(&self, free: impl FnOnce() + Send + 'static) {
         let freeing = thread::Builder::new()
             .name("abvh-dispose".into())

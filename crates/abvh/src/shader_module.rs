@@ -1,38 +1,38 @@
-//! Rays that shaders of the program's own trace, on its wgpu device.
+//! Traces rays from the program's own shaders, on its wgpu device.
 //!
 //! ```wgsl
 //! let hit = abvh_closest(origin, 0.0, direction, 1e30);
 //! if hit.triangle < ABVH_EXTREME { color = shade(hit.t, hit.u, hit.v, hit.triangle); }
 //! ```
 //!
-//! | in WGSL | what it is |
+//! | in WGSL | meaning |
 //! |---|---|
-//! | `abvh_closest(origin, t_min, direction, t_max) -> AbvhHit` | the closest hit for `t` between `t_min` and `t_max` |
+//! | `abvh_closest(origin, t_min, direction, t_max) -> AbvhHit` | closest hit for `t` between `t_min` and `t_max` |
 //! | `abvh_any(origin, t_min, direction, t_max) -> u32` | 1 if there is any hit, else 0 |
-//! | `AbvhHit { t, u, v, triangle }` | as [`Tracer::hits_buffer`] has it |
-//! | `ABVH_MISS` | in place of a triangle: nothing is hit |
-//! | `ABVH_EXTREME` | in place of a triangle, or of 0 and 1: the ray is not answered |
+//! | `AbvhHit { t, u, v, triangle }` | a hit in the format of [`Tracer::hits_buffer`] |
+//! | `ABVH_MISS` | value of `triangle` for a miss |
+//! | `ABVH_EXTREME` | value of `triangle`, or result of `abvh_any`, for an extreme ray, which shaders cannot trace |
 //!
-//! Answers are those of queries by [`Intersector::Watertight`](crate::Intersector::Watertight), bit for bit. Extreme rays
-//! start very far away, or where some vertex is (see [`accuracy`](crate::guide::accuracy)). Queries answer them, too.
+//! Results are those of queries with [`Intersector::Watertight`](crate::Intersector::Watertight), bit for bit. The
+//! [accuracy guide](crate::guide::accuracy) defines extreme rays. Queries trace them, too.
 
 use crate::own_device::no_wgpu;
 use crate::{Error, Result, Tracer};
 use gpu_wgpu::{SHADER_MODULE, traced_scene};
 
-/// The text to be put before a shader that calls it. Other names in it begin with `package_`. Its four buffers are bound in
-/// this group: a uniform one, then three that are read only.
+/// Returns the WGSL source to prepend to a shader. All names that are not listed above begin with `package_`. The
+/// source binds four buffers in bind group `group`: a uniform buffer and three read-only storage buffers.
 #[must_use]
 pub fn wgsl(group: u32) -> String {
     SHADER_MODULE.replace("@group(0)", &format!("@group({group})"))
 }
 
-/// The buffers that such shaders read.
+/// The buffers that shaders with this source read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneBuffers([wgpu::Buffer; 4]);
 
 impl SceneBuffers {
-    /// To be bound in the group that was given to [`wgsl`].
+    /// Returns the entries of the bind group whose index was passed to [`wgsl`].
     #[must_use]
     pub fn entries(&self) -> [wgpu::BindGroupEntry<'_>; 4] {
         [0, 1, 2, 3].map(|i| wgpu::BindGroupEntry {
@@ -43,12 +43,13 @@ impl SceneBuffers {
 }
 
 impl Tracer {
-    /// The scene as the last step leaves it that had a query or was [encoded](crate::Step::encode), for commands that come
-    /// after that step and before the next. The buffers are mostly the same as before: compare, to bind them anew if not.
+    /// Returns the buffers of the scene after the last step that had a query or was [encoded](crate::Step::encode).
+    /// They are valid for commands between that step and the next. The buffers rarely change. Compare them with the
+    /// previous ones to see if a new bind group is needed.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] on another device; [`Error::Misuse`] before there was such a step, or by another intersector or
-    /// layout.
+    /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] before such a step, and for another
+    /// intersector or layout than `watertight` and `fast`.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         let backend = self.state().current.wgpu().ok_or_else(no_wgpu)?;
         let found = traced_scene(backend).map_err(Error::of_backend)?;

@@ -1,4 +1,4 @@
-//! One moment of a scene: where meshes are, and what is asked of it.
+//! Steps: the positions of meshes at one time, and the queries traced there.
 
 use crate::motion::{Motion, moved};
 use crate::tracer::State;
@@ -8,18 +8,18 @@ use backend::{QueryKind, Rays};
 use geom::Camera;
 use std::sync::Arc;
 
-/// What to look for along each ray.
+/// Kind of result for each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Query {
     /// The closest hit.
     Closest,
-    /// Whether there is any hit: cheaper, and enough for shadows and line of sight.
+    /// Whether there is any hit. This is faster, and sufficient for shadows and line of sight.
     Any,
 }
 
 impl Query {
-    /// Bytes of an answer in a device's memory.
+    /// Returns the size in bytes of a result in device memory.
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn answer_bytes(self) -> usize {
         match self {
@@ -36,52 +36,58 @@ impl Query {
     }
 }
 
-/// Where a streamed mesh's vertices come from.
+/// Source of a streamed mesh's vertices.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Source<'a> {
-    /// Memory of the host, read before the call returns.
+    /// Host memory, which is read before the call returns.
     Host(&'a [Point]),
-    /// A buffer on a wgpu device of the program's own ([`crate::own_device`]): three floats a vertex, one after another. It
-    /// needs the usage `COPY_SRC`, and is read in the order of the queue when the step's first query is traced: in less time
-    /// where it has the usage `STORAGE`, too. No host sees these vertices, so those of two steps are read back for each tree,
-    /// which is built for where they are going. wgpu mistakes a buffer of another instance's for one of this.
+    /// A buffer on the program's wgpu device ([`crate::own_device`]), with three consecutive floats per vertex.
+    ///
+    /// It needs the usage `COPY_SRC`, and is read faster if it also has the usage `STORAGE`. It is read in queue order
+    /// when the step's first query is traced. The buffer must belong to the same wgpu instance, since wgpu confuses
+    /// buffers of different instances. To build a tree for the predicted positions, the library reads back the vertices
+    /// of two steps.
     #[cfg(feature = "wgpu")]
     Wgpu(wgpu::BufferSlice<'a>),
-    /// A buffer that is shared with another interface to the GPU ([`crate::external_memory`]): three floats a vertex, one after
-    /// another. It is read when the next query is traced, or before [`Step::synchronize`] has anything signalled. No host sees
-    /// these vertices, so those of two steps are read back for each tree, which is built for where they are going.
+    /// A buffer that is shared with another API of the GPU ([`crate::external_memory`]), with three consecutive floats
+    /// per vertex.
+    ///
+    /// It is read when the next query is traced, or before the signal of [`Step::synchronize`]. To build a tree for the
+    /// predicted positions, the library reads back the vertices of two steps.
     #[cfg(feature = "vulkan")]
     External {
-        /// Made by the same tracer.
+        /// A buffer of the same tracer.
         buffer: &'a crate::external_memory::ExternalBuffer,
-        /// Where the first vertex lies, in bytes: a multiple of 4.
+        /// Offset of the first vertex in bytes, a multiple of 4.
         offset: u64,
     },
 }
 
-/// A step that was submitted.
+/// Identifies a submitted step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StepId(pub(crate) u64);
 
-/// A query of a step.
+/// Identifies a query of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QueryId {
     pub(crate) step: StepId,
     pub(crate) query: u32,
 }
 
-/// A moment in the making. What is not said of a mesh stays as it was in the step before. One that is dropped instead of
-/// [submitted](Step::submit) has moved meshes all the same, but its queries have no results, and it does not count as a step.
+/// A step in preparation: moves meshes and traces queries.
+///
+/// Meshes that the step does not move keep their positions. A step that is dropped instead of [submitted](Step::submit)
+/// has moved its meshes, but its queries have no results, and it does not count as a step.
 #[derive(Debug)]
 pub struct Step<'t> {
     pub(crate) tracer: &'t mut State,
     pub(crate) id: StepId,
-    /// Of key frames.
+    /// Time in key frames.
     pub(crate) time: f64,
-    /// Queries so far.
+    /// Number of queries so far.
     pub(crate) queries: u32,
-    /// Those of them that are traced when the step ends, all together.
+    /// Queries that are traced together when the step ends.
     pub(crate) deferred: Vec<(QueryId, Deferred, Query)>,
     pub(crate) is_submitted: bool,
 }
@@ -94,7 +100,7 @@ impl Drop for Step<'_> {
     }
 }
 
-/// Rays that need not be read at once.
+/// Rays that are read when the step ends.
 #[derive(Debug)]
 pub(crate) enum Deferred {
     Camera(Camera),
@@ -119,10 +125,10 @@ impl Deferred {
 }
 
 impl Step<'_> {
-    /// Moves a streamed mesh's vertices, all of them.
+    /// Sets all vertices of a streamed mesh.
     ///
     /// # Errors
-    /// [`Error::Count`], and those of [`Step::vertices_mut`]; [`Error::Misuse`] where such a buffer cannot be read.
+    /// [`Error::Count`]. [`Error::Misuse`] if a buffer cannot be read. The errors of [`Step::vertices_mut`].
     pub fn vertices(&mut self, mesh: MeshId, source: Source<'_>) -> Result<()> {
         let index = self.may_stream(mesh)?;
         let current = &mut self.tracer.current;
@@ -140,11 +146,11 @@ impl Step<'_> {
         }
     }
 
-    /// The place of a streamed mesh's vertices, to be written all: where the device can, it reads them there, so nothing
-    /// is copied. What it holds is of some earlier step.
+    /// Returns the memory of a streamed mesh's vertices. The caller must write all vertices. If the device can read
+    /// this memory, nothing is copied. It initially holds vertices of an earlier step.
     ///
     /// # Errors
-    /// [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a query.
+    /// [`Error::ForeignMesh`]. [`Error::Motion`] for meshes that are not streamed. [`Error::TooLate`] after a query.
     pub fn vertices_mut(&mut self, mesh: MeshId) -> Result<&mut [Point]> {
         let index = self.may_stream(mesh)?;
         Ok(self.tracer.current.joined.vertices_of(index))
@@ -158,12 +164,12 @@ impl Step<'_> {
         (is_streamed.then_some(index)).ok_or(Error::Motion { mesh, what })
     }
 
-    /// Moves a rigid mesh's parts: one matrix each. Matrices beyond the last part that has a vertex move nothing, such as those
-    /// of a robot's last links without geometry.
+    /// Sets one matrix for each part of a rigid mesh. Matrices after the last part that has a vertex are ignored, such
+    /// as those of a robot's last links without geometry.
     ///
     /// # Errors
-    /// [`Error::Count`] for too few, [`Error::ForeignMesh`], [`Error::Motion`] for other meshes, [`Error::TooLate`] after a
-    /// query.
+    /// [`Error::Count`] for too few matrices. [`Error::ForeignMesh`]. [`Error::Motion`] for meshes that are not rigid.
+    /// [`Error::TooLate`] after a query.
     pub fn poses(&mut self, mesh: MeshId, matrices: &[Matrix]) -> Result<()> {
         let index = self.may_move(mesh)?;
         let joined = &mut self.tracer.current.joined;
@@ -193,14 +199,15 @@ impl Step<'_> {
         }
     }
 
-    /// Traces rays, or those of a camera: one through the middle of each pixel, row by row from the top. Rays are read
-    /// before the call returns; those with a direction of zero, a number that is not finite or an empty interval miss.
-    /// Cameras are traced when the step is submitted, together where the device can: many small ones then take little longer
-    /// than a large one.
+    /// Traces a list of rays, or the rays of a camera: one through the middle of each pixel, row by row from the top.
+    ///
+    /// A list is read before the call returns. A ray misses if its direction is zero, a number is not finite, or its
+    /// interval is empty. Cameras are traced when the step is submitted, in one submission if the device can. Many
+    /// small cameras then take little longer than one large camera.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`] where one is read; [`Error::Unsupported`] if there are more rays than the device takes;
-    /// [`Error::Device`].
+    /// [`Error::KeyFrame`] if a key frame cannot be read. [`Error::Unsupported`] for more rays than the device can
+    /// trace. [`Error::Device`].
     pub fn trace<'r>(&mut self, rays: impl Into<Rays<'r>>, query: Query) -> Result<QueryId> {
         let rays = rays.into();
         if let Rays::Camera(camera) = rays {
@@ -213,7 +220,7 @@ impl Step<'_> {
         self.keep_if(id, begun)
     }
 
-    /// Forgets the newest query if it failed: meshes may move then as before it.
+    /// Removes the newest query if it failed. If it was the first, meshes can be moved again.
     pub(crate) fn keep_if(&mut self, id: QueryId, begun: Result<()>) -> Result<QueryId> {
         if begun.is_err() {
             self.queries -= 1;
@@ -236,7 +243,8 @@ impl Step<'_> {
         }
     }
 
-    /// Ends the step. Its queries run while the next step is prepared; [`Tracer::hits`](crate::Tracer::hits) waits for them.
+    /// Ends the step. Its queries run while the next step is prepared. [`Tracer::hits`](crate::Tracer::hits) waits for
+    /// them.
     ///
     /// # Errors
     /// As for [`Step::trace`].
@@ -247,7 +255,7 @@ impl Step<'_> {
         Ok(self.end())
     }
 
-    /// Drops results of all steps but this one and the one submitted before.
+    /// Ends the step. Drops the results of all steps except this one and the step submitted before it.
     pub(crate) fn end(mut self) -> StepId {
         self.is_submitted = true;
         self.tracer.submitted(self.id);
@@ -267,7 +275,7 @@ impl Step<'_> {
     }
 }
 
-/// Refuses rays and answers that are not apart in a device's memory.
+/// Returns an error unless rays and results are in separate buffers.
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 pub(crate) fn apart(are_apart: bool) -> Result<()> {
     let why = || Error::Misuse("answers would be written over rays".into());

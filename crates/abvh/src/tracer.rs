@@ -1,4 +1,4 @@
-//! A scene on a device, with the trees that follow its motion.
+//! The tracer: a scene on a device, with the trees that follow its motion.
 
 use crate::loaded::{Loaded, find};
 use crate::replacement::Disposal;
@@ -13,31 +13,31 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// How trees follow the motion. None of them changes a hit, only how fast it is found.
+/// Determines how trees follow the motion. The choice affects only speed: every policy returns the same hits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Update {
     /// [`Update::Refit`] if no mesh can move, else [`Update::Async`].
     #[default]
     Auto,
-    /// A new tree before each step's queries.
+    /// Each step builds a new tree before its queries.
     Rebuild,
-    /// Likewise, made by the GPU itself from the vertices that it has: plainer trees, far sooner. For motion after which an
-    /// older tree is of no use. A device that makes none, such as the host, refuses it.
+    /// The GPU builds a new tree in each step: much sooner, but of lower quality. For motion that makes older trees
+    /// useless. Devices that cannot build trees, such as the host, return an error.
     DeviceRebuild,
-    /// The first tree for ever, its boxes refitted to each step's vertices.
+    /// All steps use the first tree, with boxes refitted to each step's vertices.
     Refit,
-    /// The newest tree that is finished, refitted, while the host builds the next for where the motion is going.
+    /// Each step refits the newest finished tree, while the host builds the next one for the predicted motion.
     Async,
-    /// Likewise, with each tree taken up exactly so many steps after it was asked for, and waited for if it must be: then each
-    /// run goes through the same trees. With 0, each step waits for its own.
+    /// As `Async`, but a tree is adopted exactly this number of steps after its request, and the step waits for it if
+    /// necessary. So each run uses the same trees. With 0, each step waits for its own tree.
     Lockstep(u32),
     /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds before the
     /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
     TSah,
 }
 
-/// What a tracer is to be.
+/// Configures and creates a [`Tracer`].
 #[derive(Clone, Debug)]
 pub struct Builder {
     device: Device,
@@ -50,55 +50,59 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// Where the work is done; [`Device::Auto`] if nothing is said.
+    /// Sets the device. The default is [`Device::Auto`].
     #[must_use]
     pub fn device(self, device: Device) -> Self {
         Self { device, ..self }
     }
 
-    /// How trees follow the motion; [`Update::Auto`] if nothing is said.
+    /// Sets how trees follow the motion. The default is [`Update::Auto`].
     #[must_use]
     pub fn update(self, update: Update) -> Self {
         Self { update, ..self }
     }
 
-    /// How rays are tested against triangles; [`Intersector::Watertight`] if nothing is said.
+    /// Sets the ray-triangle test. The default is [`Intersector::Watertight`].
     #[must_use]
     pub fn intersector(mut self, intersector: Intersector) -> Self {
         self.method.intersector = intersector;
         self
     }
 
-    /// How trees lie in memory; [`Layout::Fast`] if nothing is said.
+    /// Sets the memory layout of trees. The default is [`Layout::Fast`].
     #[must_use]
     pub fn layout(mut self, layout: Layout) -> Self {
         self.method.layout = layout;
         self
     }
 
-    /// Threads of the host that trace, where it does, or else build trees. If nothing is said, one a core traces, or one for
-    /// two cores builds: the program needs some, too. Where the host traces while the next tree is built, a quarter of four
-    /// or more cores builds and the others trace; of threads that are given here, all trace, and a quarter more build.
+    /// Sets the number of host threads that trace or, if a GPU traces, build trees.
+    ///
+    /// By default, the host traces with one thread per core. For a GPU, one thread per two cores builds trees, which
+    /// leaves cores for the program. If the host traces and builds at the same time, a quarter of four or more cores
+    /// builds and the others trace. Threads that are set here all trace, and a quarter as many more threads build.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         let threads = Some(threads.max(1));
         Self { threads, ..self }
     }
 
-    /// Threads of the host that build trees beside those that trace; see [`Builder::threads`] if nothing is said.
+    /// Sets the number of host threads that build trees. The default is described at [`Builder::threads`].
     #[must_use]
     pub fn builder_threads(mut self, threads: usize) -> Self {
         self.builder_threads = Some(threads.max(1));
         self
     }
 
-    /// The first and the last time of all steps to come, in key frames, as far as that is known: no tree is built for others.
+    /// Sets the first and the last time of all future steps, in key frames. No tree is built for a time outside this
+    /// range. The default is all times from 0 on.
     #[must_use]
     pub fn time_range(self, time_range: [f64; 2]) -> Self {
         Self { time_range, ..self }
     }
 
-    /// Whether trees are built for where the motion is going; else for where it was when they were asked for, to measure by.
+    /// Sets whether trees are built for the predicted positions, which is the default. Otherwise they are built for the
+    /// positions at their request, for comparison.
     #[must_use]
     pub fn predict(self, predict: bool) -> Self {
         Self { predict, ..self }
@@ -107,15 +111,15 @@ impl Builder {
     /// Opens the device and loads the scene.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]; [`Error::Unsupported`] if the scene is beyond its limits; [`Error::OutOfMemory`] if trees over it
-    /// take more memory than the system grants (some 345 bytes a triangle), as far as that is known before; [`Error::Device`].
+    /// [`Error::NoDevice`]. [`Error::Unsupported`] if the scene exceeds the device's limits. [`Error::OutOfMemory`] if
+    /// the system is known to have too little memory for its trees (about 345 bytes per triangle). [`Error::Device`].
     pub fn build(self, scene: Scene) -> Result<Tracer> {
         let backend = self.open(self.policy(&scene.meshes))?;
         self.build_on(backend, scene)
     }
 
-    /// Likewise, on the device that a tracer has open: its kernels stay ready. What was said of a device counts for nothing, nor
-    /// that of threads where the host traces.
+    /// Loads the scene on the device of another tracer, whose kernels stay ready. Ignores [`Builder::device`], and also
+    /// [`Builder::threads`] if the host traces.
     ///
     /// # Errors
     /// [`Error::Unsupported`], [`Error::Device`].
@@ -125,8 +129,9 @@ impl Builder {
         self.build_on(former.current.driver.into_backend(), scene)
     }
 
-    /// Likewise, on a device that is open, as of a backend of the program's own. The trait is one of the crates that promise
-    /// nothing: it may change with each version. Only [`Device`]s have meshes [replaced](Tracer::replace).
+    /// Loads the scene on an open backend, such as the program's own. The trait `Backend` is in a crate without
+    /// stability guarantees: it may change with each version. Only on a [`Device`] can meshes be
+    /// [replaced](Tracer::replace).
     ///
     /// # Errors
     /// [`Error::Unsupported`], [`Error::Device`].
@@ -154,7 +159,7 @@ impl Builder {
         })
     }
 
-    /// How trees follow the motion of such meshes.
+    /// Returns the policy for a scene of `meshes`, with [`Update::Auto`] resolved.
     pub(crate) fn policy(&self, meshes: &[Mesh]) -> pipeline::Update {
         match self.update {
             Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
@@ -167,7 +172,7 @@ impl Builder {
         }
     }
 
-    /// What a driver is to do.
+    /// Returns the options of the driver.
     pub(crate) fn options(&self, update: pipeline::Update) -> DriverOptions {
         DriverOptions {
             method: self.method,
@@ -182,7 +187,7 @@ impl Builder {
             .open(self.share(DeviceKind::Cpu, update)?.render)
     }
 
-    /// Threads that build trees beside such a device.
+    /// Creates the threads that build trees for a device of this kind.
     pub(crate) fn builders(
         &self,
         kind: DeviceKind,
@@ -190,7 +195,7 @@ impl Builder {
     ) -> Result<BuilderThreads> {
         let asked = self.threads.or(self.builder_threads);
         let threads = match (asked, self.share(kind, update)?.build) {
-            // With all of them steps wait for cores longer than they gain by trees.
+            // With more builder threads, steps wait for cores longer than better trees save.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
         };
@@ -210,72 +215,74 @@ impl Builder {
 }
 
 pub(crate) fn moment(time: f64) -> f64 {
-    // Far beyond all key frames, and differences do not overflow.
+    // The limits are far beyond all key frames, and differences of times do not overflow.
     let time = time.clamp(-1e100, 1e100);
     if time.is_nan() { 0.0 } else { time }
 }
 
-/// A device's name.
+/// Returns the name of a backend and its adapter.
 pub(crate) fn name(backend: &dyn Backend) -> String {
     let device = backend.device();
     format!("{} ({})", device.backend, device.adapter)
 }
 
-/// What is known of the tree in use and of the scene, as of the last query that is done.
+/// State of the tree and of the scene after the last finished query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// Trees so far, this one included.
+    /// Number of trees so far, including the current tree.
     pub generation: u64,
-    /// Queries since the one that asked for it.
+    /// Number of queries since the query that requested the current tree.
     pub age: u64,
-    /// The refitted tree's cost by the surface area heuristic over its cost when it was built; `None` where nobody measures it.
+    /// Cost of the refitted tree by the surface area heuristic, relative to its cost when it was built. `None` if the
+    /// backend does not measure costs.
     pub cost_ratio: Option<f64>,
-    /// Whether the next tree is being built, or waits for the step that will take it up.
+    /// Whether the next tree is being built, or is finished but not yet adopted.
     pub building: bool,
-    /// Triangles with a vertex that is not finite: they are never hit.
+    /// Number of triangles with a vertex that is not finite. They are never hit.
     pub inactive: u64,
-    /// Triangles without area, which are never hit either.
+    /// Number of triangles without area. They are never hit.
     pub degenerate: u64,
 }
 
-/// Threads that may be asked for: many more would take minutes to start.
+/// Maximum number of threads that may be requested. Many more would take minutes to start.
 const MOST_THREADS: usize = 4096;
 
-/// Tracers so far.
+/// Number of tracers created so far.
 static TRACERS: AtomicU64 = AtomicU64::new(0);
 
-/// A scene that rays are traced through. Steps need it alone; results are read through a shared reference, by several threads
-/// one after another.
+/// A scene that rays are traced through.
+///
+/// Steps need exclusive access. Results are read through a shared reference, by one thread at a time.
 pub struct Tracer {
     device: String,
-    /// Steps have it without a lock.
+    /// Steps have exclusive access and do not lock it.
     state: Mutex<State>,
 }
 
-/// Everything that steps change, and that reading results changes.
+/// State that is changed by steps and by reading results.
 pub(crate) struct State {
     pub(crate) current: Loaded,
-    /// Before meshes were replaced, as long as there are results.
+    /// Scenes from before replacements, while they have results.
     pub(crate) former: Vec<Loaded>,
     pub(crate) builder: Builder,
-    /// Replacements so far.
+    /// Number of committed replacements.
     pub(crate) commits: u64,
-    /// The newest replacement of each mesh, counted from 1.
+    /// Number of the newest committed replacement of each mesh, counted from 1.
     pub(crate) replaced: BTreeMap<usize, u64>,
     pub(crate) device: String,
     pub(crate) kind: DeviceKind,
-    /// The step begun last. Steps are counted from a number that is the tracer's own.
+    /// Number of the step begun last. Each tracer counts from a different number, so no two steps have the same number.
     steps: u64,
-    /// The step submitted last.
+    /// Number of the step submitted last.
     submitted: u64,
     pub(crate) last: Option<Statistics>,
-    /// Of this tracer and its replacements.
+    /// Shared with the replacements of this tracer.
     pub(crate) disposal: Arc<Disposal>,
 }
 
 impl Tracer {
-    /// Says what is wanted, step by step.
+    /// Returns a builder with default options.
     #[must_use]
     pub fn builder() -> Builder {
         Builder {
@@ -292,7 +299,7 @@ impl Tracer {
         }
     }
 
-    /// The device's name, such as `cpu (host (x86_64))`.
+    /// Returns the name of the device, such as `cpu (host (x86_64))`.
     #[must_use]
     pub fn device(&self) -> &str {
         &self.device
@@ -302,15 +309,16 @@ impl Tracer {
         self.state.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Locks what steps change: for readers of results.
+    /// Locks the state, to read results.
     pub(crate) fn shared_state(&self) -> MutexGuard<'_, State> {
         lock(&self.state)
     }
 
-    /// Builds the first tree, for `time`, and makes kernels ready: then the first step waits for neither. Later it does nothing.
+    /// Builds the first tree, for `time`, and compiles kernels, so that the first step waits for neither. Does nothing
+    /// if there is a tree.
     ///
     /// # Errors
-    /// [`Error::KeyFrame`] where one is read; [`Error::Device`].
+    /// [`Error::KeyFrame`] if a key frame cannot be read; [`Error::Device`].
     pub fn warm_up(&mut self, time: f64) -> Result<()> {
         let current = &mut self.state().current;
         match current.has_tree() {
@@ -319,8 +327,8 @@ impl Tracer {
         }
     }
 
-    /// Begins a step, in which meshes with key frames stand at `time`: see [`Mesh::keyframes`](crate::Mesh::keyframes). A
-    /// time that is no number counts as 0.
+    /// Begins a step in which meshes with key frames are at `time`: see [`Mesh::keyframes`](crate::Mesh::keyframes).
+    /// NaN counts as 0.
     pub fn step(&mut self, time: f64) -> Step<'_> {
         let state = self.state();
         state.steps += 1;
@@ -334,7 +342,7 @@ impl Tracer {
         }
     }
 
-    /// Waits for a query and returns its results, which may be held while further steps are prepared. They are not copied.
+    /// Waits for a query and returns its results without a copy. They remain valid while further steps are prepared.
     /// A result can be read any number of times until the second step after its own is submitted.
     ///
     /// ```
@@ -353,14 +361,15 @@ impl Tracer {
     /// let step = tracer.step(0.0);
     /// assert_eq!((closest.closest(0).unwrap().mesh, any.any()), (mesh, &[1][..]));
     /// step.submit()?;
-    /// // In memory of the program's own.
+    /// // A copy in the program's own memory.
     /// let mut hits = [SceneHit::MISS; 1];
     /// assert_eq!((closest.copy_to(&mut hits), hits[0].t), (1, 3.0));
     /// # Ok::<_, abvh::Error>(())
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoResult`] if the query is of another step or tracer, or its result was dropped; [`Error::Device`].
+    /// [`Error::NoResult`] if the query belongs to another step or tracer, or its result was dropped;
+    /// [`Error::Device`].
     pub fn hits(&self, step: StepId, query: QueryId) -> Result<Hits> {
         let State {
             current,
@@ -372,8 +381,8 @@ impl Tracer {
         loaded.hits(at, last)
     }
 
-    /// Returns whether a query is done, so that [`Tracer::hits`] would not wait. Never waits: `false` also while another
-    /// thread reads a result of this tracer.
+    /// Returns whether a query is done, so that [`Tracer::hits`] would not wait. Never blocks. Also returns `false`
+    /// while another thread reads a result of this tracer.
     ///
     /// # Errors
     /// As for [`Tracer::hits`].
@@ -390,9 +399,9 @@ impl Tracer {
         loaded.is_done(at)
     }
 
-    /// Returns the number of a mesh's first triangle among those of all meshes, by which [`Hits::in_scene`] and answers in a
-    /// device's memory count. It may change when a mesh is [replaced](Tracer::commit). Hits of earlier steps keep the former
-    /// numbers.
+    /// Returns the index of a mesh's first triangle among the triangles of all meshes. [`Hits::in_scene`] and results
+    /// in device memory use these indices. They may change when a mesh is [replaced](Tracer::commit). Hits of earlier
+    /// steps keep the former indices.
     ///
     /// # Errors
     /// [`Error::ForeignMesh`].
@@ -402,7 +411,7 @@ impl Tracer {
         Ok(joined.numbering.starts[index] as u32)
     }
 
-    /// The tree in use, as of the last query that is done; `None` before the first.
+    /// Returns the statistics of the last finished query; `None` before the first.
     #[must_use]
     pub fn statistics(&self) -> Option<Statistics> {
         self.shared_state().last
@@ -414,13 +423,13 @@ impl State {
         self.current.begin(time, asked, &mut self.last)
     }
 
-    /// Drops results of all steps but a step that is submitted now and the one submitted before.
+    /// Drops the results of all steps except `step`, which is submitted now, and the step submitted before it.
     pub(crate) fn submitted(&mut self, step: StepId) {
         let before = std::mem::replace(&mut self.submitted, step.0);
         self.keep_from(before);
     }
 
-    /// Drops results of steps before one, and scenes that have no others.
+    /// Drops the results of steps before `oldest`, and former scenes without other results.
     pub(crate) fn keep_from(&mut self, oldest: u64) {
         self.current.keep_from(oldest);
         let is_done = |loaded: &mut Loaded| !loaded.keep_from(oldest);

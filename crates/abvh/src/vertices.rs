@@ -1,14 +1,15 @@
-//! Many vertices at a time, by several threads.
+//! Sets and copies vertices with several threads.
 
 use crate::Point;
 use geom::{in_parallel, in_parallel_scope, lock};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// Vertices that the calling thread sets or copies by itself, before a busy pool would take them up.
+/// Number of vertices up to which the calling thread works alone, because a busy pool would start later than it
+/// finishes.
 const FEW: usize = 1 << 16;
 
-/// Sets each vertex by its number, by all threads where there are many.
+/// Sets each vertex to the value that `of` returns for its index. Uses all threads if there are many vertices.
 pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     let one = |(v, to): (usize, &mut Point)| *to = of(v);
     match to.len() <= FEW {
@@ -20,12 +21,12 @@ pub(crate) fn set(to: &mut [Point], of: impl Fn(usize) -> Point + Sync) {
     }
 }
 
-/// Threads that help to copy more. While trees are built beside, others are slow to wake: who comes late finds nothing left.
+/// Number of threads that help to copy. They may start late during a tree build, and then find no work left.
 const HELPERS: usize = 3;
-/// Vertices that are copied at a time.
+/// Number of vertices that a thread copies at a time.
 const RUN: usize = 1 << 13;
 
-/// Copies as many vertices or hits, with others' help where there are many.
+/// Copies vertices or hits between slices of equal length. Uses several threads if there are many.
 pub(crate) fn copy<T: Copy + Send + Sync>(to: &mut [T], from: &[T]) {
     if to.len() <= FEW {
         return to.copy_from_slice(from);

@@ -1,31 +1,31 @@
-//! Who does the work, and who else could.
+//! Description of devices and adapters, and the choice of one.
 
 use crate::{BackendError, Result};
 use std::fmt;
 
 crate::named! {
-    /// What kind of machine does the work.
+    /// Kind of processor that runs the backend.
     pub enum DeviceKind {
         /// A graphics processor.
         Gpu = "gpu",
-        /// The host's own cores, by this program's code.
+        /// The host's cores, running this program's own code.
         Cpu = "cpu",
         /// A driver that runs graphics code on the host's cores.
         Software = "software",
     }
 }
 
-/// How a device computes where nobody tells it how to round, as the textbook intersectors do not.
+/// Floating-point behaviour of operations without a rounding decoration. Only the textbook intersectors depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arithmetic {
-    /// Whether a quotient is the nearest number to the exact one.
+    /// Whether division is correctly rounded.
     pub rounds_division: bool,
-    /// Whether products are added up without being rounded first, anywhere.
+    /// Whether any product is added without being rounded first.
     pub fuses: bool,
 }
 
 impl Arithmetic {
-    /// Every operation rounded once, as IEEE 754 has it: the host's.
+    /// IEEE 754 arithmetic, as on the host: every operation is rounded once.
     pub const IEEE: Self = Self {
         rounds_division: true,
         fuses: false,
@@ -43,39 +43,38 @@ impl fmt::Display for Arithmetic {
     }
 }
 
-/// Who is at work.
+/// The device that runs a backend.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Device {
     /// The backend's name on the command line, such as `cpu`.
     pub backend: &'static str,
     /// The device's own name.
     pub adapter: String,
-    /// Driver and version; empty where there is none.
+    /// Driver and version; empty without a driver.
     pub driver: String,
-    /// What kind of machine it is.
+    /// Kind of processor.
     pub kind: DeviceKind,
-    /// Host threads the backend computes on; 0 if its device does.
+    /// Number of host threads that compute; 0 if the device computes.
     pub threads: usize,
-    /// How it computes where nobody tells it how to round.
+    /// Floating-point behaviour without a rounding decoration.
     pub arithmetic: Arithmetic,
 }
 
-/// Bytes of device memory by what they hold.
+/// Bytes of device memory by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceBytes {
-    /// The tree and the triangles' records: all that is there to be traced or refitted. Where a tree is handed over while
-    /// frames read another, both.
+    /// Trees and triangle records. Includes two trees while one is uploaded and frames use the other.
     pub tree: u64,
-    /// Room in which trees are made, or wait to be sent.
+    /// Scratch memory of tree builds, and trees that wait to be uploaded.
     pub scratch: u64,
-    /// The scene itself: key frames, positions, which vertices are a triangle's.
+    /// The scene: key frames, positions and vertex indices.
     pub scene: u64,
-    /// What frames need and leave: rays, hits, shadows, what is seen of a picture, counts, parameters.
+    /// Inputs and outputs of frames: rays, hits, shadows, visibility buffer, counts and parameters.
     pub frames: u64,
 }
 
 impl DeviceBytes {
-    /// All of it.
+    /// Returns the sum.
     pub fn total(self) -> u64 {
         self.tree + self.scratch + self.scene + self.frames
     }
@@ -84,23 +83,24 @@ impl DeviceBytes {
 /// An adapter that a backend offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterInfo {
-    /// Its place in the backend's list.
+    /// Index in the backend's list.
     pub index: usize,
     /// The device's own name.
     pub name: String,
     /// Driver and version.
     pub driver: String,
-    /// What kind of machine it is.
+    /// Kind of processor.
     pub kind: DeviceKind,
-    /// What bounds or shapes the work here: names and values, to be shown.
+    /// Limits and properties that affect performance: names and values, for display.
     pub limits: Vec<(&'static str, String)>,
 }
 
 impl AdapterInfo {
-    /// The one of the index that is wanted; else the first GPU, else the first.
+    /// Returns the adapter with index `wanted`. Without an index, returns the first GPU, or the first adapter if there
+    /// is no GPU.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] if there is no such adapter, with the names of all.
+    /// [`BackendError::NoDevice`], with the names of all adapters, if there is no such adapter.
     pub fn choose(list: &[Self], wanted: Option<usize>) -> Result<&Self> {
         let usual = || list.iter().find(|a| a.kind == DeviceKind::Gpu);
         let found = match wanted {
@@ -112,7 +112,7 @@ impl AdapterInfo {
         found.ok_or_else(|| BackendError::NoDevice(none()))
     }
 
-    /// Indices and names, to be shown.
+    /// Returns the indices and names, for display.
     pub fn numbered<'a>(list: impl IntoIterator<Item = &'a Self>) -> String {
         let each = list.into_iter().map(|a| format!("{}: {}", a.index, a.name));
         each.collect::<Vec<_>>().join("; ")
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(AdapterInfo::choose(&list, None), Ok(&list[1]));
         assert_eq!(AdapterInfo::choose(&list[..1], None), Ok(&list[0]));
         assert_eq!(AdapterInfo::choose(&list, Some(0)), Ok(&list[0]));
-        // A part of all has the numbers of all.
+        // Indices refer to the full list, not to this part.
         assert_eq!(AdapterInfo::choose(&list[1..], Some(1)), Ok(&list[1]));
         let refused = AdapterInfo::choose(&list, Some(9)).unwrap_err().to_string();
         assert!(refused.ends_with("0: llvmpipe; 1: card"), "{refused}");

@@ -1,73 +1,73 @@
-//! What can go wrong on a device.
+//! Errors of a device.
 
-/// Failures that a correct caller cannot foresee. Misuse panics instead.
+/// Failures that a correct caller cannot anticipate. Incorrect calls panic instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
-    /// Nothing on this machine can run the backend.
+    /// No device on this machine can run the backend.
     #[error("no device: {0}")]
     NoDevice(String),
-    /// The backend cannot do what was asked.
+    /// The backend does not support the operation.
     #[error("{backend} does not support {what}")]
     Unsupported {
-        /// Who was asked.
+        /// Name of the backend.
         backend: &'static str,
-        /// For what.
+        /// The unsupported operation.
         what: String,
     },
     /// A key frame cannot be read.
     #[error(transparent)]
     KeyFrame(#[from] geom::KeyFrameError),
-    /// The tree does not hold exactly the scene's live triangles.
+    /// The tree does not contain exactly the scene's live triangles.
     #[error("the tree does not fit the scene: {0}")]
     WrongTree(String),
-    /// A limit of the device stands in the way.
+    /// The operation exceeds a limit of the device.
     #[error("{what} needs {need}, the limit is {limit}")]
     Limit {
-        /// What was to be made.
+        /// The object that could not be created.
         what: String,
-        /// What it takes.
+        /// Required amount.
         need: u64,
-        /// What there is.
+        /// Maximum amount.
         limit: u64,
     },
-    /// The device's memory does not suffice.
+    /// Device memory is exhausted.
     #[error("out of device memory: {what}{}", need(*bytes))]
     OutOfMemory {
-        /// What was to be made.
+        /// The object that could not be created.
         what: String,
-        /// What it takes; 0 where only the driver knows.
+        /// Required bytes; 0 if only the driver knows.
         bytes: u64,
     },
-    /// The caller broke a rule of the interface.
+    /// The caller violated a rule of the interface.
     #[error("{0}")]
     Misuse(String),
-    /// The device's interface or its driver refused a call: a fault in the library or in the driver.
+    /// The device's interface or its driver rejected a call. This indicates a bug in the library or in the driver.
     #[error("{what} was rejected: {why}")]
     Rejected {
-        /// What was being made or done.
+        /// The operation that failed.
         what: String,
-        /// What it said.
+        /// Message of the interface or the driver.
         why: String,
     },
-    /// The device went away.
+    /// The device was lost.
     #[error("the device was lost: {0}")]
     DeviceLost(String),
 }
 
 impl BackendError {
-    /// A backend was told of no rays on its device.
+    /// Returns the error of a query with [`Rays::OnDevice`](crate::Rays::OnDevice) if no buffer was set for it.
     pub fn no_rays_on_device(backend: &'static str) -> Self {
         Self::unsupported(backend, "rays that lie on the device")
     }
 
-    /// [`BackendError::Unsupported`] by a backend of that name.
+    /// Returns [`BackendError::Unsupported`] for this backend.
     pub fn unsupported(backend: &'static str, what: impl Into<String>) -> Self {
         let what = what.into();
         Self::Unsupported { backend, what }
     }
 
-    /// [`BackendError::Rejected`] for that reason.
+    /// Returns [`BackendError::Rejected`] with this reason.
     pub fn rejected(what: impl Into<String>, why: impl Into<String>) -> Self {
         let (what, why) = (what.into(), why.into());
         Self::Rejected { what, why }
@@ -81,5 +81,5 @@ fn need(bytes: u64) -> String {
     }
 }
 
-/// Shorthand.
+/// A `Result` with [`BackendError`].
 pub type Result<T> = std::result::Result<T, BackendError>;

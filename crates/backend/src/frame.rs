@@ -1,21 +1,21 @@
-//! What a backend says of its work, and positions that it lends to whoever builds trees.
+//! Reports of submissions, and positions that builders borrow.
 
 use geom::{Point, lock};
 use std::ops::Deref;
 use std::sync::{Arc, Mutex};
 
-/// A point in one backend's order of submissions. Tickets finish in order.
+/// Number of a submission of one backend. Submissions finish in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub u64);
 
-/// Which build a tree came from. Strictly rises with each adoption.
+/// Number of a tree. Each adopted tree must have a higher one than the tree before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Generation(pub u64);
 
-/// Positions on their way to a builder: read-only, sendable, given back when dropped.
+/// Positions on the way to a builder: read-only and sendable. Dropping the snapshot returns its memory.
 pub type Snapshot = Box<dyn Deref<Target = [Point]> + Send + Sync>;
 
-/// Memory for positions, to be used again once its reader is done.
+/// Pool of memory for positions. Memory returns to it once its reader has finished.
 #[derive(Debug)]
 pub struct Spares<T>(Arc<Mutex<Vec<T>>>);
 
@@ -26,13 +26,13 @@ impl<T> Default for Spares<T> {
 }
 
 impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
-    /// Memory that came back.
+    /// Returns memory that a reader has finished with, if any.
     #[must_use]
     pub fn pop(&self) -> Option<T> {
         lock(&self.0).pop()
     }
 
-    /// Lends positions; their memory comes back when the snapshot is dropped.
+    /// Lends positions. Their memory returns to the pool when the snapshot is dropped.
     #[must_use]
     pub fn lend(&self, positions: T) -> Snapshot {
         Box::new(Lent {
@@ -43,7 +43,7 @@ impl<T: Deref<Target = [Point]> + Send + Sync + 'static> Spares<T> {
 }
 
 struct Lent<T> {
-    /// Taken out when the loan ends.
+    /// `None` once the memory was returned.
     positions: Option<T>,
     home: Arc<Mutex<Vec<T>>>,
 }
@@ -65,55 +65,56 @@ impl<T> Drop for Lent<T> {
     }
 }
 
-/// Milliseconds of each stage; `None` for a stage that the submission left out.
+/// Milliseconds of each stage; `None` for a stage that the submission skipped.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
-    /// Key frames to positions; `None` also where they ran beside `preprocess`, whose time then holds both.
+    /// Interpolation of key frames to positions. Also `None` if it ran at the same time as `preprocess`, whose time
+    /// then includes both.
     pub interpolate_ms: Option<f64>,
-    /// Positions to records and boxes of leaves, or key frames to these and to positions.
+    /// Computation of triangle records and boxes of leaves from positions or from key frames.
     pub preprocess_ms: Option<f64>,
-    /// Positions to a tree made on the device, but for records and boxes of leaves.
+    /// Tree build on the device, except for records and boxes of leaves.
     pub rebuild_ms: Option<f64>,
-    /// Boxes of leaves to boxes of inner nodes.
+    /// Computation of the boxes of inner nodes.
     pub refit_ms: Option<f64>,
-    /// Primary or given rays; their shadow rays too, where one kernel traces both.
+    /// Trace of the primary or given rays. Includes shadow rays if one kernel traces both.
     pub trace_primary_ms: Option<f64>,
-    /// Shadow rays; `None` also where the primary rays' time holds theirs.
+    /// Trace of shadow rays. Also `None` if `trace_primary_ms` includes it.
     pub trace_shadow_ms: Option<f64>,
-    /// From the first stage's start to the last one's end, by the device's clock.
+    /// From the start of the first stage to the end of the last, by the device's clock.
     pub device_ms: f64,
-    /// When the first stage began, by the device's clock, whose zero is
-    /// arbitrary but the same for all submissions; `None` where there is no such clock.
+    /// Start of the first stage, by the device's clock. The clock's zero is arbitrary but the same for all submissions;
+    /// `None` without such a clock.
     pub begun_ms: Option<f64>,
 }
 
-/// What one submission did.
+/// Times and counts of one submission.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameReport {
-    /// How long it took.
+    /// Time of each stage.
     pub times: StageTimes,
-    /// Rays that hit; with [`crate::QueryKind::Any`], rays that met anything.
+    /// Rays that hit a triangle.
     pub hits: u64,
     /// Hits in shadow.
     pub blocked: u64,
-    /// Rays, shadow rays included, that error bounds left open and exact
-    /// arithmetic settled; 0 unless the intersector is `exact`.
+    /// Rays, including shadow rays, that error bounds could not decide and exact arithmetic did; 0 unless the
+    /// intersector is `exact`.
     pub settled: u64,
-    /// Triangles inactive at the positions traced.
+    /// Triangles that are inactive at the traced positions.
     pub inactive: u64,
-    /// Triangles active but of zero area at the positions traced.
+    /// Triangles that are active but have zero area at the traced positions.
     pub degenerate: u64,
-    /// Cost of the refitted tree by the surface area heuristic (traversal 1,
-    /// intersection 1), where the backend measures it.
+    /// Cost of the refitted tree by the surface area heuristic (traversal 1, intersection 1), if the backend measures
+    /// it.
     pub sah_cost: Option<f64>,
-    /// Cost of the tree that the submission [evaluated](crate::Backend::evaluate), at the same positions as `sah_cost`.
+    /// Cost of the [candidate tree](crate::Backend::evaluate), at the same positions as `sah_cost`.
     pub candidate_cost: Option<f64>,
-    /// Bytes that went back to the host for a builder.
+    /// Bytes copied to the host for a builder.
     pub readback_bytes: u64,
 }
 
-/// A tree's cost by the surface area heuristic (traversal 1, intersection 1; MacDonald, Booth 1990): all nodes' areas over the
-/// root's. `None` if the root has no area, or areas were too large to be added up.
+/// Returns a tree's cost by the surface area heuristic (traversal 1, intersection 1; MacDonald, Booth 1990): the sum of
+/// all nodes' areas divided by the root's area. Returns `None` if the root's area is 0 or the sum overflows.
 #[must_use]
 pub fn sah_cost(areas: f64, root: f64) -> Option<f64> {
     let cost = areas / root;

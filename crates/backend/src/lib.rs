@@ -1,62 +1,90 @@
-//! The one seam: what a device must do to interpolate, preprocess, refit and trace.
+//! The interface that every device implements: interpolate, preprocess, refit and trace one scene.
 //!
-//! # The contract
+//! # Ownership
 //!
-//! **Owner.** A backend has one owner, which drives it by `&mut`. Nothing else needs a lock.
+//! A backend has one owner, which calls it through `&mut`. No lock is needed.
 //!
-//! **Scene.** [`Backend::load`] makes an animation current, with the method to
-//! use. It drops whatever was current before: tree, positions, results.
+//! # Scenes
 //!
-//! **Recording.** `interpolate`, `preprocess`, `refit` and `trace` only record. [`Backend::submit`] starts what was
-//! recorded since the last submit, in the order of the calls, and returns a [`Ticket`]; tickets rise and finish in
-//! order. Only [`Backend::wait`] and what gives results block. Up to [`FRAMES_IN_FLIGHT`] submissions may be unfinished;
-//! one more `submit` waits for the oldest. What a submission reported and found is kept until `FRAMES_IN_FLIGHT`
-//! further submissions with a trace were made, or as many as [`Backend::keep`] says, and may be asked for any number of
-//! times until then. [`Backend::release`] ends this time earlier for the traces of one submission, which then no longer
-//! counts as one with a trace. Its report is kept for `FRAMES_IN_FLIGHT` further submissions of any kind.
+//! [`Backend::load`] makes an animation current and fixes its tracing method. It drops the previous tree, positions and
+//! results.
 //!
-//! **Order within a frame.** `interpolate` writes positions. `preprocess` writes one record and one box a leaf, of the
-//! positions interpolated last (these alone would not do: leaves stand in the tree's order, so it needs a tree); it may
-//! blend them from the key frames once more, to the same bits, so as not to wait for them. `refit` reads the boxes of
-//! leaves and writes those of inner nodes. `trace` reads records and boxes. Stages whose input did not change may be
-//! left out: a static scene runs the first three once. But a tree is traced only after `preprocess` and `refit` at the
-//! frame's own positions: [`Backend::adopt`] and `interpolate` each make records and boxes stale, and tracing stale
-//! ones panics.
+//! # Recording and submission
 //!
-//! **Trees.** [`Backend::adopt`] takes effect at once, between submissions: all that is recorded later sees the new
-//! tree, all that was submitted before saw the old. Generations strictly rise. The tree must hold exactly the
-//! animation's live triangles ([`geom::Animation::is_live`]). A large tree takes its time to reach the device. So that
-//! no frame waits, whoever builds it has a [`TreeWriter`] write it, and it is adopted once [`Backend::bring`] says that
-//! it is there.
+//! `interpolate`, `preprocess`, `refit` and `trace` only record work. [`Backend::submit`] starts the recorded work in
+//! call order and returns a [`Ticket`]. Tickets increase, and submissions finish in ticket order. At most
+//! [`FRAMES_IN_FLIGHT`] submissions are unfinished at any time; a further `submit` blocks until the oldest has
+//! finished.
 //!
-//! **Candidates.** [`Backend::evaluate`] refits a tree that is not current yet, in buffers of its own, at the positions of
-//! the frame that is recorded. The submission's report then has the costs of both trees. A tree that is adopted after its
-//! evaluation keeps these buffers, so adopting it takes no further work.
+//! Only `submit`, [`Backend::wait`] and the methods that return results block. The report and the hits of a submission
+//! stay available for [`FRAMES_IN_FLIGHT`] further submissions that contain a trace. [`Backend::keep`] can raise this
+//! number. Until then they can be read any number of times. [`Backend::release`] drops the traces of one submission
+//! earlier. It then no longer counts as a submission that contains a trace. Its report stays available for
+//! `FRAMES_IN_FLIGHT` further submissions of any kind.
 //!
-//! **Trees made on the device.** Where [`Backend::check_rebuild`] allows it, [`Backend::rebuild`] stands for `adopt`:
-//! it makes a tree of the positions at hand, is recorded like a stage, and its generation rises like that of an adopted
-//! tree. `preprocess` and `refit` may follow, and find nothing left to do. Once positions are others, the tree is made
-//! anew or another adopted; to preprocess it panics, but for those that make their trees themselves.
+//! # Stage order
+//!
+//! 1. `interpolate` blends two key frames and writes vertex positions.
+//! 2. `preprocess` reads the latest positions and writes one triangle record and one box per leaf. It needs a tree,
+//!    because leaves are in tree order. It may blend the key frames again, to the same bits, instead of waiting for
+//!    `interpolate`.
+//! 3. `refit` reads the boxes of leaves and writes the boxes of inner nodes.
+//! 4. `trace` reads records and boxes and writes hits.
+//!
+//! A stage may be skipped if its input has not changed: a static scene runs the first three once. [`Backend::adopt`]
+//! and `interpolate` each make records and boxes stale. Tracing before `preprocess` and `refit` have run at the frame's
+//! own positions panics.
+//!
+//! # Trees
+//!
+//! A tree contains exactly the live triangles of the animation ([`geom::Animation::is_live`]). Its generation must be
+//! higher than the previous one. [`Backend::adopt`] takes effect between submissions: work recorded afterwards uses the
+//! new tree, and submitted work keeps the old one.
+//!
+//! Large trees take time to reach a device. The builder thread therefore writes the tree through a [`TreeWriter`], and
+//! the driver adopts it once [`Backend::bring`] returns `true`. No frame waits for the copy.
+//!
+//! # Candidates
+//!
+//! [`Backend::evaluate`] refits a tree that is not current yet at the positions of the recorded frame. The tree has its
+//! own buffers. The submission's report contains the costs of both trees. A candidate that is adopted later keeps its
+//! buffers, so adopting it requires no further work.
+//!
+//! # Trees built on the device
+//!
+//! If [`Backend::check_rebuild`] succeeds, [`Backend::rebuild`] can replace `adopt`. It records, like a stage, the
+//! build of a tree from the current positions. The generation must increase as it does for `adopt`. A following
+//! `preprocess` or `refit` does nothing. After the positions change, the owner must rebuild or adopt another tree:
+//! preprocessing a tree that was built on the device panics, except in backends that make all their trees themselves.
 //!
 //! **Own trees.** Where [`Backend::makes_own_trees`] says so, nobody hands in trees: a frame is `interpolate`,
 //! `rebuild` (in the first frame, and in each that is to have a new tree), `preprocess`, `refit`, `trace`. `refit`
 //! brings the last tree to the frame's positions; after `rebuild` nothing is left to do. What a ray hits is then for
 //! whoever makes the tree to say.
 //!
-//! **Pictures.** Where [`Backend::load_palette`] says so, [`Backend::shade`] records hits to pixels after `trace`, and
-//! [`Backend::pixels`] fetches them: the bytes that the host's shading gives (crate `shading`).
+//! # Pictures
 //!
-//! **Positions.** [`Backend::request_positions`] records a copy of the interpolated vertices back to the host;
-//! [`Backend::take_positions`] polls for it and never blocks. A submission holds one request at most; requests of
-//! several submissions may be outstanding and are answered in their order.
+//! If [`Backend::load_palette`] returns `true`, [`Backend::shade`] records the shading of hits after `trace`, and
+//! [`Backend::pixels`] returns the pixels. They equal, byte for byte, those of the host's shading (crate `shading`).
 //!
-//! **Answers.** They depend on the rays, the triangles and the intersector alone: not on the tree, its age, its layout,
-//! the thread count or (for `watertight` and `exact`) the backend. What a hit is, stands in `docs/design/hits.md`.
+//! # Positions
 //!
-//! **Errors.** [`BackendError`] is what a correct caller cannot foresee. Misuse
-//! (tracing a stale tree, waiting for a ticket never given) panics.
+//! [`Backend::request_positions`] records a copy of the interpolated vertices to the host. [`Backend::take_positions`]
+//! polls for it and never blocks. A submission contains at most one request. Requests of several submissions may be
+//! outstanding; they complete in submission order.
+//!
+//! # Hits
+//!
+//! A hit depends on the ray, the triangles and the intersector only. It does not depend on the tree, its age, its
+//! layout or the thread count. With `watertight` and `exact` it does not depend on the backend. `docs/design/hits.md`
+//! defines hits and proves this.
+//!
+//! # Errors
+//!
+//! [`BackendError`] covers failures that a correct caller cannot anticipate. Incorrect calls, such as tracing a stale
+//! tree or waiting for an unknown ticket, panic.
 
-/// An enum whose variants have names, on the command line or in tables and files, and a list of them all.
+/// Defines an enum whose variants have names for the command line or for tables and files, and a list of all variants.
 #[macro_export]
 macro_rules! named {
     ($(#[$meta:meta])* $vis:vis enum $name:ident {
@@ -69,10 +97,10 @@ macro_rules! named {
         }
 
         impl $name {
-            /// All there are.
+            /// All variants.
             $vis const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
 
-            /// The name on the command line, or in tables and files.
+            /// Returns the variant's name on the command line, or in tables and files.
             #[must_use]
             $vis fn name(self) -> &'static str {
                 match self {
@@ -104,25 +132,28 @@ use geom::{Aabb, Animation, Point, PointBuffer, Pose};
 use std::any::Any;
 use std::sync::Arc;
 
-/// Puts a tree where a device takes it from, on any thread: see [`Backend::tree_writer`].
+/// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
 
-/// Makes a backend, on any thread.
+/// Function that creates a backend, on any thread.
 pub type Opener = Box<dyn FnOnce() -> Result<Box<dyn Backend>> + Send>;
 
-/// A device that deforms, refits and traces one scene. See the crate's page for the contract, and [`BackendError`] for what
-/// may go wrong in any call.
+/// A device that deforms, refits and traces one scene.
+///
+/// The crate documentation states the contract. `# Errors` sections list only errors specific to a method;
+/// [`BackendError`] lists all.
 pub trait Backend: Send + Any {
-    /// Who is at work: shown in logs, test names and result rows.
+    /// Returns the device's name, kind and driver, as shown in logs, test names and result rows.
     fn device(&self) -> &Device;
 
-    /// What makes a further backend on the same device, for another scene that is loaded and traced beside this one; `None`
-    /// where a device has to be opened, which may hold up what the others do.
+    /// Returns a function that creates a backend for another scene on the same device. Both scenes can be loaded and
+    /// traced at the same time. Returns `None` if the device would have to be opened again, which may block other
+    /// scenes.
     fn another(&self) -> Option<Opener> {
         None
     }
 
-    /// Whether scenes can be traced by `method`. Touches no device.
+    /// Returns whether scenes can be traced by `method`. Does not access the device.
     fn supports(&self, _method: Method) -> bool {
         true
     }
@@ -130,11 +161,11 @@ pub trait Backend: Send + Any {
     /// Makes `animation` current, to be traced by `method`.
     ///
     /// # Errors
-    /// The method is not supported, or the scene does not fit the device.
+    /// The method is not supported, or the scene exceeds a limit or the memory of the device.
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
 
-    /// Makes ready, beside other work, what such queries of the scene will take, with trees made here or handed in. Without
-    /// it they are made ready when they first come.
+    /// Starts to compile, on other threads, the kernels that queries like this one need. `makes_trees` states whether
+    /// trees are built on the device. Without this call, kernels are compiled on first use.
     fn prepare(&mut self, _query: Query<'_>, _makes_trees: bool) {}
 
     /// Whether the backend makes its trees itself: then [`Backend::rebuild`] stands where
@@ -143,60 +174,78 @@ pub trait Backend: Send + Any {
         false
     }
 
-    /// Makes `tree` current for all that is recorded from now on.
+    /// Makes `tree` current for all work recorded from now on.
     ///
     /// # Errors
-    /// The tree does not hold exactly the animation's live triangles, or does
-    /// not fit the device. The old tree is then still current.
+    /// The tree does not contain exactly the animation's live triangles, or does not fit the device. The previous tree
+    /// stays current.
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()>;
 
-    /// What writes the tree of that generation as the device wants it, for whoever builds it: then this thread need not.
-    /// `None` where that would save nothing.
+    /// Returns a function with which a builder thread writes the tree of `generation` in the device's format. Returns
+    /// `None` if that saves no work on the owner's thread.
     fn tree_writer(&mut self, _generation: Generation) -> Result<Option<TreeWriter>> {
         Ok(None)
     }
 
-    /// Has a tree set out for the device, beside the frames, if it did not yet; says whether it is there. Never blocks.
+    /// Starts the upload of a tree concurrently with frames, unless it was started before. Returns whether the tree has
+    /// arrived. Never blocks.
     fn bring(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(true)
     }
 
-    /// Records the refit of a tree that is not current, beside the current one. Comes after `interpolate` and before
-    /// `preprocess`. The tree must have been [brought](Backend::bring). The submission's report then has its cost
-    /// ([`FrameReport::candidate_cost`]). Returns `false`, and records nothing, where the cost cannot be measured: the backend
-    /// measures no costs, or memory does not suffice for a second tree.
+    /// Records the refit of a tree that is not current, in addition to the current one. Call it after `interpolate` and
+    /// before `preprocess`, with a tree whose [upload](Backend::bring) has finished. The submission's report then
+    /// contains the tree's cost ([`FrameReport::candidate_cost`]). Returns `false`, and records nothing, if the backend
+    /// measures no costs or lacks memory for a second tree.
     ///
     /// # Errors
-    /// The tree does not hold exactly the animation's live triangles.
+    /// The tree does not contain exactly the animation's live triangles.
     fn evaluate(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(false)
     }
 
-    /// Whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) by the method loaded. Whoever builds
-    /// trees then adds them in good time; a tree without them is adopted too, but slowly.
+    /// Records: refits the tree that the current one replaced, as [`Backend::evaluate`] does with a new tree. Returns `false`
+    /// if that tree is no longer on the device: it is kept if the current tree was evaluated before its adoption, until
+    /// another tree is evaluated.
+    fn evaluate_retained(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Makes the tree current that [`Backend::evaluate_retained`] evaluated, with its old generation. The tree that it
+    /// replaces is then retained.
+    ///
+    /// # Errors
+    /// No tree is retained.
+    fn adopt_retained(&mut self) -> Result<()> {
+        Err(BackendError::WrongTree("no tree is retained".to_owned()))
+    }
+
+    /// Returns whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) with the loaded method.
+    /// Builders then add treelets ahead of time; `adopt` accepts a tree without treelets, but takes longer.
     fn wants_treelets(&self) -> bool {
         false
     }
 
-    /// Likewise for the eight-wide form ([`Topology::blocks`]).
+    /// Returns whether [`Backend::adopt`] reads a tree's eight-wide form ([`Topology::blocks`]) with the loaded method.
+    /// Builders then add it ahead of time.
     fn wants_blocks(&self) -> bool {
         false
     }
 
-    /// Memory for a key frame of the scene loaded that is yet to be [pushed](Animation::push): where the device can, it reads
-    /// it there.
+    /// Allocates memory for a key frame that will be [pushed](Animation::push) to the loaded scene. The device reads
+    /// the memory directly if it can.
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
-    /// Records: key frames to positions.
+    /// Records: writes the positions at `pose`, blended from key frames.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
-    /// Whether the backend makes trees on its device for the method loaded.
+    /// Checks that trees can be built on the device with the loaded method.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] where trees are made by the host alone, or
-    /// [`BackendError::Limit`] with what the device lacks.
+    /// [`BackendError::Unsupported`] if only the host builds trees, or [`BackendError::Limit`] if a limit of the device
+    /// is too low.
     fn check_rebuild(&self) -> Result<()> {
         match self.makes_own_trees() {
             true => Ok(()),
@@ -204,136 +253,139 @@ pub trait Backend: Send + Any {
         }
     }
 
-    /// Records: positions to a tree made on the device, current from then on. `preprocess` and `refit` may follow as
-    /// after [`Backend::adopt`]. The first tree takes room on the device, which is kept until another scene is loaded.
+    /// Records: builds a tree from the current positions on the device and makes it current. `preprocess` and `refit`
+    /// may follow as after [`Backend::adopt`]. The first tree allocates scratch memory, which is kept until another
+    /// scene is loaded.
     ///
     /// # Errors
-    /// Those of [`Backend::check_rebuild`] too.
+    /// Also those of [`Backend::check_rebuild`].
     fn rebuild(&mut self, _generation: Generation) -> Result<()> {
         Err(no_trees(self.device().backend))
     }
 
-    /// Records: positions to triangle records and boxes of leaves.
+    /// Records: writes triangle records and boxes of leaves from positions.
     fn preprocess(&mut self) -> Result<()>;
 
-    /// Records: boxes of leaves to boxes of inner nodes.
+    /// Records: writes the boxes of inner nodes from the boxes of leaves.
     fn refit(&mut self) -> Result<()>;
 
-    /// Records: records and boxes to hits. At most one trace a submission.
+    /// Records: traces one query and writes its hits. At most one call per submission.
     fn trace(&mut self, query: Query<'_>) -> Result<()>;
 
-    /// Whether [`Backend::trace_together`] takes these queries.
+    /// Returns whether [`Backend::trace_together`] accepts these queries.
     fn traces_together(&self, _queries: &[Query<'_>]) -> bool {
         false
     }
 
-    /// Records: several traces of one submission, in the place of its one. Small ones end sooner than by themselves, since
-    /// none waits for the slowest rays of another. Asked where [`Backend::traces_together`] says so.
+    /// Records: traces a batch of queries, in place of the submission's single [`Backend::trace`]. Small queries finish
+    /// sooner than one after another, because they run at the same time. Call it only if [`Backend::traces_together`]
+    /// returns `true`.
     fn trace_together(&mut self, _queries: &[Query<'_>]) -> Result<()> {
         let (backend, what) = (self.device().backend, "several traces of one submission");
         Err(BackendError::unsupported(backend, what))
     }
 
-    /// Takes what pictures are painted by, until the next [`Backend::load`]. `false` where pictures are left to the host:
-    /// then nothing is shaded.
+    /// Stores the colours for [`Backend::shade`], until the next [`Backend::load`]. Returns `false` if the backend does
+    /// not shade.
     fn load_palette(&mut self, _palette: &Palette) -> Result<bool> {
         Ok(false)
     }
 
-    /// Records: what the trace before it finds for `query`, a camera's with shadows, to pixels. Without a palette it does
-    /// nothing.
+    /// Records: shades the hits of the recorded trace of `query`, a camera query with shadows, into pixels. Does
+    /// nothing without a palette.
     fn shade(&mut self, _query: Query<'_>) -> Result<()> {
         Ok(())
     }
 
-    /// Blocks until `ticket` is done and copies its pixels into `out`, four bytes each (red, green, blue, 255), row by row.
-    /// `false` if it shaded none: its hits are then for the host to shade.
+    /// Blocks until `ticket` has finished and copies its pixels into `out`: four bytes each (red, green, blue, 255),
+    /// row by row. Returns `false` if the submission shaded no pixels; the host then shades its hits.
     fn pixels(&mut self, _ticket: Ticket, _out: &mut Vec<u8>) -> Result<bool> {
         Ok(false)
     }
 
-    /// Records: a copy of the positions to the host, for [`Backend::take_positions`]. At most one a submission.
+    /// Records: copies the positions to the host for [`Backend::take_positions`]. At most one call per submission.
     fn request_positions(&mut self) -> Result<()>;
 
-    /// Starts what was recorded since the last call.
+    /// Submits the work recorded since the last call.
     fn submit(&mut self) -> Result<Ticket>;
 
-    /// Blocks until `ticket` is done and says what it did.
+    /// Blocks until `ticket` has finished and returns its report.
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport>;
 
-    /// Blocks until `ticket` is done and lends what its trace found, the same each time.
+    /// Blocks until `ticket` has finished and returns the hits of its trace. Repeated calls return the same hits.
     ///
-    /// To keep it without a copy, exchange it for other memory, which a later trace then uses:
+    /// To keep the hits without a copy, swap them with other memory, which a later trace then uses:
     /// `std::mem::swap(backend.hits(ticket)?, &mut mine)`.
     fn hits(&mut self, ticket: Ticket) -> Result<&mut Hits>;
 
-    /// Returns the hits of query `place` among those that were traced together. Blocks until `ticket` is done.
+    /// Returns the hits of query `place` of a batch. Blocks until `ticket` has finished.
     fn hits_of(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         assert!(place == 0, "there was one query");
         self.hits(ticket)
     }
 
-    /// Moves the hits of a query into `into`, without a copy on the host. Later traces may use the memory that was there.
-    /// Blocks until `ticket` is done. A query's hits can be taken once.
+    /// Moves the hits of query `place` into `into`, without a copy on the host. Later traces may use the previous
+    /// memory of `into`. Blocks until `ticket` has finished. The hits of a query can be taken once.
     fn take_hits(&mut self, ticket: Ticket, place: usize, into: &mut Hits) -> Result<()> {
         std::mem::swap(self.hits_of(ticket, place)?, into);
         Ok(())
     }
 
-    /// Returns whether `ticket` is done, so that neither its report nor its hits have to be waited for. Never blocks.
+    /// Returns whether `ticket` has finished, so that its report and hits can be read without blocking. Never blocks.
     fn is_done(&mut self, _ticket: Ticket) -> Result<bool> {
         Ok(true)
     }
 
-    /// Frees the traces of a submission before they are old enough, or keeps their memory for later traces. It keeps the
-    /// memory of at most as many traces as [`Backend::keep`] allows.
+    /// Drops the traces of a submission before they expire. Their memory is reused by later traces or freed. It is kept
+    /// for at most the number of traces that [`Backend::keep`] sets.
     fn release(&mut self, _ticket: Ticket) {}
 
-    /// Keeps the traces of submissions until `traces` further ones with a trace were made, at least [`FRAMES_IN_FLIGHT`].
-    /// Released traces beyond that number are freed at once. Holds until another scene is loaded.
+    /// Keeps each trace for `traces` further submissions that contain a trace, or for [`FRAMES_IN_FLIGHT`] if that is
+    /// more. Frees released traces beyond that number. Applies until another scene is loaded.
     fn keep(&mut self, traces: usize);
 
-    /// The oldest positions requested and not taken yet, with the ticket of
-    /// their submission; `None` while they are under way. Never blocks.
+    /// Returns the oldest requested positions that were not taken yet, with the ticket of their submission. Returns
+    /// `None` if they have not arrived. Never blocks.
     fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>>;
 
-    /// Bytes of device memory that the backend holds, where it can tell.
+    /// Returns the bytes of device memory that the backend holds, or `None` if unknown.
     fn device_bytes(&self) -> Option<DeviceBytes> {
         None
     }
 
-    /// Bytes of device memory that may still be had, where the driver tells.
+    /// Returns the bytes of device memory that are still available, or `None` if the driver does not report them.
     fn free_device_bytes(&self) -> Option<u64> {
         None
     }
 
-    /// Views that only tests and dumps need.
+    /// Returns access to intermediate results, for tests and dumps.
     fn inspect(&mut self) -> &mut dyn Inspect;
 }
 
-/// Submissions that may be unfinished at a time.
+/// Maximum number of unfinished submissions.
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
-/// Views into the output of a stage, off the frame's path. Each waits for all submissions.
+/// Reads the output of a stage, outside a frame's time-critical path. Each method waits for all submissions.
 pub trait Inspect {
-    /// After `interpolate`: one position a vertex.
+    /// Returns one position per vertex, after `interpolate`.
     fn positions(&mut self) -> Result<Vec<Point>>;
 
-    /// After `refit`: one box a node, in node order, in the scene's units.
-    /// Leaves of inactive and degenerate triangles have [`Aabb::EMPTY`].
+    /// Returns one box per node, in node order and in the scene's units, after `refit`. Leaves of inactive and
+    /// degenerate triangles have [`Aabb::EMPTY`].
     fn boxes(&mut self) -> Result<Vec<Aabb>>;
 
-    /// The tree that the last [`Backend::rebuild`] made, read back as a record
-    /// and checked like any other. [`Inspect::boxes`] follows its node order.
+    /// Reads back the tree that the last [`Backend::rebuild`] built and checks it like any other tree. The boxes of
+    /// [`Inspect::boxes`] are in its node order.
     ///
     /// # Errors
-    /// [`BackendError::WrongTree`] if what the device made is no tree over the
-    /// live triangles; [`BackendError::Unsupported`] where it makes none.
+    /// [`BackendError::WrongTree`] if the device's output is no tree over the live triangles;
+    /// [`BackendError::Unsupported`] if the device builds no trees.
     fn rebuilt(&mut self) -> Result<Topology> {
         Err(no_trees("the backend"))
     }
 
-    /// What the device's interface refused so far, and what its validation layer has said in this process.
+    /// Returns all calls that the device's interface has rejected so far, and all messages of its validation layer in
+    /// this process.
     fn complaints(&mut self) -> Vec<String> {
         Vec::new()
     }
@@ -343,13 +395,13 @@ fn no_trees(backend: &'static str) -> BackendError {
     BackendError::unsupported(backend, "trees made on the device")
 }
 
-/// Refuses a tree that does not hold exactly the animation's live triangles.
+/// Rejects a tree that does not contain exactly the animation's live triangles.
 ///
-/// A record names each triangle at most once, and none beyond its scene's, so
-/// counting leaves and asking each whether it is live suffices.
+/// It suffices to count the leaves and to check that each leaf's triangle is live: a [`Topology`] names each triangle
+/// at most once, and only triangles of its scene.
 ///
 /// # Errors
-/// [`BackendError::WrongTree`] with what was found and expected.
+/// [`BackendError::WrongTree`] with the counts found and expected.
 pub fn check_tree(tree: &Topology, animation: &Animation) -> Result<()> {
     let wrong = |why| Err(BackendError::WrongTree(why));
     let triangles = (tree.triangle_count(), animation.triangle_count());

@@ -1,4 +1,4 @@
-//! What to trace and how, and what comes back.
+//! Queries, methods and results.
 
 use geom::{Camera, Hit, Point, Ray};
 use std::str::FromStr;
@@ -6,17 +6,17 @@ use std::str::FromStr;
 /// The rays of a query.
 #[derive(Clone, Copy, Debug)]
 pub enum Rays<'a> {
-    /// One by one. Rays that are not [valid](Ray::is_valid) miss.
+    /// A list of rays. Rays that are not [valid](Ray::is_valid) miss.
     List(&'a [Ray]),
-    /// One through the middle of each pixel, made on the device: [`Camera::ray`], row by row.
+    /// One ray through the centre of each pixel, generated on the device: [`Camera::ray`], row by row.
     Camera(&'a Camera),
-    /// So many that lie on the device, which was told where: see its own interface. The host sees none of them; those
-    /// that are not valid miss.
+    /// This number of rays in device memory, whose buffer was passed through the device's own interface. The host does
+    /// not read them. Rays that are not valid miss.
     OnDevice(usize),
 }
 
 impl Rays<'_> {
-    /// How many there are.
+    /// Returns the number of rays.
     pub fn count(&self) -> usize {
         match self {
             Self::List(rays) => rays.len(),
@@ -50,22 +50,22 @@ impl<'a> From<&'a Camera> for Rays<'a> {
     }
 }
 
-/// What to look for along each ray.
+/// The result to compute for each ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum QueryKind {
     /// The closest hit.
     Closest,
     /// Whether there is any hit.
     Any,
-    /// The closest hit, then whether the way from it to a point light is blocked.
+    /// The closest hit, and whether the segment from it to a point light is blocked.
     ClosestAndShadow {
-        /// Where the light is.
+        /// Position of the light.
         light: Point,
     },
 }
 
 impl QueryKind {
-    /// The light that ways are asked for, if any are.
+    /// Returns the light to which shadow rays are traced, or `None` without shadow rays.
     pub fn light(self) -> Option<Point> {
         match self {
             Self::ClosestAndShadow { light } => Some(light),
@@ -74,36 +74,36 @@ impl QueryKind {
     }
 }
 
-/// What to trace.
+/// Rays and the result to compute for each.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'a> {
     /// The rays.
     pub rays: Rays<'a>,
-    /// What to look for.
+    /// The result to compute for each ray.
     pub kind: QueryKind,
 }
 
-/// What [`Backend::shade`](crate::Backend::shade) paints by.
+/// Colour tables of [`Backend::shade`](crate::Backend::shade).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Palette {
     /// sRGB of each triangle: red in the lowest byte, then green and blue.
     pub colours: Vec<u32>,
-    /// Linear light of each 8-bit sRGB level, as the bits of an f32; then the sRGB level of each step of linear light, of
-    /// which 4096 make 1.
+    /// Linear light of each 8-bit sRGB level, as the bits of an f32. Then the sRGB level of each step of linear light,
+    /// where 4096 steps make 1.
     pub tones: Vec<u32>,
 }
 
-/// What a trace found, one entry a ray, in the rays' order.
+/// Results of a trace, one entry per ray, in the order of the rays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {
     /// Closest hits; empty with [`QueryKind::Any`].
     pub closest: Vec<Hit>,
-    /// With [`QueryKind::Any`]: 1 if the ray met anything. With
-    /// [`QueryKind::ClosestAndShadow`]: 1 if the hit is in shadow, 0 if lit or miss. Else empty.
+    /// With [`QueryKind::Any`]: 1 if the ray hit a triangle. With [`QueryKind::ClosestAndShadow`]: 1 if the hit is in
+    /// shadow, 0 if lit or a miss. Otherwise empty.
     pub blocked: Vec<u8>,
 }
 
-/// Memory of earlier hits for later ones, so that the operating system need not hand out and clear pages for each query.
+/// Memory of earlier hits, reused so that the operating system need not allocate and clear pages for each query.
 #[derive(Debug, Default)]
 pub struct HitsPool {
     spares: Vec<Hits>,
@@ -111,18 +111,18 @@ pub struct HitsPool {
 }
 
 impl HitsPool {
-    /// Sets the number of spares that are kept. Frees those beyond it.
+    /// Sets the maximum number of buffers in the pool. Frees those in excess.
     pub fn keep(&mut self, most: usize) {
         self.most = most;
         self.spares.truncate(most);
     }
 
-    /// Frees all spares.
+    /// Frees all buffers.
     pub fn clear(&mut self) {
         self.spares.clear();
     }
 
-    /// Puts memory in, or frees it if enough spares are there.
+    /// Adds a buffer to the pool, or frees it if the pool is full.
     pub fn put(&mut self, hits: Hits) {
         let has_memory = hits.closest.capacity() + hits.blocked.capacity() > 0;
         if has_memory && self.spares.len() < self.most {
@@ -130,7 +130,7 @@ impl HitsPool {
         }
     }
 
-    /// Takes the memory that fits `rays` results of a query best. It is empty, or holds older hits.
+    /// Takes the buffer whose capacity fits `rays` results best. It is empty, or contains older hits.
     #[must_use]
     pub fn take(&mut self, rays: usize, kind: QueryKind) -> Hits {
         let misfit = |hits: &Hits| {
@@ -148,15 +148,15 @@ impl HitsPool {
 }
 
 crate::named! {
-    /// How a ray is tested against a triangle. In the order of the manual.
+    /// Algorithm of the ray-triangle test. In the order of the manual.
     pub enum Intersector {
         /// Möller, Trumbore 1997, in single precision.
         MollerTrumbore = "moller-trumbore",
-        /// Woop 2004: an affine transform a triangle, preprocessed each frame. The paper's.
+        /// Woop 2004: one affine transform per triangle, computed each frame. The paper uses this one.
         Woop = "woop",
-        /// Woop, Benthin, Wald 2013, with exact signs and symbolic ties: no leak, no double hit.
+        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
         Watertight = "watertight",
-        /// The answer of exact arithmetic for every ray.
+        /// The result of exact arithmetic for every ray.
         Exact = "exact",
     }
 }

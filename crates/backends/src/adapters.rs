@@ -1,19 +1,19 @@
-//! Which adapter is meant.
+//! Selects an adapter by index or name.
 
 use backend::AdapterInfo;
 
-/// Finds an adapter by its index, its whole name, or a part of its name that no other name has. Digits alone are an index.
-/// Case does not matter. `None` if nothing fits.
+/// Finds an adapter by its index, its whole name, or a part of its name that no other name contains. A string of digits
+/// is an index. Case does not matter. Returns `None` if no adapter matches.
 ///
 /// # Errors
-/// Several fit; the message lists them.
+/// Several adapters match. The message lists them.
 pub(crate) fn find<'a>(
     backend: &str,
     list: &'a [AdapterInfo],
     asked: &str,
 ) -> Result<Option<&'a AdapterInfo>, String> {
     if !asked.is_empty() && asked.bytes().all(|b| b.is_ascii_digit()) {
-        // A number that no index reaches is the index of no adapter.
+        // A number that overflows is not the index of any adapter.
         let index: Option<usize> = asked.parse().ok();
         return Ok(list.iter().find(|a| Some(a.index) == index));
     }
@@ -36,7 +36,10 @@ pub(crate) fn find<'a>(
     }
 }
 
-/// Likewise, where nothing that fits is an error.
+/// Finds an adapter as [`find`] does.
+///
+/// # Errors
+/// No adapter matches, or several do.
 pub(crate) fn find_one<'a>(
     backend: &str,
     list: &'a [AdapterInfo],

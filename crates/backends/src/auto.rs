@@ -1,7 +1,7 @@
-//! Which backend is taken if none is named: a pure choice over what is offered.
+//! Selects a backend automatically.
 //!
-//! A GPU comes before the host's cores, and those before a driver that runs graphics code on the same cores. Nothing is
-//! listed or opened before its turn, for both take time.
+//! A GPU is preferred to the host's cores, and these to a driver that runs shaders on the same cores. Backends are
+//! listed and opened only when their turn comes, because both take time.
 
 use crate::adapters::find;
 use crate::{KNOWN, Known, known};
@@ -9,27 +9,30 @@ use backend::{AdapterInfo, Backend, BackendError, DeviceKind};
 use std::cell::OnceCell;
 use std::fmt::Display;
 
-/// Better kinds first.
+/// Kinds of devices, best first.
 const PREFERENCE: [DeviceKind; 3] = [DeviceKind::Gpu, DeviceKind::Cpu, DeviceKind::Software];
 
-/// What is said of a GPU whose driver answers ray queries. It is never taken unasked, for `auto` must not change a hit.
+/// Hint for a GPU whose driver supports ray queries. `vulkan-rt` is never selected automatically, because `auto` must
+/// not change a hit.
 const BY_NAME: &str = "its driver traces too: where hardware does that, --backend vulkan-rt is the faster choice, to be \
      asked for by name since what it hits is the driver's affair";
 
-/// Why nothing was taken.
+/// Error of a selection: no backend was selected.
 #[derive(Debug)]
 pub struct Vain<E> {
-    /// In one line.
+    /// Reason, in one line.
     pub why: String,
-    /// What came of the last backend that was opened.
+    /// Error of the backend that was opened last, if any.
     pub broken: Option<E>,
 }
 
-/// Takes the best backend that can be made ready, on the adapter that is asked for by an index or by part of its name if one
-/// is, with so many host threads if it computes on them; says why in one line. None that makes its own trees is taken.
+/// Opens the best backend for which `ready` succeeds. Returns its result, and the reason for the selection in one line.
+///
+/// `on` is an adapter, by index or part of its name, if one is requested, and the number of host threads for backends
+/// that compute on the host. Backends that build their own trees are not considered.
 ///
 /// # Errors
-/// Nothing works, or the name means several adapters of one backend, or none.
+/// No backend works, or the adapter name matches no adapter, or several of one backend.
 pub fn open_best<T, E: From<BackendError> + Display>(
     on: (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, E>,
@@ -42,14 +45,16 @@ pub fn open_best<T, E: From<BackendError> + Display>(
     take(&ours, on, &traces, ready)
 }
 
-/// Whether an adapter is among those `able` to trace by their driver's trees, and answers ray queries beside.
+/// Returns whether an adapter is in `able`, the adapters that trace with their driver's trees, and supports ray
+/// queries.
 fn answers_rays(able: &[AdapterInfo], adapter: &AdapterInfo) -> bool {
     let same = |a: &&AdapterInfo| (&a.name, a.kind) == (&adapter.name, adapter.kind);
     let queries = ("ray queries", "yes".to_owned());
     (able.iter().find(same)).is_some_and(|a| a.limits.contains(&queries))
 }
 
-/// The best of `known`; `traces` says whether an adapter's driver answers ray queries, which hardware may do.
+/// Opens the best backend of `known`. `traces` returns whether an adapter's driver supports ray queries, possibly in
+/// hardware.
 fn take<T, E: From<BackendError> + Display>(
     known: &[&Known<'_>],
     (asked, threads): (Option<&str>, usize),
@@ -90,12 +95,12 @@ struct Search<'s> {
     known: &'s [&'s Known<'s>],
     asked: Option<&'s str>,
     lists: Vec<OnceCell<backend::Result<Vec<AdapterInfo>>>>,
-    /// Why others were passed over.
+    /// Reasons why other backends and adapters were not selected.
     passed: Vec<String>,
 }
 
 impl Search<'_> {
-    /// One backend's adapters of one kind that may be taken.
+    /// Returns the adapters of backend `i` that have this kind and match the request.
     fn fits(&mut self, i: usize, kind: DeviceKind) -> Result<Vec<AdapterInfo>, String> {
         let rival = self.known[i];
         if kind == DeviceKind::Gpu && self.is_covered(rival) {
@@ -125,7 +130,7 @@ impl Search<'_> {
         Ok(fits)
     }
 
-    /// Whether another was listed that would have found this one's GPUs, and found none.
+    /// Returns whether a backend that finds all GPUs of this backend was listed and has no GPU.
     fn is_covered(&self, rival: &Known<'_>) -> bool {
         let by = |name| self.known.iter().position(|r| r.name == name);
         let listed = rival.covered_by.and_then(by).map(|i| self.lists[i].get());
@@ -142,7 +147,7 @@ impl Search<'_> {
         }
     }
 
-    /// Why an adapter was taken.
+    /// Returns the reason for selecting an adapter.
     fn why(
         self,
         rival: &Known<'_>,
@@ -152,7 +157,7 @@ impl Search<'_> {
         let because = match (self.asked, adapter.kind) {
             (Some(asked), _) => Some(format!("'{asked}' is {}", adapter.name)),
             (None, DeviceKind::Gpu) => Some(format!("{} is a GPU; {}", adapter.name, rival.place)),
-            // What was passed over says it all, unless there was nothing.
+            // The reasons against other backends suffice, if there are any.
             (None, _) if self.passed.is_empty() => Some(rival.place.to_owned()),
             (None, _) => None,
         };
@@ -162,7 +167,7 @@ impl Search<'_> {
         all.collect::<Vec<_>>().join("; ")
     }
 
-    /// Why nothing was taken; `broken` is what came of the last that was opened.
+    /// Returns the error that no backend was selected. `broken` is the error of the backend that was opened last.
     fn in_vain<E: Display>(mut self, broken: Option<E>) -> Vain<E> {
         if let Some(e) = &broken {
             let why = match self.passed.len() {

@@ -1,7 +1,6 @@
-//! The one place that names backends: what each offers on this machine, how it is opened, and which one is taken if none
-//! is named.
+//! The list of all backends: lists their adapters, opens them, and selects the best one.
 //!
-//! Each GPU interface is a feature: `vulkan`, `wgpu`, and `vulkan-rt` for the trees that Vulkan's driver makes.
+//! Each GPU API is a feature: `vulkan`, `wgpu`, and `vulkan-rt` for the Vulkan driver's own acceleration structures.
 
 mod adapters;
 mod auto;
@@ -11,33 +10,35 @@ pub use auto::{Vain, open_best};
 use backend::{AdapterInfo, Backend, DeviceKind, Method};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Opens the adapter of that index, or the backend's own choice; with host threads, where it uses them.
+/// Opens the adapter of the given index, or the backend's default, with the given number of host threads if it uses
+/// them.
 type Open<'a> = dyn Fn(Option<usize>, usize) -> backend::Result<Box<dyn Backend>> + 'a;
 
-/// What is known of a backend.
+/// A backend that this build includes.
 pub struct Known<'a> {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// Why it has its place in the list.
+    /// Reason for its position in the list.
     place: &'static str,
-    /// What kinds of devices it may offer.
+    /// Kinds of devices that it may have.
     pub kinds: &'static [DeviceKind],
-    /// The one that finds every GPU which this one could find.
+    /// Name of a backend that finds every GPU that this backend finds.
     covered_by: Option<&'static str>,
-    /// Whether it makes and traces trees in ways of its own.
+    /// `true` if it traces through its own trees, such as a driver's acceleration structures.
     pub has_own_trees: bool,
-    /// Whether it traces scenes by a method. Needs no device.
+    /// Returns whether it supports a method. Needs no device.
     pub supports: fn(Method) -> bool,
     list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
 
-/// Where wgpu has but Vulkan to go through.
+/// Whether Vulkan is the only API that wgpu uses on this platform.
 #[cfg(feature = "wgpu")]
 const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 
-/// All there are. Among backends that offer the same kind of device, [`open_best`] tries them in this order. It takes none
-/// that makes trees in ways of its own, though that may be the fastest where hardware traces: it only says so.
+/// All backends of this build. [`open_best`] tries backends with the same kind of device in this order. It skips
+/// backends that build their own trees. These may be faster with ray-tracing hardware, so it mentions them in the
+/// reason.
 pub const KNOWN: &[Known<'static>] = &[
     #[cfg(feature = "vulkan")]
     Known {
@@ -95,25 +96,26 @@ const VULKAN_RT: Known<'static> = Known {
     ..CPU
 };
 
-/// The backend of that name.
+/// Returns the backend of name `name`.
 #[must_use]
 pub fn known(name: &str) -> Option<&'static Known<'static>> {
     KNOWN.iter().find(|known| known.name == name)
 }
 
 impl Known<'_> {
-    /// What it offers on this machine.
+    /// Lists its adapters on this machine.
     ///
     /// # Errors
-    /// Why it cannot run.
+    /// The reason why it cannot run.
     pub fn adapters(&self) -> backend::Result<Vec<AdapterInfo>> {
         (self.list)()
     }
 
-    /// Opens it, on the adapter meant by an index or by part of its name, with so many host threads if it computes on them.
+    /// Opens the backend on an adapter, given by index or part of its name, or on the default. Backends that compute on
+    /// the host use `threads` threads.
     ///
     /// # Errors
-    /// Why it cannot run, or that there is no such adapter, in one line.
+    /// In one line, the reason why it cannot run, or that no adapter matches or several do.
     pub fn open(&self, adapter: Option<&str>, threads: usize) -> Result<Box<dyn Backend>, String> {
         let absent = |e| format!("backend {} cannot run: {e}", self.name);
         let index = match adapter {
@@ -127,10 +129,10 @@ impl Known<'_> {
     }
 }
 
-/// Whether compiled kernels are kept in the user's folder for caches.
+/// Whether compiled kernels are cached in the user's cache folder.
 static KEEPS_KERNELS: AtomicBool = AtomicBool::new(true);
 
-/// Has compiled kernels be neither read from the user's folder for caches nor kept there.
+/// Disables the cache of compiled kernels in the user's cache folder.
 pub fn keep_no_kernels() {
     KEEPS_KERNELS.store(false, Ordering::Relaxed);
 }

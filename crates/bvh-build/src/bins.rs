@@ -7,23 +7,23 @@ use rayon::join;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 
-/// The most bins along each axis; a power of two.
+/// Maximum number of bins along each axis; a power of two.
 pub(crate) const BINS: usize = 64;
 
-/// Small nodes have a bin for so many triangles, but no fewer than [`LEAST_BINS`].
+/// Number of triangles per bin in small nodes, which have at least [`LEAST_BINS`] bins.
 const PER_BIN: usize = 4;
 const LEAST_BINS: usize = 8;
 
-/// Triangles that one task bins or moves at a time, whatever the number of threads.
+/// Number of triangles that one task bins or moves. It does not depend on the number of threads.
 pub(crate) const CHUNK: usize = 8192;
 
-/// Triangles that a ray tests at once: the heuristic counts such blocks (Embree's `sahBlockSize`).
+/// Number of triangles that a ray tests at once. The heuristic counts blocks of this size (Embree's `sahBlockSize`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BlockSize {
-    /// Each on its own.
+    /// Single triangles.
     #[default]
     One,
-    /// Any up to eight together.
+    /// Blocks of up to eight triangles.
     Eight,
 }
 
@@ -36,10 +36,10 @@ impl BlockSize {
     }
 }
 
-/// Triangles of each bin, axis by axis.
+/// Number of triangles in each bin, axis by axis.
 pub(crate) type Counts = [[u32; BINS]; 3];
 
-/// From a centre to its bin: round to nearest `(center - base) * scale`.
+/// Maps a centre to its bin: `(center - base) * scale`, rounded to nearest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     bins: usize,
@@ -48,10 +48,10 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Added to a number in `0..2^22`, leaves it rounded in the low bits.
+    /// Added to a number in `0..2^22`, gives a float whose low bits are the rounded number.
     const ROUND: f32 = (1 << 23) as f32;
 
-    /// Spreads bins for `n` triangles over `centers`; all fall into bin 0 of an axis without extent.
+    /// Creates bins for `n` triangles over `centers`. On an axis without extent, all triangles are in bin 0.
     pub(crate) fn new(centers: &Bounds, n: usize) -> Self {
         let bins = (n / PER_BIN).clamp(LEAST_BINS, BINS);
         let scale = centers.extent().to_array().map(|e| {
@@ -68,7 +68,7 @@ impl Grid {
         }
     }
 
-    /// The bins as floats, offset by [`Self::ROUND`].
+    /// Returns the bins of a box as floats, offset by [`Self::ROUND`].
     #[inline]
     fn place(&self, prim: &Prim) -> Vec4 {
         (prim.center() - self.base) * self.scale + Vec4::splat(Self::ROUND)
@@ -81,7 +81,7 @@ impl Grid {
     }
 }
 
-/// A plane: bins below `bin` of `axis` go left.
+/// A split plane: triangles in bins below `bin` of `axis` go left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plane {
     grid: Grid,
@@ -107,7 +107,7 @@ impl Plane {
         self.grid.place(prim).cmplt(self.limit).any()
     }
 
-    /// Triangles on the left, of those counted.
+    /// Returns the number of counted triangles on the left.
     pub(crate) fn left_of(&self, counts: &Counts) -> usize {
         counts[self.axis][..self.bin].iter().sum::<u32>() as usize
     }
@@ -126,7 +126,7 @@ impl Bins {
         counts: Self::NO_COUNTS,
     };
 
-    /// Bins `prims` one after the other, adding to what is there.
+    /// Adds `prims` to the bins sequentially.
     #[inline(never)]
     pub(crate) fn add(&mut self, prims: &[Prim], grid: &Grid) {
         #[cfg(target_arch = "x86_64")]
@@ -145,9 +145,9 @@ impl Bins {
         }
     }
 
-    /// Bins `prims` by chunks in parallel into bins that are empty, and keeps each chunk's counts.
+    /// Adds `prims` to empty bins by chunks in parallel. Writes each chunk's counts to `counts`.
     ///
-    /// Works through references: bins are large, and few must lie on the stack at once.
+    /// Takes references, because bins are large and the stack must hold few at once.
     pub(crate) fn add_parallel(&mut self, prims: &[Prim], grid: &Grid, counts: &mut [Counts]) {
         if let [only] = counts {
             self.add(prims, grid);
@@ -180,7 +180,8 @@ impl Bins {
         (boxes, Vec4::new(count(0), count(1), count(2), 0.0))
     }
 
-    /// The plane of least cost by the surface area heuristic; `None` if every axis has all triangles in one bin.
+    /// Returns the plane of least cost by the surface area heuristic. `None` if every axis has all triangles in one
+    /// bin.
     #[inline(never)]
     pub(crate) fn best_plane(
         &self,
@@ -200,10 +201,11 @@ impl Bins {
     }
 }
 
-/// The costs of all cuts of a row of `n` boxes along each axis, one a lane, by how many boxes go left. Then the least of them,
-/// and where it is. A box comes with its number of triangles.
+/// Evaluates all cuts of a row of `n` boxes along each axis, with one axis per lane. `column` returns the boxes at an
+/// index, with their numbers of triangles.
 ///
-/// An empty side costs infinity times zero, which is not a number and never least.
+/// Returns the costs by number of boxes on the left, then the least cost, then its number of boxes on the left.
+/// An empty side costs infinity times zero, which is NaN and never the least.
 #[inline(always)]
 pub(crate) fn cuts<const N: usize>(
     n: usize,
@@ -216,7 +218,7 @@ pub(crate) fn cuts<const N: usize>(
     }
 }
 
-/// So many eighths, rounded up: to the nearest whole number, once 7/16 are added.
+/// Returns `triangles / 8` rounded up, as rounding to nearest after adding 7/16.
 #[inline(always)]
 fn eights(triangles: Vec4) -> Vec4 {
     let round = Vec4::splat(Grid::ROUND);
@@ -256,7 +258,7 @@ fn cuts_by<const N: usize>(
     (costs, best, best_left)
 }
 
-/// The first of the least costs, if any is finite.
+/// Returns the first axis of least cost, if that cost is finite.
 pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
     let axis = (0..3).reduce(|a, b| if costs[b] < costs[a] { b } else { a })?;
     costs[axis].is_finite().then_some(axis)
@@ -275,7 +277,7 @@ mod tests {
         Prim::new(&sized([a, b, c], [x, y, z].map(f32::abs)), triangle)
     }
 
-    /// Area times blocks of one side of a plane.
+    /// Returns the area of one side of a plane times its number of blocks.
     fn side_cost(side: &[&Prim], block_size: BlockSize) -> f64 {
         let boxes = side.iter().map(|p| p.bounds.aabb());
         boxes.fold(Aabb::EMPTY, Aabb::union).half_area()
@@ -308,7 +310,7 @@ mod tests {
                 return Ok(());
             };
             let found = cost(&plane).expect("both sides hold something");
-            // Padding of edges and single precision leave this much room.
+            // The tolerance covers the padding of edges and single precision.
             prop_assert!(found <= best * (1.0 + 1e-4), "{found} {best}");
         }
     }

@@ -1,4 +1,4 @@
-//! The builder: a reusable workspace round the recursion.
+//! The builder: a reusable workspace and the entry point of the recursion.
 
 use crate::gather::gather;
 use crate::node::{self, BuildTask, Node};
@@ -7,10 +7,10 @@ use crate::{BinaryTree, BlockSize, Boxes};
 use geom::Point;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Why there is no tree.
+/// Reason for a failed build.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BuildError {
-    /// Somebody asked the build to stop.
+    /// The build was cancelled by [`Cancel::cancel`].
     #[error("the build was cancelled")]
     Cancelled,
     /// A key frame cannot be read.
@@ -18,51 +18,51 @@ pub enum BuildError {
     KeyFrame(#[from] geom::KeyFrameError),
 }
 
-/// Once cancelled, stays cancelled. Large nodes ask; small ones just finish.
+/// Cancellation flag of a build. It cannot be reset. Large nodes check it, small nodes run to completion.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);
 
 impl Cancel {
-    /// Not cancelled.
+    /// Creates a flag that is not set.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Asks the build to stop.
+    /// Requests the build to stop.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the build was asked to stop.
+    /// Returns whether the flag is set.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Builds trees; keeps its memory, so that a second build of the same size allocates nothing large.
+/// Builds trees. Keeps its memory, so that a second build of the same size makes no large allocation.
 ///
-/// The workspace is 64 bytes a triangle.
+/// The workspace takes 64 bytes per triangle.
 #[derive(Debug, Default)]
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
-    /// Of two children that a plane parts, the one that lies nearer to this point comes first, as with
-    /// [`crate::order_toward`], which costs nothing here. So rays to that point find sooner what blocks them. The trees
-    /// are the same otherwise.
+    /// Point that children are ordered toward, if any. Of two children divided by a plane, the one nearer to the point
+    /// comes first, as with [`crate::order_toward`] but at no extra cost. Rays to the point then find an occluder
+    /// sooner. The tree is otherwise the same.
     pub toward: Option<Point>,
-    /// What the heuristic takes a leaf to be. Trees have one triangle a leaf all the same.
+    /// Number of triangles that the heuristic counts as one. Trees have one triangle per leaf in any case.
     pub block_size: BlockSize,
 }
 
 impl Builder {
-    /// Builds over all boxes that are not empty, into `tree`, whose memory is reused.
+    /// Builds a tree over all boxes that are not empty. Reuses the memory of `tree`.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
     ///
     /// # Panics
-    /// If there are more boxes than a `u32` can number.
+    /// If the number of boxes does not fit a `u32`.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         boxes: &B,
@@ -72,7 +72,7 @@ impl Builder {
         self.build_below((0, self.block_size), boxes, cancel, tree)
     }
 
-    /// Likewise, as if the root lay at `depth`: so many levels fewer.
+    /// Builds a tree whose root counts as `depth` levels deep, which leaves fewer levels below [`crate::MAX_DEPTH`].
     pub(crate) fn build_below<B: Boxes + ?Sized>(
         &mut self,
         (depth, block_size): (u32, BlockSize),
@@ -111,7 +111,7 @@ impl Builder {
 }
 
 impl BinaryTree {
-    /// [`Builder::build`], by a builder of its own.
+    /// Builds a tree over all boxes that are not empty, with a temporary [`Builder`].
     #[must_use]
     pub fn over<B: Boxes + ?Sized>(boxes: &B) -> Self {
         let mut tree = Self::default();
@@ -127,13 +127,13 @@ pub(crate) mod tests {
     use geom::Aabb;
     use std::sync::atomic::AtomicU32;
 
-    /// A box by its lower corner and its edges.
+    /// Creates a box from its lower corner and its edges.
     pub(crate) fn sized(min: Point, edges: Point) -> Aabb {
         let max = std::array::from_fn(|i| min[i] + edges[i]);
         Aabb { min, max }
     }
 
-    /// So many cubes in a row.
+    /// Returns `n` cubes in a row.
     pub(crate) fn row(n: u32, edge: f32) -> Vec<Aabb> {
         let at = |i: u32| [i, i % 7, i % 31].map(|x| x as f32 * edge);
         (0..n).map(|i| sized(at(i), [edge; 3])).collect()
@@ -158,7 +158,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// Boxes that cancel the build while it reads the last of them.
+    /// Boxes that cancel the build when the last box is read.
     struct CancelledAfter<'a>(Vec<Aabb>, &'a Cancel, AtomicU32);
 
     impl Boxes for CancelledAfter<'_> {

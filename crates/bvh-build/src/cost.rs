@@ -4,14 +4,14 @@ use crate::gather::is_usable;
 use crate::{BinaryTree, Boxes, Subtree, join_if};
 use geom::Aabb;
 
-/// Subtrees of more leaves than this are summed in parallel.
+/// Number of leaves above which subtrees are summed in parallel.
 const PARALLEL: u32 = 2048;
 
-/// Expected steps of a random ray that meets the root: traversal 1, intersection 1.
+/// Returns the expected number of steps of a random ray that hits the root's box: each node and each leaf counts 1.
 ///
-/// Sum of all nodes' areas over the root's (MacDonald, Booth 1990). 0 for a tree whose root has no area or no triangle.
-/// Boxes that are empty or not finite count for nothing. The sum is taken along the tree, so it has the same bits for
-/// every number of threads.
+/// This is the sum of all nodes' areas over the root's area (MacDonald, Booth 1990). It is 0 for an empty tree and for
+/// a root without area. Boxes that are empty or not finite add nothing. The order of summation follows the tree, so the
+/// result has the same bits for every number of threads.
 #[must_use]
 pub fn sah_cost<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B) -> f64 {
     let Some(root) = tree.root() else { return 0.0 };
@@ -20,7 +20,7 @@ pub fn sah_cost<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B) -> f64 {
     if area > 0.0 { sum / area } else { 0.0 }
 }
 
-/// The box of a subtree, and the sum of its nodes' half areas.
+/// Returns the box of a subtree, and the sum of its nodes' half areas.
 fn areas_below<B: Boxes + ?Sized>(tree: &BinaryTree, boxes: &B, node: Subtree) -> (Aabb, f64) {
     if node.leaves == 1 {
         let bounds = boxes.get(tree.order[node.first_leaf as usize]);
@@ -42,7 +42,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::builder::tests::sized;
 
-    /// A wavy square of `n * n` boxes, in rows.
+    /// Returns a wavy square of `n * n` boxes, in rows.
     fn waves(n: u32) -> Vec<Aabb> {
         let bounds = |i| {
             let (x, y) = ((i % n) as f32, (i / n) as f32);
@@ -52,7 +52,7 @@ pub(crate) mod tests {
         (0..n * n).map(bounds).collect()
     }
 
-    /// A node's box, from its leaves.
+    /// Returns a node's box, computed from its leaves.
     pub(crate) fn bounds(tree: &BinaryTree, node: Subtree, boxes: &[Aabb]) -> Aabb {
         let leaves = tree.triangles(node).iter().map(|&t| boxes[t as usize]);
         leaves.fold(Aabb::EMPTY, Aabb::union)

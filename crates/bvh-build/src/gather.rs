@@ -1,16 +1,16 @@
-//! Where a builder's boxes come from: reads them, leaves out those that hold nothing, and brings them to a scale that is safe to compute in.
+//! Reads the builder's boxes, drops unusable boxes, and scales the others to a safe range.
 
 use crate::bins::CHUNK;
 use crate::prim::{Bounds, Extents, Prim};
 use geom::{Aabb, Animation, Moment, Point};
 use rayon::prelude::*;
 
-/// One box a triangle. An empty box (or one with a NaN) leaves its triangle out of the tree.
+/// One box per triangle. A triangle whose box is empty or not finite is not in the tree.
 pub trait Boxes: Sync {
-    /// Triangles, those left out included.
+    /// Returns the number of triangles, including those that are not in the tree.
     fn triangle_count(&self) -> usize;
 
-    /// The box of one triangle.
+    /// Returns the box of one triangle.
     fn get(&self, triangle: u32) -> Aabb;
 }
 
@@ -25,7 +25,7 @@ impl Boxes for [Aabb] {
     }
 }
 
-/// An animation at a moment given by its vertices.
+/// The boxes of an animation with the given vertices.
 impl Boxes for (&Animation, &[Point]) {
     fn triangle_count(&self) -> usize {
         self.0.triangle_count()
@@ -37,7 +37,7 @@ impl Boxes for (&Animation, &[Point]) {
     }
 }
 
-/// An animation at a moment, blended anew for each triangle asked for.
+/// The boxes of an animation at a moment. Vertices are blended for each triangle when its box is read.
 impl Boxes for Moment<'_> {
     fn triangle_count(&self) -> usize {
         self.animation().triangle_count()
@@ -49,15 +49,13 @@ impl Boxes for Moment<'_> {
     }
 }
 
-/// Whether a box has a place in a tree: finite and not empty.
+/// Returns whether a box is finite and not empty, so that its triangle belongs in a tree.
 pub(crate) fn is_usable(b: &Aabb) -> bool {
     (0..3).all(|i| b.min[i] <= b.max[i] && b.min[i].is_finite() && b.max[i].is_finite())
 }
 
-/// Fills the front of `prims` with all usable boxes, in the triangles' order. Tells how many there are, their extents, and
-/// what all coordinates were multiplied by.
-///
-/// `prims` must have room for one a triangle.
+/// Fills the front of `prims` with all usable boxes, in the order of triangles. `prims` has one entry per triangle.
+/// Returns the number of usable boxes, their extents, and the factor that all coordinates were multiplied by.
 pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> (usize, Extents, f32) {
     let parts: Vec<_> = prims
         .par_chunks_mut(CHUNK)
@@ -99,8 +97,8 @@ fn gather_chunk<B: Boxes + ?Sized>(
     (kept, extents)
 }
 
-/// What to multiply coordinates by, if the largest is so far from 1 that sums
-/// would overflow or small boxes would vanish.
+/// Returns a factor for all coordinates if the largest is so far from 1 that sums would overflow or small boxes would
+/// vanish.
 fn safe_factor(all: &Bounds) -> Option<f32> {
     let largest = all.lo.abs().max(all.up.abs()).truncate().max_element();
     match largest {

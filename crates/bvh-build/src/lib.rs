@@ -1,10 +1,12 @@
-//! Boxes in, binary tree out.
+//! Builds binary trees over boxes by the binned surface area heuristic.
 //!
-//! Binned surface-area-heuristic builds (Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007)
-//! down to exactly one triangle a leaf. The tree depends on the boxes, the size of blocks and the point that children are
-//! ordered toward, not on the number of threads, and its depth is at most [`MAX_DEPTH`] whatever the input. Parallel work
-//! runs in the rayon pool that the caller installed. [`Builder`] builds for one moment, [`TemporalBuilder`] for several at
-//! once, [`SubtreeRebuilder`] from an earlier tree.
+//! The method is that of Wald (*On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007), down to exactly
+//! one triangle per leaf. The tree depends on the boxes, the block size and the point that children are ordered toward,
+//! not on the number of threads. Its depth is at most [`MAX_DEPTH`] for any input. Parallel work runs in the rayon pool
+//! that the caller installed.
+//!
+//! [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once.
+//! [`SubtreeRebuilder`] builds from an earlier tree.
 
 mod bins;
 mod builder;
@@ -28,7 +30,7 @@ pub use subtrees::{Costs, SubtreeRebuilder};
 pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 
-/// Both results; side by side, in the rayon pool that the caller installed, if the work is large.
+/// Runs both closures, in parallel if the work is large, and returns both results.
 #[inline]
 fn join_if<A: Send, B: Send>(
     is_large: bool,
@@ -41,5 +43,5 @@ fn join_if<A: Send, B: Send>(
     }
 }
 
-/// No leaf lies deeper than this (the root has depth 0), so a traversal stack of this many entries never overflows.
+/// Maximum depth of a leaf, where the root has depth 0. A traversal stack of this many entries never overflows.
 pub const MAX_DEPTH: u32 = 64;

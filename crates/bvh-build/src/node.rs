@@ -1,4 +1,4 @@
-//! The recursion: one node, its plane, its two children.
+//! The recursion: finds the split plane of a node and builds its two children.
 
 use crate::bins::{Bins, BlockSize, CHUNK, Counts, Grid, Plane};
 use crate::occluder_first::reach;
@@ -10,14 +10,14 @@ use rayon::join;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
-/// Nodes of more triangles than this bin and move them in parallel.
+/// Number of triangles above which a node bins and moves them in parallel.
 const PARALLEL_NODE: usize = 2 * CHUNK;
-/// So many subtrees for each thread but the first, or more, are built side by side, so that their different sizes even out.
+/// Minimum number of subtrees to build in parallel for each thread but one, so that different sizes balance out.
 const SUBTREES_A_THREAD: usize = 8;
-/// Nodes of more triangles than this build their children in parallel and ask whether to go on.
+/// Number of triangles above which a node builds its children in parallel and checks for cancellation.
 const PARALLEL_CHILDREN: usize = 2048;
 
-/// A node to build: its triangles, room of the same size to move them to, and where its part of the tree goes.
+/// A node to build: its triangles, a scratch buffer of the same size, and the output for its subtree.
 pub(crate) struct Node<'a> {
     pub(crate) prims: &'a mut [Prim],
     pub(crate) room: &'a mut [Prim],
@@ -26,7 +26,7 @@ pub(crate) struct Node<'a> {
     pub(crate) depth: u32,
 }
 
-/// A plane with what binning found out about its sides.
+/// A plane, with the boxes and counts of its sides from binning.
 struct Split {
     plane: Plane,
     boxes: [Bounds; 2],
@@ -34,17 +34,17 @@ struct Split {
     chunks: Vec<Counts>,
 }
 
-/// What all nodes of a build have in common.
+/// Parameters common to all nodes of a build.
 #[derive(Clone, Copy)]
 pub(crate) struct BuildTask<'a> {
     pub(crate) cancel: &'a Cancel,
-    /// Where rays go for which the order of children counts.
+    /// Point that children are ordered toward, if any.
     pub(crate) toward: Option<Point>,
     pub(crate) block_size: BlockSize,
 }
 
 impl BuildTask<'_> {
-    /// Whether what lies right of a plane comes first.
+    /// Returns whether the right side of a plane comes first.
     fn right_first(self, sides: [Bounds; 2]) -> bool {
         self.toward.is_some_and(|point| {
             let [left, right] = sides.map(|b| reach(&b.aabb(), point));
@@ -53,10 +53,11 @@ impl BuildTask<'_> {
     }
 }
 
-/// Builds the tree below `root`: divides what is large, wave by wave, then builds what is left side by side.
+/// Builds the tree below `root`. First divides large nodes, level by level, then builds the remaining subtrees in
+/// parallel.
 ///
-/// Were subtrees built while large nodes are still to be divided, a thread that waits for the rest of such a node would
-/// meanwhile take up a subtree, and all that the node leads to would wait for that.
+/// No subtree is built before all large nodes are divided. Otherwise a thread that waits for parts of a large node
+/// could start a subtree in the meantime, which would delay everything below that node.
 pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let others = rayon::current_num_threads() - 1;
     let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
@@ -101,7 +102,7 @@ fn divide<'a>(node: Node<'a>, task: BuildTask<'_>) -> [Node<'a>; 2] {
     }
 }
 
-/// The best plane, unless it would make a child too large for the levels that are left.
+/// Returns the best plane, unless a child would have too many triangles for the remaining levels.
 fn find_split(node: &Node<'_>, block_size: BlockSize) -> Option<Split> {
     let n = node.prims.len();
     let grid = Grid::new(&node.extents.centers, n);
@@ -123,12 +124,12 @@ fn find_split(node: &Node<'_>, block_size: BlockSize) -> Option<Split> {
     })
 }
 
-/// Whether a node of so many leaves can stay within [`MAX_DEPTH`] by halving.
+/// Returns whether a node of `leaves` leaves at `depth` can stay within [`MAX_DEPTH`] by halving.
 pub(crate) fn fits(leaves: usize, depth: u32) -> bool {
     depth + leaves.next_power_of_two().trailing_zeros() <= MAX_DEPTH
 }
 
-/// Both sides of a plane, the right one first or second.
+/// Divides a node by a plane. Returns both sides, the right side first if `right_first` is set.
 fn divide_by<'a>(node: Node<'a>, split: &Split, right_first: bool) -> [Node<'a>; 2] {
     let first = if right_first {
         node.prims.len() - split.left
@@ -155,7 +156,7 @@ fn divide_by<'a>(node: Node<'a>, split: &Split, right_first: bool) -> [Node<'a>;
     cut(moved, first, sides)
 }
 
-/// Extents of `prims`, by chunks in parallel.
+/// Returns the extents of `prims`, computed by chunks in parallel.
 fn extents(prims: &[Prim]) -> Extents {
     if prims.len() <= CHUNK {
         return Extents::of(prims);
@@ -165,14 +166,14 @@ fn extents(prims: &[Prim]) -> Extents {
     a.union(b)
 }
 
-/// Half the triangles to each side, in their present order: no plane tells them apart, or the levels run out.
+/// Divides a node into halves in the current order, if no plane separates its triangles or too few levels remain.
 fn halve(node: Node<'_>) -> [Node<'_>; 2] {
     let left = node.prims.len() / 2;
     let sides = [extents(&node.prims[..left]), extents(&node.prims[left..])];
     cut(node, left, sides)
 }
 
-/// Two nodes from one whose first `left` triangles go left.
+/// Cuts a node after its first `left` triangles.
 fn cut(node: Node<'_>, left: usize, [a, b]: [Extents; 2]) -> [Node<'_>; 2] {
     let (prims_a, prims_b) = node.prims.split_at_mut(left);
     let (room_a, room_b) = node.room.split_at_mut(left);
@@ -187,7 +188,7 @@ fn cut(node: Node<'_>, left: usize, [a, b]: [Extents; 2]) -> [Node<'_>; 2] {
     })
 }
 
-/// Copies `from` into `left` and `right`, which it fills exactly, and returns the bounds of their centres.
+/// Copies `from` into `left` and `right`, and fills both exactly. Returns the bounds of their centres.
 #[inline(never)]
 pub(crate) fn partition(
     from: &[Prim],
@@ -211,7 +212,7 @@ pub(crate) fn partition(
     centers
 }
 
-/// The same by chunks in parallel; `counts` are those of each chunk's bins.
+/// Runs [`partition`] by chunks in parallel. `counts` holds the counts of each chunk's bins.
 pub(crate) fn partition_parallel(
     from: &[Prim],
     plane: &Plane,

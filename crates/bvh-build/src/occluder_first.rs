@@ -1,36 +1,38 @@
-//! Which child comes first: that from which a ray to a given point is likelier to be blocked.
+//! Orders children so that rays to a given point visit the likely occluder first.
 //!
-//! A search for any hit ends with the first one, so the order in which it sees children counts, and rays to a point light
-//! have one end in common. Orders for such rays: Ize, Hansen, *RTSAH Traversal Order for Occlusion Rays*, 2011; Feltman, Lee,
-//! Fatahalian, *SRDH: Specializing BVH Construction and Traversal Order Using Representative Shadow Ray Sets*, 2012; Nah,
-//! Manocha, *SATO: Surface Area Traversal Order for Shadow Ray Tracing*, 2014. Here it is how far a child's box reaches
-//! from that point: the one that lies nearer to it, and of two in one place the smaller. A hit that is blocked mostly
-//! faces away from the light, on the far side of what blocks it. Kept in the tree, the order costs a ray nothing.
+//! An any-hit traversal ends at its first hit, so the order of children matters, and all rays to a point light share
+//! one end. The child whose box reaches less far from that point comes first: the nearer one or, of two at the same
+//! place, the smaller one. Shadowed points mostly face away from the light, so their occluders are mostly nearer to the
+//! light. The order is part of the tree, so it costs a ray nothing.
+//!
+//! Other orders for such rays: Ize, Hansen, *RTSAH Traversal Order for Occlusion Rays*, 2011; Feltman, Lee, Fatahalian,
+//! *SRDH: Specializing BVH Construction and Traversal Order Using Representative Shadow Ray Sets*, 2012; Nah, Manocha,
+//! *SATO: Surface Area Traversal Order for Shadow Ray Tracing*, 2014.
 
 use crate::{BinaryTree, Boxes, join_if};
 use geom::{Aabb, Point};
 
-/// Nodes of more triangles than this turn their children in parallel.
+/// Number of triangles above which a node processes its children in parallel.
 const PARALLEL: usize = 2048;
 
-/// The square of the distance to the farthest point of a box. At no scale is it too large for an `f64`.
+/// Returns the squared distance from `from` to the farthest point of a box. It does not overflow an `f64` at any scale.
 pub(crate) fn reach(b: &Aabb, from: Point) -> f64 {
     let along = |i: usize| (b.max[i] - from[i]).abs().max((from[i] - b.min[i]).abs());
     (0..3).map(|i| f64::from(along(i)).powi(2)).sum()
 }
 
-/// Orders children of all nodes of a finished tree for rays that end at `point`, by `boxes`; costs and depths stay as they
-/// are. Runs in the rayon pool that the caller installed. [`crate::Builder::toward`] does it while it builds.
+/// Orders the children of all nodes of a finished tree for rays that end at `point`. Costs and depths do not change.
+/// Runs in the rayon pool that the caller installed. [`crate::Builder::toward`] orders children during a build.
 ///
 /// # Panics
-/// If the tree names a triangle that has no box.
+/// If a triangle of the tree has no entry in `boxes`.
 pub fn order_toward<B: Boxes + ?Sized>(tree: &mut BinaryTree, boxes: &B, point: Point) {
     if !tree.order.is_empty() {
         turn(&mut tree.order, &mut tree.left_leaves, boxes, point);
     }
 }
 
-/// Orders the children of a subtree; gives its box.
+/// Orders the children of a subtree. Returns its box.
 fn turn<B: Boxes + ?Sized>(
     order: &mut [u32],
     left_leaves: &mut [u32],
@@ -82,8 +84,8 @@ mod tests {
         tree
     }
 
-    /// The triangles of each node and how far its children reach, whatever their order; and whether the first child always
-    /// reaches less far where a node has more than `least` leaves.
+    /// Returns the sorted triangles of each node, in an order that does not depend on the order of children. Also
+    /// returns whether the first child never reaches farther than the second, in all nodes of more than `least` leaves.
     fn nodes(
         tree: &BinaryTree,
         boxes: &[Aabb],
@@ -110,7 +112,7 @@ mod tests {
     fn large_nodes_and_nodes_of_any_scale_face_a_point_too() {
         let point = [60_000.0, -3.0, 200.0];
         let tiny = 2.0_f32.powi(-60);
-        // So many that nodes are cut by several threads.
+        // Enough boxes for nodes to be divided by several threads.
         let [boxes, specks] = [1.0, tiny].map(|edge| row(50_000, edge));
         let plain = nodes(&built(&boxes, None), &boxes, (point, 0)).0;
         let ordered = built(&boxes, Some(point));

@@ -1,10 +1,10 @@
-//! What the recursion moves about: a box with its triangle's number, and boxes round many of them.
+//! The builder's primitives: boxes with triangle indices, and their bounds.
 
 use geom::Aabb;
 use glam::{Mat4, Vec4};
 
-/// A box whose upper corner is negated: one kind of minimum grows all six sides, eight lanes at a time where the machine
-/// has them. The fourth lanes mean nothing, but in a [`Prim`].
+/// A box whose upper corner is negated, so that a minimum grows all six sides, in one instruction with eight lanes.
+/// The fourth lanes are unused, except in a [`Prim`].
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 pub(crate) struct Bounds {
@@ -49,9 +49,9 @@ impl Bounds {
     }
 }
 
-/// One triangle's box: 32 bytes, streamed front to back.
+/// One triangle's box: 32 bytes, accessed sequentially.
 ///
-/// `lo.w` carries the triangle's number as bits. `up.w` is -1, so that sums and differences of the fourth lanes stay
+/// `lo.w` holds the bits of the triangle index. `up.w` is -1, so that sums and differences of the fourth lanes are
 /// ordinary numbers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Prim {
@@ -73,7 +73,7 @@ impl Prim {
         self.bounds.lo.w.to_bits()
     }
 
-    /// Twice the centre: all that is asked of it is an order along each axis.
+    /// Returns twice the centre. Only the order of centres along each axis is used.
     #[inline]
     pub(crate) fn center(&self) -> Vec4 {
         self.bounds.lo - self.bounds.up
@@ -121,18 +121,18 @@ impl Extents {
     }
 }
 
-/// Measures surface areas inside one node, in units of the node's longest edge, so that nothing over- or underflows at any
-/// scale. Every edge is lengthened by 2^-20 of the longest, so that boxes of no area (points, segments along an axis) are
-/// still told apart by their length.
+/// Measures surface areas inside one node, in units of the node's longest edge, so that no scale over- or underflows.
+/// Every edge is lengthened by 2^-20 of the longest edge, so that boxes of no area (points, axis-parallel segments)
+/// compare by their length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ruler {
-    /// One over the longest edge, negated as the sum of a box's corners is.
+    /// Reciprocal of the longest edge, negated because the sum of a box's corners is the negated extent.
     scale: f32,
 }
 
 impl Ruler {
-    /// Extents below this are no extents: a reciprocal would overflow. Boxes
-    /// come scaled so that their largest coordinate is far above.
+    /// Smaller extents count as 0, since their reciprocal would overflow. Boxes are scaled so that their largest
+    /// coordinate is far above this limit.
     pub(crate) const LEAST: f32 = 1.0 / (1_u128 << 100) as f32;
     const PAD: f32 = 1.0 / (1 << 20) as f32;
 
@@ -147,14 +147,14 @@ impl Ruler {
         (b.lo + b.up) * self.scale + Vec4::splat(Self::PAD)
     }
 
-    /// Half the surface area of one box. Not a number or infinite if it is empty.
+    /// Returns half the surface area of one box. NaN or infinite for an empty box.
     #[inline]
     pub(crate) fn half_area(self, b: &Bounds) -> f32 {
         let e = self.edges(b);
         e.x * e.y + (e.x + e.y) * e.z
     }
 
-    /// Half the surface areas of three boxes; the fourth lane is not a number.
+    /// Returns half the surface areas of three boxes. The fourth lane is NaN.
     #[inline]
     pub(crate) fn half_areas(self, b: &[Bounds; 3]) -> Vec4 {
         let [x, y, z] = [0, 1, 2].map(|i| self.edges(&b[i]));

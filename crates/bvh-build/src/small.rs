@@ -1,4 +1,4 @@
-//! Subtrees of few triangles: every plane between two neighbours along an axis is weighed (a full sweep).
+//! Builds subtrees of few triangles by a full sweep, which evaluates every plane between neighbours along each axis.
 
 use crate::bins::{BlockSize, cuts, least_axis};
 use crate::node::{BuildTask, fits};
@@ -8,10 +8,11 @@ use crate::tree::SubtreeSlot;
 use geom::Point;
 use glam::Vec4;
 
-/// The most triangles of a subtree built here.
+/// Maximum number of triangles of a subtree built here.
 pub(crate) const MOST: usize = 32;
 
-/// Halving wins over a plane that is better by rounding alone, so that equal boxes make a balanced tree.
+/// Maximum ratio of the cost of halving to the least cost at which a node is halved. Halving is then worse by rounding
+/// alone, so equal boxes make a balanced tree.
 pub(crate) const NEARLY: f32 = 1.0 + 1e-5;
 
 /// The triangles of a subtree, sorted along each axis.
@@ -22,7 +23,7 @@ struct Sorted {
     block_size: BlockSize,
 }
 
-/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth, for rays that end at a point.
+/// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
 #[inline(never)]
 pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32, task: BuildTask<'_>) {
     if prims.len() <= tiny::MOST {
@@ -84,7 +85,7 @@ impl Sorted {
         self.build(second, b, depth + 1);
     }
 
-    /// Whether the point that rays end at lies right of a cut: among so few, centres tell which side is nearer.
+    /// Returns whether the point that rays end at is right of a cut. For few triangles, the centres at the cut suffice.
     fn right_first(&self, axis: usize, middle: usize) -> bool {
         self.toward.is_some_and(|point| {
             // Twice the centres.
@@ -94,7 +95,7 @@ impl Sorted {
         })
     }
 
-    /// The axis and the number of triangles on the left of the plane of least cost.
+    /// Returns the axis of the plane of least cost, and the number of triangles on its left.
     #[inline(never)]
     fn best_cut(&self, start: usize, end: usize) -> (usize, usize) {
         let mut node = Bounds::EMPTY;
@@ -107,7 +108,7 @@ impl Sorted {
                 Vec4::ONE,
             )
         };
-        // Within one block all cuts cost the same: triangles decide.
+        // Within one block, all cuts cost the same in blocks, so triangles are counted.
         let block_size = match end - start <= self.block_size.triangles() {
             true => BlockSize::One,
             false => self.block_size,
@@ -122,7 +123,7 @@ impl Sorted {
         (axis, best_left[axis] as usize)
     }
 
-    /// Reorders the two other axes so that the first `left` along `axis` come first in each, still sorted.
+    /// Reorders the two other axes so that the first `left` triangles along `axis` come first, each side still sorted.
     fn divide(&mut self, [start, end]: [usize; 2], axis: usize, left: usize) {
         let mut is_left = [false; MOST];
         for &i in &self.order[axis][start..start + left] {
@@ -142,10 +143,10 @@ impl Sorted {
     }
 }
 
-/// The places of the first `n` keys in rising order, equal ones in the order they came.
+/// Returns the indices of the first `n` keys in ascending order of keys. The sort is stable.
 ///
-/// Each key's rank is the number of lesser ones, counted without a branch; equal
-/// keys then take the next free place. Keys past `n` must be infinite.
+/// A key's rank is the number of lesser keys, counted without a branch. Equal keys then take the next free place.
+/// Keys past `n` must be infinite.
 #[inline(never)]
 fn sort(keys: &[f32; MOST], n: usize) -> [u8; MOST] {
     let mut order = [0; MOST];

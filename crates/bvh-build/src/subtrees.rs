@@ -1,10 +1,12 @@
-//! The next tree from the last one: small groups of triangles that still lie together stay, all above is built anew.
+//! Rebuilds a tree from subtrees of the last one: keeps small compact groups of triangles, and builds all levels above.
 //!
-//! What moves, moves as a whole where one looks closely: after some frames most small subtrees are nearly as good as new,
-//! and it is the levels above that have to change. So small subtrees of the last tree are the primitives of a much
-//! smaller build and keep their insides; those that came apart are taken to pieces first. (Building in two levels, from
-//! scratch: Ganestam, Barringer, Doggett, Akenine-Möller, *Bonsai*, 2015. Taking down only what motion spoiled: Yoon,
-//! Curtis, Manocha, *Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007.)
+//! Neighbouring triangles mostly move together. After some frames, most small subtrees are nearly as good as new ones,
+//! and only the levels above have to change. So small subtrees of the last tree become the primitives of a much smaller
+//! build, with their nodes unchanged. Subtrees that came apart are divided first.
+//!
+//! Related work: Ganestam, Barringer, Doggett, Akenine-Möller (*Bonsai*, 2015) build in two levels from scratch. Yoon,
+//! Curtis, Manocha (*Ray Tracing Dynamic Scenes using Selective Restructuring*, 2007) restructure only what motion has
+//! degraded.
 
 mod groups;
 
@@ -15,38 +17,39 @@ use crate::{
 use groups::{Groups, LEVELS};
 use rayon::prelude::*;
 
-/// Nodes over more groups than this are written in parallel.
+/// Number of groups above which a subtree is written in parallel.
 const PARALLEL: u32 = 1024;
 
-/// Makes trees from trees; keeps its memory.
+/// Builds trees from earlier trees. Keeps its memory.
 #[derive(Debug, Default)]
 pub struct SubtreeRebuilder {
     /// Subtrees of the last tree.
     groups: Groups,
-    /// The tree of groups.
+    /// Tree whose leaves are the groups.
     above: BinaryTree,
-    /// For each leaf of `above`, how many triangles lie to the left of its group; then that of all.
+    /// Number of triangles to the left of each leaf of `above`, and finally of all triangles.
     starts: Vec<u32>,
 }
 
-/// Costs of both trees as of [`sah_cost`], but for rounding.
+/// Costs of both trees, equal to [`sah_cost`] except for rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// Of the last tree with the new boxes.
+    /// Cost of the last tree with the new boxes.
     pub last: f64,
-    /// Of the new one.
+    /// Cost of the new tree.
     pub new: f64,
 }
 
 impl SubtreeRebuilder {
-    /// Builds over `boxes` into `tree`, from groups of `last`. The tree depends on these two and the point that the builder
-    /// faces; the builder lends its memory.
+    /// Builds `tree` over `boxes`, from groups of `last`. The tree depends on these two and on [`Builder::toward`].
+    /// The builder provides its memory.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
     ///
     /// # Panics
-    /// If `last` holds a triangle whose box is not usable now. One that it does not hold has no part in the new tree.
+    /// If a triangle of `last` has a box that is empty or not finite. Triangles that are not in `last` are not in
+    /// `tree`.
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         builder: &mut Builder,
@@ -89,7 +92,7 @@ impl SubtreeRebuilder {
         self.starts.push(sum);
     }
 
-    /// Triangles below a node of `above`.
+    /// Returns the number of triangles below a node of `above`.
     fn leaves(&self, node: Subtree) -> usize {
         let start = |leaf: u32| self.starts[leaf as usize] as usize;
         start(node.first_leaf + node.leaves) - start(node.first_leaf)
@@ -113,7 +116,7 @@ impl SubtreeRebuilder {
     }
 }
 
-/// Rows of triangles in clumps that part, turn round or stay.
+/// Tests with clumps of triangles that separate, change places or stay together.
 #[cfg(test)]
 mod tests {
     use super::groups::MOST;
@@ -123,7 +126,8 @@ mod tests {
     use geom::Aabb;
     use proptest::prelude::*;
 
-    /// Clumps of seven boxes; where each clump and each box in it lies.
+    /// Returns `n` boxes in clumps of seven. `clump` maps a clump to its position, and `part` is the distance of its
+    /// boxes.
     fn clumps(n: u32, clump: impl Fn(u32) -> f32, part: f32) -> Vec<Aabb> {
         let bounds = |i: u32| {
             let x = clump(i / 7) + (i % 7) as f32 * part;
@@ -133,7 +137,7 @@ mod tests {
         (0..n).map(bounds).collect()
     }
 
-    /// The next tree, what both cost, and the groups it is made of.
+    /// Returns the next tree, the costs of both trees, and the groups of the next tree.
     fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
         let mut builder = Builder::default();
@@ -172,7 +176,7 @@ mod tests {
     fn clumps_that_part_are_taken_to_pieces() {
         let n = 7 * 300;
         let last = BinaryTree::over(&clumps(n, |c| (c * 2) as f32, 0.05)[..]);
-        // Each box of a clump is now somewhere else, among strangers.
+        // The boxes of each clump are now apart, among boxes of other clumps.
         let apart = clumps(n, |c| c as f32, 400.0);
         let (tree, _, groups) = subtrees(&last, &apart);
         assert_eq!(groups.len(), n as usize);
@@ -204,14 +208,14 @@ mod tests {
     #[test]
     fn no_leaf_lies_too_deep() {
         let cube = |min, size| sized(min, [size; 3]);
-        // Each plane takes one away: every cube lies 64 times as far out as the next.
+        // Every cube is 64 times as far out as the next one on its axis, so each plane separates a single cube.
         let mut boxes = Vec::new();
         for i in 0..78 {
             let (mut at, far) = ([0.0; 3], 2.0_f32.powi(58 - 6 * (i / 3) as i32));
             at[i % 3] = far;
             boxes.push(cube(at, far * 2.0_f32.powi(-18)));
         }
-        // And at the end come groups.
+        // The cubes near the origin form groups.
         for i in 0..160 {
             let size = 2.0_f32.powi(-60 - i / 5);
             boxes.push(cube([size; 3], size / 4.0));
@@ -234,7 +238,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
 
-        /// Whatever moved where: every triangle is in it once, and costs are those of the trees.
+        /// For any motion, every triangle is in the tree once, and the costs are those of the trees.
         #[test]
         fn trees_stay_whole(
             from in proptest::collection::vec(([-9.0_f32..9.0, -9.0_f32..9.0, -9.0_f32..9.0], 0.0_f32..3.0), 1..300),

@@ -1,10 +1,10 @@
-//! Subtrees of one to four triangles: the best of all shapes.
+//! Builds subtrees of one to four triangles, with the best of all shapes.
 
 use crate::MAX_DEPTH;
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tree::SubtreeSlot;
 
-/// The most triangles of a subtree built here.
+/// Maximum number of triangles of a subtree built here.
 pub(crate) const MOST: usize = 4;
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
@@ -39,7 +39,7 @@ fn pair(a: &Prim, b: &Prim) -> Bounds {
     a.bounds.union(b.bounds)
 }
 
-/// The pair of least area first.
+/// Orders three boxes so that the pair of least area comes first.
 fn trio([a, b, c]: [&Prim; 3]) -> [&Prim; 3] {
     let pairs = [pair(a, b), pair(b, c), pair(a, c)];
     let areas = Ruler::new(&pairs[0].union(pairs[1])).half_areas(&pairs);
@@ -52,9 +52,9 @@ fn trio([a, b, c]: [&Prim; 3]) -> [&Prim; 3] {
     }
 }
 
-/// The shape of least total area, among two pairs or (if `chain`) a trio and a single.
+/// Returns the shape of least total area with its leaves: two pairs or, if `chain` is set, a trio and a single.
 fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
-    // All pairs: those with the first, and opposite each the pair of the others.
+    // All pairs: `near` has the pairs with `a`, and `far` the pair of the other two for each.
     let near = [pair(a, b), pair(a, c), pair(a, d)];
     let far = [pair(c, d), pair(b, d), pair(b, c)];
     let ruler = Ruler::new(&near[0].union(far[0]));
@@ -70,7 +70,7 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
     if !chain {
         return ([2, 1, 1], leaves);
     }
-    // The three pairs of each trio, then who is left out.
+    // The areas of the three pairs of each trio, then the trio followed by the single.
     let chains = [
         ([near.x, near.y, far.z], [a, b, c, d]),
         ([near.x, near.z, far.y], [a, b, d, c]),
@@ -110,7 +110,7 @@ mod tests {
         })
     }
 
-    /// Areas of all inner nodes of a subtree below its root.
+    /// Returns the total area of all inner nodes below the root.
     fn cost(prims: &[Prim; 4], shape: [u32; 3], leaves: &[u32]) -> f64 {
         let area = |of: &[u32]| {
             let boxes = of.iter().map(|&i| prims[i as usize].bounds.aabb());

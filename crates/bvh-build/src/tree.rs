@@ -1,32 +1,32 @@
-//! A binary tree in depth-first order, without boxes: 8 bytes a triangle.
+//! A binary tree in depth-first order, without boxes: 8 bytes per triangle.
 
 use crate::{BuildError, Cancel};
 
 /// A binary tree with one triangle per leaf.
 ///
-/// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and `k` consecutive leaves. So one number an
-/// inner node says it all: how many leaves its left child holds. For the inner node `i` with `k` leaves from leaf `s`,
-/// of which `l = left_leaves[i]` lie to the left: the left child has leaves `s..s + l` and, if `l > 1`, is inner node
-/// `i + 1`; the right child has leaves `s + l..s + k` and, if `k - l > 1`, is inner node `i + l`.
+/// A subtree of `k` leaves is `k - 1` consecutive inner nodes in preorder and `k` consecutive leaves. So one number per
+/// inner node defines the tree: the number of leaves of its left child. Let inner node `i` have leaves `s..s + k`, and
+/// let `l = left_leaves[i]`. The left child has leaves `s..s + l` and, if `l > 1`, is inner node `i + 1`. The right
+/// child has leaves `s + l..s + k` and, if `k - l > 1`, is inner node `i + l`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BinaryTree {
     pub(crate) left_leaves: Vec<u32>,
     pub(crate) order: Vec<u32>,
 }
 
-/// A node of a [`BinaryTree`], by where its parts lie.
+/// A node of a [`BinaryTree`], with the position of its subtree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Subtree {
     /// Preorder index of the inner node; meaningless for a leaf.
     pub inner: u32,
-    /// Its first leaf.
+    /// Index of the first leaf.
     pub first_leaf: u32,
-    /// Its leaves; 1 for a leaf.
+    /// Number of leaves; 1 for a leaf.
     pub leaves: u32,
 }
 
 impl Subtree {
-    /// Both children of an inner node of the tree with these numbers of leaves to the left.
+    /// Returns both children of an inner node. `left_leaves` is [`BinaryTree::left_leaves`] of its tree.
     ///
     /// # Panics
     /// On a leaf.
@@ -49,14 +49,14 @@ impl Subtree {
     }
 }
 
-/// The part of a [`BinaryTree`] that a subtree fills: its inner nodes and its leaves, of which there is one more.
+/// The mutable part of a [`BinaryTree`] for one subtree: its inner nodes, and its leaves, which are one more.
 pub(crate) struct SubtreeSlot<'a> {
     pub(crate) left_leaves: &'a mut [u32],
     pub(crate) order: &'a mut [u32],
 }
 
 impl SubtreeSlot<'_> {
-    /// Writes a root that has so many leaves to its left; gives the parts of its children.
+    /// Writes a root with `left` leaves on its left side. Returns the parts of its children.
     #[inline]
     pub(crate) fn split(self, left: usize) -> [Self; 2] {
         self.left_leaves[0] = left as u32;
@@ -76,7 +76,7 @@ impl SubtreeSlot<'_> {
 }
 
 impl BinaryTree {
-    /// Makes room for so many leaves; what is in it does not matter.
+    /// Resizes the tree to `leaves` leaves, whose content is unspecified, and returns the part for the whole tree.
     pub(crate) fn slot(&mut self, leaves: usize) -> SubtreeSlot<'_> {
         self.order.resize(leaves, 0);
         self.left_leaves.resize(leaves.saturating_sub(1), 0);
@@ -86,17 +86,17 @@ impl BinaryTree {
         }
     }
 
-    /// A tree by its parts: see [`BinaryTree::order`] and [`BinaryTree::left_leaves`].
+    /// Creates a tree from its parts: see [`BinaryTree::order`] and [`BinaryTree::left_leaves`].
     ///
     /// # Panics
-    /// If there are not one fewer inner nodes than leaves.
+    /// If the number of inner nodes is not the number of leaves less one.
     #[must_use]
     pub fn new(order: Vec<u32>, left_leaves: Vec<u32>) -> Self {
         assert_eq!(order.len().saturating_sub(1), left_leaves.len());
         Self { left_leaves, order }
     }
 
-    /// Has itself filled, unless that is cancelled; empties itself if that fails.
+    /// Fills the tree by `build`, unless the build is cancelled. Empties the tree on failure.
     pub(crate) fn fill<T>(
         &mut self,
         cancel: &Cancel,
@@ -113,22 +113,22 @@ impl BinaryTree {
         built
     }
 
-    /// Leaves, which is triangles in the tree.
+    /// Returns the number of leaves, which is the number of triangles in the tree.
     pub fn leaf_count(&self) -> usize {
         self.order.len()
     }
 
-    /// The triangle of each leaf, left to right.
+    /// Returns the triangle index of each leaf, left to right.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
-    /// For each inner node in preorder, the leaves below its left child.
+    /// Returns, for each inner node in preorder, the number of leaves of its left child.
     pub fn left_leaves(&self) -> &[u32] {
         &self.left_leaves
     }
 
-    /// The whole tree; `None` when it holds no triangle.
+    /// Returns the root; `None` for an empty tree.
     pub fn root(&self) -> Option<Subtree> {
         let leaves = self.order.len() as u32;
         (leaves > 0).then_some(Subtree {
@@ -138,12 +138,12 @@ impl BinaryTree {
         })
     }
 
-    /// The triangles below a node, left to right.
+    /// Returns the triangles below a node, left to right.
     pub(crate) fn triangles(&self, node: Subtree) -> &[u32] {
         &self.order[node.first_leaf as usize..][..node.leaves as usize]
     }
 
-    /// See [`Subtree::children`].
+    /// Returns both children of an inner node. Panics on a leaf.
     #[inline]
     pub fn children(&self, node: Subtree) -> [Subtree; 2] {
         node.children(&self.left_leaves)

@@ -1,9 +1,9 @@
-//! Depth-first tree to breadth-first record.
+//! Converts a depth-first tree to a breadth-first record.
 //!
-//! Nodes of one level lie in the same order in preorder as in breadth-first order. So no queue of nodes is needed: one
-//! walk in preorder counts the nodes of each level, another appends each node to its level. Both read and write memory
-//! as streams, at most one for each level, and both split into chunks of the preorder, whose shares of every level are
-//! known by counting.
+//! Nodes of one level have the same order in preorder as in breadth-first order, so no queue of nodes is needed. One
+//! preorder walk counts the nodes of each level, a second appends each node to its level. Both access memory
+//! sequentially, in at most one stream per level. Both run in parallel over chunks of the preorder: the counts give
+//! each chunk's range in every level.
 
 use crate::treelets::Workspace;
 use crate::validate::Header;
@@ -13,22 +13,23 @@ use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::Animation;
 use rayon::prelude::*;
 
-/// Depths at which an inner node may lie.
+/// Number of depths at which an inner node may be.
 const DEPTHS: usize = MAX_DEPTH as usize;
-/// Inner nodes a chunk: enough to hide what a chunk costs, few enough for many threads.
+/// Number of inner nodes per chunk: large enough to amortize the cost of a chunk, small enough for many threads.
 const CHUNK: usize = 1 << 14;
 
-/// Converts trees; keeps its memory between calls.
+/// Converts trees. Keeps its scratch memory between calls.
 #[derive(Debug, Default)]
 pub struct Converter {
-    /// One entry a chunk of the preorder.
+    /// One entry per chunk of the preorder.
     tallies: Vec<LevelCounts>,
-    /// One entry an inner node in breadth-first order: which children are leaves.
+    /// Two flags for each inner node in breadth-first order: bit 0 if the left child is a leaf, bit 1 for the right
+    /// child.
     leaf_children: Vec<u8>,
     room: Workspace,
 }
 
-/// The memory of an old record, and of its treelets: see [`Topology::into_spare`]. None at first.
+/// Memory of an old record and of its treelets, for reuse: see [`Topology::into_spare`]. Empty by default.
 #[derive(Debug, Default)]
 pub struct Spare {
     pub(crate) words: Vec<u32>,
@@ -36,29 +37,29 @@ pub struct Spare {
 }
 
 impl Spare {
-    /// Whether there is none.
+    /// Returns whether there is no memory to reuse.
     pub fn is_empty(&self) -> bool {
         self.words.capacity() == 0 && self.treelets.capacity() == 0
     }
 }
 
-/// What one chunk adds to each level.
+/// Number of nodes that one chunk adds to each level.
 #[derive(Clone, Debug)]
 struct LevelCounts {
-    /// Its inner nodes at each depth.
+    /// Number of inner nodes at each depth.
     inner: [u32; DEPTHS],
-    /// Their children that are leaves, by the depth of the parent.
+    /// Number of leaf children, by the depth of the parent.
     leaves: [u32; DEPTHS],
 }
 
 impl Converter {
-    /// The record of `tree`, for a scene of `triangle_count` triangles, in the memory of an old one.
+    /// Converts `tree` to a record for a scene of `triangle_count` triangles, in the memory of an old record.
     ///
-    /// Runs in the rayon pool that the caller installed; the record does not depend on the number of threads. Needs 1 byte
-    /// a triangle beside the record.
+    /// Runs in the rayon pool that the caller installed. The record does not depend on the number of threads. Uses 1
+    /// byte of scratch memory per triangle.
     ///
     /// # Panics
-    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`] or the tree names a triangle that is not below it.
+    /// If `triangle_count` exceeds [`Animation::MAX_TRIANGLES`], or if a triangle of the tree is not below it.
     #[must_use]
     pub fn convert(&mut self, tree: &BinaryTree, triangle_count: usize, reuse: Spare) -> Topology {
         let mut words = reuse.words;
@@ -73,7 +74,7 @@ impl Converter {
             leaves: tree.order().len() as u32,
             levels: inner.len() as u32,
         };
-        // Memory that is reused is not cleared: every word is written below.
+        // Reused memory is not cleared: every word is written below.
         words.resize(header.record_words(), 0);
         let (head, body) = words.split_at_mut(Topology::HEADER_WORDS);
         head.copy_from_slice(&header.words());
@@ -91,8 +92,8 @@ impl Converter {
         Topology::of_words(words)
     }
 
-    /// Likewise, and the same tree as treelets meanwhile: see [`Topology::treelets`]. Needs 5 bytes a triangle beside them, and
-    /// 10 more where they are made wide.
+    /// Converts `tree` to a record and, in parallel, to [`Topology::treelets`]. Parameters and panics are those of
+    /// [`Converter::convert`]. Uses 5 bytes of scratch memory per triangle, and 10 more for trees with a wide form.
     #[must_use]
     pub fn convert_with_treelets(
         &mut self,
@@ -129,7 +130,7 @@ impl Converter {
             .collect_into_vec(&mut self.tallies);
     }
 
-    /// The level table. Inner nodes fill levels from the root on; one level of leaves alone follows.
+    /// Returns the level table. Each level from the root on has inner nodes, except the last, which has only leaves.
     fn inner_per_level(&self, tree: &BinaryTree) -> Vec<u32> {
         if tree.order().is_empty() {
             return Vec::new();
@@ -140,7 +141,7 @@ impl Converter {
         inner
     }
 
-    /// Appends every node to its level; returns the greatest triangle named.
+    /// Appends every node to its level. Returns the largest triangle index in the tree.
     fn scatter(&mut self, tree: &BinaryTree, leaf_triangles: &mut [u32]) -> usize {
         self.leaf_children.resize(tree.left_leaves().len(), 0);
         if let [root] = tree.order() {
@@ -161,8 +162,8 @@ impl Converter {
     }
 }
 
-/// Cuts `array` into one part for each level and chunk, levels outermost, as long as `lengths` says. Returns each chunk's
-/// parts by level.
+/// Splits `array` into one part per level and chunk, levels outermost, with the lengths that `lengths` returns.
+/// Returns each chunk's parts by level.
 fn segments<'a, T>(
     mut array: &'a mut [T],
     chunks: &[LevelCounts],
@@ -179,7 +180,7 @@ fn segments<'a, T>(
     parts
 }
 
-/// Appends one chunk's nodes to its own shares of the levels; returns the greatest triangle named.
+/// Appends one chunk's nodes to the chunk's parts of the levels. Returns the largest triangle index in the chunk.
 fn scatter_chunk(
     walk: Walk,
     left_leaves: &[u32],
@@ -195,8 +196,8 @@ fn scatter_chunk(
         let flags = node.leaf_children;
         inner[depth][inner_ends[depth]] = flags;
         inner_ends[depth] += 1;
-        // Written whether leaf or not, so that nothing branches: a leaf that
-        // comes later overwrites, and past the share's end nothing is kept.
+        // Inner children are written too, which avoids a branch. A later leaf overwrites them, and nothing is written
+        // past the end of the part.
         let end = &mut leaf_ends[depth];
         for (child, is_leaf) in [(node.left, flags & 1), (node.right, flags >> 1)] {
             let triangle = order[child as usize];
@@ -210,10 +211,10 @@ fn scatter_chunk(
     greatest
 }
 
-/// Words of bits packed by one task.
+/// Number of words of bits that one task packs.
 const PACKED: usize = 1 << 12;
 
-/// Children of inner node `k` are nodes `2k + 1` and `2k + 2`: packs two bits a node, one place up.
+/// Packs two bits per inner node, shifted by one bit, since the children of node `k` are nodes `2k + 1` and `2k + 2`.
 fn pack(leaf_children: &[u8], bits: &mut [u32]) {
     let tasks = bits.par_chunks_mut(PACKED).enumerate();
     tasks.for_each(|(task, bits)| {
@@ -231,13 +232,13 @@ fn pack(leaf_children: &[u8], bits: &mut [u32]) {
     });
 }
 
-/// Two bits of each of up to 16 bytes, the first lowest.
+/// Packs the lowest two bits of up to 16 bytes, the first byte in the lowest bits.
 fn pairs(bytes: &[u8]) -> u32 {
     let join = |pairs, (i, &byte): (usize, &u8)| pairs | u32::from(byte) << (2 * i);
     bytes.iter().enumerate().fold(0, join)
 }
 
-/// For each word, the ones before it.
+/// Writes, for each word, the number of ones in the words before it.
 fn rank(bits: &[u32], ranks: &mut [u32]) {
     let mut before = 0;
     for (word, rank) in bits.iter().zip(ranks) {

@@ -1,12 +1,12 @@
-//! Binary tree in, breadth-first record out, without boxes.
+//! Converts a binary tree to a breadth-first record of its topology, without boxes.
 //!
-//! The paper's conversion (Kim, Kim, Lee, Han 2014): nodes level by level, a list of leaves and a list of inner nodes
-//! for each level, and no boxes, since whoever adopts the record recomputes them by a refit. Siblings are neighbours,
-//! so the children of the `k`-th inner node are nodes `2k + 1` and `2k + 2`, and one bit a node (leaf or not) with a
-//! rank directory (Jacobson 1989) holds all of it: about 4.5 bytes a triangle, where nodes with boxes take 64.
+//! This is the conversion of Kim, Kim, Lee, Han (2014): nodes level by level, with the leaves and the inner nodes of
+//! each level in a list. Boxes are left out, because the backend recomputes them by a refit. Siblings are neighbours,
+//! so the children of the `k`-th inner node are nodes `2k + 1` and `2k + 2`. One bit per node (leaf or not) and a rank
+//! directory (Jacobson 1989) encode the shape in about 4.5 bytes per triangle. Nodes with boxes take 64.
 //!
-//! A record may carry the same tree as [`Treelets`] too, for devices that refit
-//! it in the memory of workgroups, and as a [`BlockTree`] for machines that test eight boxes at once.
+//! A record may also carry the same tree as [`Treelets`], for devices that refit in workgroup memory, and as a
+//! [`BlockTree`], for processors that test eight boxes at once.
 
 mod blocks;
 mod convert;

@@ -1,29 +1,31 @@
-//! What of a tree must be done again when its scene moves: lists beside the record or the treelets.
+//! Lists of the nodes or treelets to refit when the scene moves.
 
 use crate::{Topology, Treelets};
 use geom::StaticParts;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Nodes that one task looks at.
+/// Minimum number of nodes per task.
 const CHUNK: usize = 1 << 13;
 
-/// What has a triangle below that moves. All else has the same box at every pose.
+/// Nodes or treelets with a moving triangle below. All others have the same box at every pose.
 ///
-/// A record's lists are its leaves by rank, then for each level that has any, root first, inner nodes by their number among
-/// inner nodes. Those of treelets are their numbers, for each level, that of the triangles first. Each list rises.
+/// For a record, the first list holds the ranks of leaves. A list of ranks of inner nodes follows for each level that
+/// has moving ones, root first. For treelets, each level has a list of treelet numbers, the level of the triangles
+/// first. Each list is in ascending order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moving {
-    /// The lists, one after the other, as they are handed over.
+    /// The concatenated lists.
     pub words: Vec<u32>,
-    /// Where each list lies among [`Moving::words`].
+    /// Range of each list in [`Moving::words`].
     pub lists: Vec<Range<usize>>,
-    /// Active triangles of zero area below nothing that is listed.
+    /// Number of active zero-area triangles that are below no listed node.
     pub degenerate_elsewhere: u32,
 }
 
 impl Moving {
-    /// Of a record. `None` where lists do not pay: more than half of all nodes move; see [`StaticParts::pays`].
+    /// Lists the moving nodes of a record. Returns `None` if more than half of all nodes move: see
+    /// [`StaticParts::pays`].
     #[must_use]
     pub fn of(tree: &Topology, parts: &StaticParts) -> Option<Self> {
         let (is_static, triangles) = (&parts.triangles, tree.leaf_triangles());
@@ -41,7 +43,7 @@ impl Moving {
         if !StaticParts::pays(words.len(), tree.node_count()) {
             return None;
         }
-        // Inner nodes rise, so that a level's are neighbours.
+        // Ranks of inner nodes ascend, so those of a level are contiguous.
         let place = |end: u32| leaves + words[leaves..].partition_point(|&k| k < end);
         let levels = tree.levels();
         let levels = levels.map(|level| place(level.start)..place(level.end));
@@ -53,7 +55,7 @@ impl Moving {
         })
     }
 
-    /// Of treelets. `None` where lists do not pay: more than half of all treelets move.
+    /// Lists the moving treelets. Returns `None` if more than half of all treelets move.
     pub(crate) fn of_treelets(tree: &Treelets, parts: &StaticParts) -> Option<Self> {
         let (mut words, mut lists) = (Vec::new(), Vec::<Range<usize>>::new());
         for treelets in &tree.levels {
@@ -76,7 +78,7 @@ impl Moving {
         })
     }
 
-    /// The first list: of a record, its leaves. Empty if there is none.
+    /// Returns the first list, which for a record holds its leaves. Empty if there is no list.
     pub fn leaves(&self) -> &[u32] {
         let first = self.lists.first().cloned();
         &self.words[first.unwrap_or_default()]
@@ -91,7 +93,7 @@ fn with_triangles_that_move(tree: &Treelets, lowest: Range<u32>, parts: &StaticP
         .collect()
 }
 
-/// Those of the next level that stand on roots of these.
+/// Returns the parents of the treelets `below`.
 fn parents(tree: &Treelets, below: &[u32]) -> Vec<u32> {
     let parents = below.iter().map(|&t| tree.treelet(t as usize).parent);
     let mut parents: Vec<u32> = parents.collect();
@@ -99,7 +101,7 @@ fn parents(tree: &Treelets, below: &[u32]) -> Vec<u32> {
     parents
 }
 
-/// Static triangles of zero area in these treelets of the lowest level.
+/// Counts the static zero-area triangles in `treelets`, which are on the lowest level.
 fn degenerate_among(tree: &Treelets, treelets: &[u32], parts: &StaticParts) -> usize {
     if parts.degenerate.is_empty() {
         return 0;
@@ -136,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Each list names the parents of those in the list before, and parents know how many that are.
+    /// Checks that each list holds the parents of the list before, and that parents count their listed children.
     fn check_levels(tree: &Treelets) -> &[u32] {
         let Moving { words, lists, .. } = tree.moving.as_ref().unwrap();
         let parent = |&number: &u32| tree.treelet(number as usize).parent;

@@ -1,4 +1,4 @@
-//! The record that is handed over, and how to read it.
+//! The topology record and its accessors.
 
 use crate::validate::{Header, validate};
 use crate::{BlockTree, First, Moving, RecordError, Spare, Treelets};
@@ -8,66 +8,68 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Inner nodes that one task handles.
+/// Minimum number of inner nodes per task.
 const RUN: usize = 2048;
-/// Words of bits that one task unpacks.
+/// Number of words of leaf bits that one task unpacks.
 const TASK: usize = 1 << 9;
 
-/// A tree's shape in breadth-first order: which nodes are leaves, and whose.
+/// A tree's shape in breadth-first order: which nodes are leaves, and the triangle of each leaf.
 ///
 /// # Layout, version 1
 ///
-/// One array of little-endian `u32` words, so that a device can read it as it is.
-/// `n` leaves make `2n - 1` nodes (none if `n` is 0); let `B = ceil((2n - 1) / 32)`.
+/// One array of little-endian `u32` words, which a device can read unchanged.
+/// `n` leaves make `2n - 1` nodes (0 if `n` is 0); let `B = ceil((2n - 1) / 32)`.
 ///
-/// | words | holds |
+/// | words | content |
 /// |---|---|
 /// | 0 | `0x4856_4241` ("ABVH") |
 /// | 1 | layout version, 1 |
-/// | 2 | triangles in the scene; leaves name triangles below it |
-/// | 3 | `n`, leaves |
-/// | 4 | `L`, levels; the root alone is level 0 |
+/// | 2 | number of triangles in the scene; the triangle indices of leaves are smaller |
+/// | 3 | `n`, number of leaves |
+/// | 4 | `L`, number of levels; level 0 is the root |
 /// | 5..8 | zero |
-/// | `L` words | inner nodes on each level; level 0 has 1 node, level `d + 1` has twice the inner nodes of level `d` |
+/// | `L` words | number of inner nodes on each level; level `d + 1` has two nodes for each inner node of level `d` |
 /// | `B` words | bit `i % 32` of word `i / 32` is 1 if node `i` is a leaf; bits past the last node are 0 |
-/// | `B` words | for each word of bits, the leaves before it |
-/// | `n` words | the triangle of each leaf, in node order |
+/// | `B` words | for each word of bits, the number of leaves before it |
+/// | `n` words | the triangle index of each leaf, in node order |
 ///
 /// The `k`-th inner node (from 0, in node order) has children `2k + 1` and `2k + 2`.
 ///
-/// # What it costs
+/// # Size
 ///
-/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words: `n` triangles take `4.5 n + 4 L + 36` bytes or a little more, which is
-/// 4.5 bytes a triangle in the limit and at most 8 from 100 triangles on. Two nodes of 32 bytes a triangle (a box and
-/// two indices each) take 64: the paper's cut of 87.5 % is 8 of 64, this record's is 93 %.
+/// `8 + L + 2 * ceil((2n - 1) / 32) + n` words. `n` triangles take about `4.5 n + 4 L + 36` bytes: 4.5 bytes per
+/// triangle in the limit, and at most 8 from 100 triangles on. Two nodes of 32 bytes per triangle (a box and two
+/// indices each) take 64. The paper's record takes 8 of the 64 bytes and saves 87.5 %. This record saves 93 %.
 ///
-/// Beside the record may stand lists of what moves, for scenes with static parts; whoever adopts the tree may use them
-/// or not. See [`Moving`]. So may the same tree as [`Treelets`] or as a [`BlockTree`].
+/// # Optional parts
+///
+/// For scenes with static parts, lists of the moving nodes ([`Moving`]), which backends may ignore. The same tree as
+/// [`Treelets`] or as a [`BlockTree`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topology {
     pub(crate) words: Vec<u32>,
     pub(crate) moving: Option<Moving>,
-    /// The same tree once more, if somebody asked for it.
+    /// The same tree as treelets, if requested.
     pub(crate) treelets: Option<Box<Treelets>>,
-    /// Likewise; shared, since whoever adopts the tree goes on using them.
+    /// The same tree as wide nodes and blocks, if requested. Shared, since a backend keeps using them after adoption.
     pub(crate) blocks: Option<Arc<BlockTree>>,
 }
 
 impl Topology {
     /// "ABVH" in little-endian order.
     pub const MAGIC: u32 = 0x4856_4241;
-    /// The layout that this crate writes and reads.
+    /// Layout version that this crate writes and reads.
     pub const VERSION: u32 = 1;
-    /// Words before the level table.
+    /// Number of words before the level table.
     pub const HEADER_WORDS: usize = 8;
 
-    /// Takes a record from elsewhere, checking every property it must have. The error says what is wrong and where.
+    /// Validates the words of a record from another source. The error names the first invalid word or property.
     pub fn from_words(words: Vec<u32>) -> Result<Self, RecordError> {
         validate(&words)?;
         Ok(Self::of_words(words))
     }
 
-    /// A record alone.
+    /// Creates a record without optional parts.
     pub(crate) fn of_words(words: Vec<u32>) -> Self {
         Self {
             words,
@@ -77,16 +79,16 @@ impl Topology {
         }
     }
 
-    /// The record, as it is handed over.
+    /// Returns the words of the record.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// The same tree with lists of what moves, where they pay; in parallel.
-    /// If it comes with treelets, those are listed and not its nodes.
+    /// Adds lists of the moving treelets, or of the moving nodes if the tree has no treelets. Runs in parallel.
+    /// Adds no lists if more than half would be listed.
     ///
     /// # Panics
-    /// If `parts` are not those of the tree's scene.
+    /// If `parts` does not belong to the tree's scene.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         match self.treelets.take() {
@@ -99,13 +101,13 @@ impl Topology {
         self
     }
 
-    /// Which nodes must be done again when the scene moves; `None` if all of them,
-    /// or if treelets are listed: see [`Treelets::moving`].
+    /// Returns the nodes to refit when the scene moves. `None` means all nodes, or that the treelets have lists:
+    /// see [`Treelets::moving`].
     pub fn moving(&self) -> Option<&Moving> {
         self.moving.as_ref()
     }
 
-    /// Gives the record's memory back, to be filled again by [`crate::Converter`].
+    /// Returns the record's memory for reuse by [`crate::Converter`].
     pub fn into_spare(self) -> Spare {
         Spare {
             words: self.words,
@@ -113,15 +115,15 @@ impl Topology {
         }
     }
 
-    /// The same tree as treelets, if they were made; they do not travel with the words.
+    /// Returns the tree's treelets, if it has them. They are not part of [`Topology::words`].
     pub fn treelets(&self) -> Option<&Treelets> {
         self.treelets.as_deref()
     }
 
-    /// The treelets that the tree came with, or else made now ([`Treelets::of`]), with lists if the tree has lists.
+    /// Returns the tree's treelets, or creates them ([`Treelets::of`]), with lists if the tree has lists.
     ///
     /// # Panics
-    /// If `parts` are not those of the tree's scene.
+    /// If `parts` does not belong to the tree's scene.
     pub fn to_treelets(&self, parts: &StaticParts) -> Cow<'_, Treelets> {
         match (self.treelets(), &self.moving) {
             (Some(treelets), _) => Cow::Borrowed(treelets),
@@ -130,21 +132,21 @@ impl Topology {
         }
     }
 
-    /// The same tree with its eight-wide form, for a scene of these triangles; in parallel. See [`BlockTree::of`].
+    /// Adds the tree's eight-wide form, in parallel. See [`BlockTree::of`] for the parameters.
     ///
     /// # Panics
-    /// If the record is not one of these triangles.
+    /// If the record does not belong to a scene of these triangles.
     pub fn with_blocks(self, triangles: &[[u32; 3]], by: (&[Aabb], First)) -> Self {
         let blocks = Some(Arc::new(BlockTree::of(&self, triangles, by)));
         Self { blocks, ..self }
     }
 
-    /// The same tree in its eight-wide form, if it was made; it does not travel with the words.
+    /// Returns the tree's eight-wide form, if it has one. It is not part of [`Topology::words`].
     pub fn blocks(&self) -> Option<&Arc<BlockTree>> {
         self.blocks.as_ref()
     }
 
-    /// Becomes `other` without what may stand beside the record, and keeps its own memory.
+    /// Copies the words of `other`, without its optional parts, into this record's memory.
     pub fn copy_record(&mut self, other: &Self) {
         let mut words = std::mem::take(&mut self.words);
         words.clear();
@@ -152,38 +154,38 @@ impl Topology {
         *self = Self::of_words(words);
     }
 
-    /// Bytes handed over: the record, and lists of what moves.
+    /// Returns the size in bytes of the record and its lists of moving nodes.
     pub fn bytes(&self) -> usize {
         let lists = self.moving.as_ref().map_or(0, |m| m.words.len());
         (self.words.len() + lists) * 4
     }
 
-    /// Bytes that go to a device: the treelets', where there are some.
+    /// Returns the number of bytes to upload: those of the treelets if present, otherwise [`Topology::bytes`].
     pub fn upload_bytes(&self) -> usize {
         self.treelets().map_or(self.bytes(), Treelets::bytes)
     }
 
-    /// Triangles in the scene, those left out of the tree included.
+    /// Returns the number of triangles in the scene, including those that are not in the tree.
     pub fn triangle_count(&self) -> usize {
         self.words[2] as usize
     }
 
-    /// Leaves: triangles in the tree.
+    /// Returns the number of leaves, which is the number of triangles in the tree.
     pub fn leaf_count(&self) -> usize {
         self.words[3] as usize
     }
 
-    /// Nodes: twice the leaves less one, or none.
+    /// Returns the number of nodes: `2 * leaf_count() - 1`, or 0 for an empty tree.
     pub fn node_count(&self) -> usize {
         (2 * self.leaf_count()).saturating_sub(1)
     }
 
-    /// Levels, root first; none if the tree is empty.
+    /// Returns the number of levels, 0 if the tree is empty.
     pub fn level_count(&self) -> usize {
         self.words[4] as usize
     }
 
-    /// The inner nodes of every level by rank, root first; the last level has none.
+    /// Returns the rank range of the inner nodes of every level, root first. The last range is empty.
     pub fn levels(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         let table = &self.words[Self::HEADER_WORDS..][..self.level_count()];
         table.iter().scan(0, |end, &inner| {
@@ -192,24 +194,24 @@ impl Topology {
         })
     }
 
-    /// One bit a node: 1 for a leaf.
+    /// Returns one bit per node: 1 for a leaf.
     pub fn leaf_bits(&self) -> &[u32] {
         self.ranks().bits
     }
 
-    /// The triangle of each leaf, in node order.
+    /// Returns the triangle index of each leaf, in node order.
     pub fn leaf_triangles(&self) -> &[u32] {
         &self.words[self.words.len() - self.leaf_count()..]
     }
 
-    /// Both children of the `k`-th inner node.
+    /// Returns both children of the `k`-th inner node.
     #[must_use]
     #[inline]
     pub fn children_of_inner(k: u32) -> [u32; 2] {
         [2 * k + 1, 2 * k + 2]
     }
 
-    /// Finds the ranks of nodes.
+    /// Returns the rank directory of the nodes.
     pub fn ranks(&self) -> NodeRanks<'_> {
         let count = self.node_count().div_ceil(32);
         let words = &self.words[Self::HEADER_WORDS + self.level_count()..];
@@ -217,8 +219,8 @@ impl Topology {
         NodeRanks { bits, ranks }
     }
 
-    /// Writes the node of each leaf, by rank, in parallel, reusing memory. The triangle of `nodes[i]` is
-    /// `leaf_triangles()[i]`.
+    /// Fills `nodes` with the node index of each leaf, in parallel, reusing its memory.
+    /// The triangle of `nodes[i]` is `leaf_triangles()[i]`.
     pub fn leaf_nodes(&self, nodes: &mut Vec<u32>) {
         nodes.resize(self.leaf_count(), 0);
         let (mut rest, mut tasks) = (&mut nodes[..], Vec::new());
@@ -243,8 +245,8 @@ impl Topology {
         });
     }
 
-    /// A value for every inner node, made of its children's from the deepest level up, in parallel; `leaf` gives a
-    /// leaf's by its rank, and `none` is overwritten.
+    /// Computes a value for every inner node from its children's values, level by level from the deepest, in parallel.
+    /// `leaf` returns the value of a leaf by its rank. `none` is a placeholder that is overwritten.
     pub(crate) fn bottom_up<T: Copy + Send + Sync>(
         &self,
         none: T,
@@ -274,33 +276,34 @@ impl Topology {
     }
 }
 
-/// A node by its rank among its kind: leaves by their place in [`Topology::leaf_triangles`], or inner nodes in node order.
+/// A node by its rank among leaves or among inner nodes, in node order. A leaf's rank indexes
+/// [`Topology::leaf_triangles`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NodeRank(u32);
 
 impl NodeRank {
     const LEAF: u32 = 1 << 31;
 
-    /// The inner node of that rank.
+    /// Returns the inner node of rank `rank`.
     #[inline]
     pub(crate) fn inner(rank: usize) -> Self {
         Self(rank as u32)
     }
 
-    /// A leaf's rank; `None` for an inner node.
+    /// Returns a leaf's rank; `None` for an inner node.
     #[inline]
     pub fn leaf(self) -> Option<u32> {
         (self.0 & Self::LEAF != 0).then_some(self.0 & !Self::LEAF)
     }
 
-    /// The rank, of whichever kind.
+    /// Returns the rank among leaves or among inner nodes.
     #[inline]
     pub fn rank(self) -> u32 {
         self.0 & !Self::LEAF
     }
 }
 
-/// Finds the ranks of a record's nodes.
+/// Rank directory of a record's nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRanks<'a> {
     pub(crate) bits: &'a [u32],
@@ -308,7 +311,7 @@ pub struct NodeRanks<'a> {
 }
 
 impl NodeRanks<'_> {
-    /// The rank of a node, which must be there.
+    /// Returns the rank of `node`, which must be below [`Topology::node_count`].
     #[inline]
     pub fn of(self, node: u32) -> NodeRank {
         let (word, bit) = (node as usize / 32, node % 32);
@@ -320,14 +323,14 @@ impl NodeRanks<'_> {
         }
     }
 
-    /// Both children of an inner node.
+    /// Returns both children of an inner node.
     #[inline]
     pub fn children(self, inner: NodeRank) -> [NodeRank; 2] {
         Topology::children_of_inner(inner.0).map(|node| self.of(node))
     }
 }
 
-/// The record of no triangle.
+/// Creates the record of an empty scene.
 impl Default for Topology {
     fn default() -> Self {
         Self::of_words(Header::default().words().to_vec())

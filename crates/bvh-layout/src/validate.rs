@@ -1,15 +1,15 @@
-//! A record is checked by making it again.
+//! Validates records by encoding them again.
 
 use crate::Topology;
 use bvh_build::MAX_DEPTH;
 use geom::Animation;
 
-/// What is wrong with a record, and where. Words count from 0.
+/// Describes an invalid record and the position of the error. Word numbers start at 0.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct RecordError(String);
 
-/// The words that come first, from which all sizes follow; see [`Topology`] for the layout.
+/// The first words, which determine all sizes. See [`Topology`] for the layout.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Header {
     pub(crate) triangles: u32,
@@ -39,8 +39,8 @@ impl Header {
     }
 }
 
-/// Compares a record with the one that its scene, leaf bits and triangles make.
-/// What it allocates is no larger than the words, whatever they say.
+/// Compares a record with one encoded again from its triangle count, leaf bits and leaf triangles.
+/// No allocation is larger than `words`, whatever the words contain.
 pub(crate) fn validate(words: &[u32]) -> Result<(), RecordError> {
     let expected = remake(words)?;
     let differs = words.iter().zip(&expected).position(|(a, b)| a != b);
@@ -85,7 +85,7 @@ fn ensure(holds: bool, cause: String) -> Result<(), RecordError> {
     holds.then_some(()).ok_or(RecordError(cause))
 }
 
-/// Leaves name triangles of the scene, each at most once.
+/// Checks that leaves refer to triangles of the scene, each at most once.
 fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), RecordError> {
     let limit = Animation::MAX_TRIANGLES;
     let cause = format!("word 2 gives {scene} triangles, the limit is {limit}");
@@ -98,7 +98,7 @@ fn check_triangles(leaf_triangles: &[u32], scene: u32) -> Result<(), RecordError
     ensure(is_distinct && is_below, cause)
 }
 
-/// The bits of each level tell its inner nodes, whose children are the next level.
+/// Counts the inner nodes of each level. Their children form the next level.
 fn inner_per_level(bits: &[u32], all: usize) -> Result<Vec<u32>, RecordError> {
     let (mut levels, mut nodes) = (Vec::new(), 0..all.min(1));
     while !nodes.is_empty() && nodes.end <= all {

@@ -1,8 +1,8 @@
-//! A preorder walk over a binary tree's inner nodes that streams and can start anywhere.
+//! A streaming preorder walk over a binary tree's inner nodes, which can start at any node.
 
 use bvh_build::{BinaryTree, MAX_DEPTH};
 
-/// An inner node whose turn has not come.
+/// An inner node that is not yet visited.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
     first_leaf: u32,
@@ -10,7 +10,7 @@ struct Pending {
     depth: u32,
 }
 
-/// An inner node as the walk meets it.
+/// An inner node as passed to the visitor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Inner {
     pub(crate) depth: u32,
@@ -22,10 +22,11 @@ pub(crate) struct Inner {
     pub(crate) leaf_children: u8,
 }
 
-/// A power of two above `MAX_DEPTH`, so that masked indices need no check: at most one node waits for each depth.
+/// Stack size. A power of two, so that masked indices need no bounds check. Above `MAX_DEPTH`, since at most one node
+/// per depth is pending.
 const STACK: usize = 128;
 
-/// Inner nodes that wait, the next one on top. Nothing branches on the tree's shape.
+/// Stack of pending inner nodes, the next one on top. No branch depends on the tree's shape.
 #[derive(Debug)]
 pub(crate) struct Walk {
     stack: [Pending; STACK],
@@ -33,7 +34,7 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    /// A walk that meets the inner node `start` (in preorder) first.
+    /// Creates a walk that starts at inner node `start`, counted in preorder.
     pub(crate) fn starting_at(tree: &BinaryTree, start: usize) -> Self {
         let mut walk = Self {
             stack: [Pending::default(); STACK],
@@ -60,7 +61,8 @@ impl Walk {
         walk
     }
 
-    /// Meets the next inner nodes, one for each entry of `left_leaves`. Panics if the tree is deeper than [`MAX_DEPTH`].
+    /// Visits the next inner nodes, one for each entry of `left_leaves`. Panics if the tree is deeper than
+    /// [`MAX_DEPTH`].
     #[inline(always)]
     pub(crate) fn run(mut self, left_leaves: &[u32], mut meet: impl FnMut(Inner)) {
         for &left in left_leaves {
@@ -79,7 +81,7 @@ impl Walk {
         }
     }
 
-    /// Leaves do not wait: they are overwritten by whoever comes next.
+    /// Pushes an inner node. A leaf is written too, without a branch, but the next push overwrites it.
     #[inline(always)]
     fn push(&mut self, node: Pending) {
         self.stack[self.waiting % STACK] = node;

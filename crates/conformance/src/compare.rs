@@ -1,4 +1,4 @@
-//! When two answers agree, and how to say that they do not.
+//! Comparison of results, and messages that describe differences.
 
 use crate::{Case, RayKind};
 use anyhow::{Result, anyhow, ensure};
@@ -6,7 +6,7 @@ use backend::{FrameReport, Hits, Rays};
 use geom::{Animation, Hit, Point, Ray};
 use std::fmt::Debug;
 
-/// The first place where two lists differ by `same`, as an error.
+/// Returns the first difference between two lists, compared by `same`, as an error.
 pub(crate) fn lists<T: Debug>(
     what: &str,
     subject: &[T],
@@ -16,7 +16,7 @@ pub(crate) fn lists<T: Debug>(
     first_difference(what, [subject, reference], same).map_err(|(_, text)| anyhow!(text))
 }
 
-/// Where two lists first differ, and how.
+/// Returns the index of the first difference between two lists, and a description.
 fn first_difference<T: Debug>(
     what: &str,
     [subject, reference]: [&[T]; 2],
@@ -39,19 +39,20 @@ fn first_difference<T: Debug>(
     }
 }
 
-/// The same bits, but any NaN for a NaN: what a vertex that is not finite looks like is nobody's business.
+/// Returns whether two points have the same bits, where any NaN equals any other. The payload of a NaN is not
+/// specified.
 pub(crate) fn same_point(a: &Point, b: &Point) -> bool {
     let same = |(x, y): (&f32, &f32)| x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan());
     a.iter().zip(b).all(same)
 }
 
-/// The same triangle and the same bits.
+/// Returns whether two hits have the same triangle and the same bits.
 pub(crate) fn same_hit(a: &Hit, b: &Hit) -> bool {
     let bits = |h: &Hit| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle];
     bits(a) == bits(b)
 }
 
-/// As many triangles of either odd sort, and as many hits of either kind.
+/// Checks that two reports have equal counts of inactive triangles, degenerate triangles, hits and blocked rays.
 pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<()> {
     let counts = |r: &FrameReport| [r.inactive, r.degenerate, r.hits, r.blocked];
     let (found, right) = (counts(seen), counts(expected));
@@ -62,7 +63,7 @@ pub(crate) fn same_counts(seen: &FrameReport, expected: &FrameReport) -> Result<
     Ok(())
 }
 
-/// Both parts of an answer to `rays` at `time`.
+/// Compares the closest hits and the blocked flags of `rays` at `time`.
 pub(crate) fn answers(
     case: &Case,
     time: f64,
@@ -84,7 +85,7 @@ pub(crate) fn answers(
         })
 }
 
-/// A ray by its number, with all that is known of it.
+/// Describes ray `i`, with its kind or pixel.
 pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
     match rays {
         Rays::List(list) => {
@@ -100,14 +101,14 @@ pub(crate) fn named_ray(rays: Rays<'_>, i: usize) -> String {
     }
 }
 
-/// A ray in digits that read back to the same bits.
+/// Formats a ray with enough digits to restore the same bits.
 pub(crate) fn ray_text(ray: &Ray) -> String {
     let (origin, direction) = (ray.origin, ray.direction);
     let (t_min, t_max) = (ray.t_min, ray.t_max);
     format!("origin {origin:?}, direction {direction:?}, t in ({t_min:?}, {t_max:?})")
 }
 
-/// A scene's triangle as it stands at `time`, for messages.
+/// Formats a triangle with its corners at `time`, for messages.
 pub(crate) fn triangle_text(animation: &Animation, time: f64, triangle: u32) -> String {
     if triangle as usize >= animation.triangle_count() {
         return "no triangle".to_owned();

@@ -1,17 +1,17 @@
-//! How often rays cross a body.
+//! Counts how often rays cross a body.
 //!
-//! Crossings that lie at the same `t` cannot be told apart by asking again from behind the first. So they are counted
-//! over parts of the body in which no two triangles share a vertex, and summed up.
+//! Rays that continue behind a hit cannot distinguish crossings at the same `t`. Therefore crossings are counted in
+//! parts of the body in which no two triangles share a vertex, and summed.
 
 use crate::stage::{ask, open, stand, vertices};
 use backend::{Backend, Method, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
-/// Crossings of one part beyond which nobody counts: no body is crossed so often.
+/// Maximum number of crossings that are counted per part. Rays cross every body less often.
 const MOST: u32 = 64;
 
-/// How often each ray crosses a body that stands still.
+/// Returns how often each ray crosses a static body.
 pub(crate) fn crossings(
     subject: &mut dyn Backend,
     method: Method,
@@ -30,7 +30,7 @@ pub(crate) fn crossings(
     Ok(counts)
 }
 
-/// Asks again from behind each hit until there is none.
+/// Traces the rays again from behind each hit until they miss.
 fn march(subject: &mut dyn Backend, rays: &[Ray], counts: &mut [u32]) -> Result<()> {
     let mut alive: Vec<u32> = (0..rays.len() as u32).collect();
     let mut beyond = rays.to_vec();
@@ -52,7 +52,7 @@ fn march(subject: &mut dyn Backend, rays: &[Ray], counts: &mut [u32]) -> Result<
     Ok(())
 }
 
-/// The triangles in as few parts as a greedy choice finds, no two of a part sharing a vertex.
+/// Partitions the triangles greedily into few parts, so that no two triangles of a part share a vertex.
 fn parts(triangles: &[[u32; 3]], vertices: usize) -> Vec<Vec<[u32; 3]>> {
     let mut taken: Vec<Vec<bool>> = Vec::new();
     let mut parts: Vec<Vec<[u32; 3]>> = Vec::new();

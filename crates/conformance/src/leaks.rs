@@ -1,7 +1,7 @@
-//! Rays by the million at edges and vertices of closed bodies: none may slip through, none may hit twice.
+//! Millions of rays at edges and vertices of closed bodies. No ray may slip through or hit twice.
 //!
-//! From inside a closed body every ray meets it, an odd number of times; from outside an even number of times.
-//! Each ray depends on the seed, its batch and its number alone, so that threads need not agree on anything.
+//! A ray from inside a closed body crosses it an odd number of times, and a ray from outside an even number. Each ray
+//! depends only on the seed, its batch and its number, so that threads need not synchronize.
 
 use crate::compare::ray_text;
 use crate::crossings::crossings;
@@ -15,64 +15,68 @@ use rayon::prelude::*;
 
 pub use crate::generate::bodies::Aim;
 
-/// How far bodies are moved from the origin, if nobody says otherwise.
+/// Default distances by which bodies are moved from the origin.
 pub const OFFSETS: [f32; 4] = [0.0, 10.0, 1e3, 1e5];
-/// Leaks that are kept in full.
+/// Maximum number of wrong rays that are described.
 const KEPT: usize = 20;
-/// The most rays of a batch: 32 MiB of them.
+/// Maximum number of rays in a batch: 32 MiB.
 const MOST: u64 = 1 << 20;
-/// Of a batch's rays, at least so many have their crossings counted, and of more rays than that an eighth.
+/// Minimum number of rays per batch whose crossings are counted. In large batches an eighth of the rays are counted.
 const COUNTED: usize = 4096;
 
-/// What to ask.
+/// Parameters of a leak test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeakPlan {
-    /// Decides bodies and rays.
+    /// Seed of the bodies and rays.
     pub seed: u64,
-    /// Rays in all, shared out among bodies, offsets, aims and sides.
+    /// Total number of rays, divided among bodies, offsets, aims and sides.
     pub rays: u64,
-    /// How far to move the bodies along each axis.
+    /// Distances by which bodies are moved along each axis.
     pub offsets: Vec<f32>,
-    /// How rays are traced. `watertight` promises that nothing is found; so does `exact`, whose crossings are not counted.
+    /// Tracing method. `watertight` and `exact` must have no leaks. Crossings are not counted with `exact`.
     pub method: Method,
 }
 
-/// What became of all rays of one sort.
+/// Results of all rays of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeakRow {
-    /// The body's name.
+    /// Name of the body.
     pub body: &'static str,
-    /// How far it was moved.
+    /// Distance by which the body was moved.
     pub offset: f32,
-    /// What the rays were aimed at.
+    /// Target of the rays.
     pub aim: Aim,
-    /// Whether they began inside the body.
+    /// True if the rays start inside the body.
     pub inside: bool,
-    /// Rays asked.
+    /// Number of rays traced.
     pub rays: u64,
-    /// Rays from inside that met nothing.
+    /// Number of rays from inside that miss.
     pub leaks: u64,
-    /// Rays whose crossings were counted.
+    /// Number of rays whose crossings were counted.
     pub counted: u64,
-    /// Of those, rays with an odd number where it should be even, or the reverse, or hit or missed against their count.
+    /// Number of counted rays with the wrong parity, or whose closest hit contradicts the count.
     pub miscounts: u64,
-    /// Of those, rays from inside with an even number above zero: an edge was crossed twice (or, of several
-    /// crossings of a body that is not convex, one was lost).
+    /// Number of counted rays from inside with an even count above zero.
+    ///
+    /// An edge was crossed twice, or one of several crossings of a body that is not convex was lost.
     pub doubled: u64,
 }
 
-/// All rows, and the first wrong rays in full.
+/// Results of a leak test.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LeakReport {
-    /// One a body, offset, aim and side.
+    /// One row per body, offset, aim and side.
     pub rows: Vec<LeakRow>,
-    /// The first few in words, with all digits.
+    /// Descriptions of the first wrong rays, with all digits.
     pub first: Vec<String>,
 }
 
-/// Asks all that `plan` says; `progress` hears how many rays of it are answered.
+/// Runs a leak test. `progress` receives the number of rays traced so far.
 ///
-/// Needs about 100 bytes a ray of one batch, of which there are at most `2^20`.
+/// Requires about 100 bytes per ray of a batch, which has at most `2^20` rays.
+///
+/// # Errors
+/// The subject failed.
 pub fn run(
     subject: &mut dyn Backend,
     plan: &LeakPlan,
@@ -81,7 +85,7 @@ pub fn run(
     run_over(subject, plan, BODIES, progress)
 }
 
-/// Likewise, with these bodies. Each at each offset gets as many rays as the next.
+/// Runs a leak test on `bodies`. Each body at each offset gets the same number of rays, up to one.
 pub(crate) fn run_over(
     subject: &mut dyn Backend,
     plan: &LeakPlan,
@@ -108,7 +112,7 @@ pub(crate) fn run_over(
     Ok(found)
 }
 
-/// A row a sort, with nothing counted.
+/// Returns an empty row for each kind of ray.
 fn rows(body: &Body, offset: f32) -> [LeakRow; SORTS.len()] {
     SORTS.map(|(aim, inside)| LeakRow {
         body: body.name,
@@ -123,7 +127,7 @@ fn rows(body: &Body, offset: f32) -> [LeakRow; SORTS.len()] {
     })
 }
 
-/// A body, turned in every second batch, with so many rays at it.
+/// Returns a body, which is rotated in half of the batches, and `rays` rays at it.
 fn batch((body, offset): (&Body, f32), rays: u64, seed: u64) -> (Placed<'_>, Vec<Ray>) {
     let rng = &mut Rng::with_seed(seed);
     let is_turned = rng.bool();
@@ -136,7 +140,7 @@ fn batch((body, offset): (&Body, f32), rays: u64, seed: u64) -> (Placed<'_>, Vec
     (placed, rays)
 }
 
-/// Traces a batch, and adds what came of it to the rows that begin at `begin`.
+/// Traces a batch, and adds its results to the rows from `begin`.
 fn fire(
     subject: &mut dyn Backend,
     method: Method,
@@ -148,7 +152,7 @@ fn fire(
     open(subject, &body, 0.0, method)?;
     stand(subject, &body, 0.0)?;
     let (hits, _) = ask(subject, Rays::List(rays), QueryKind::Closest)?;
-    // Triangles of `exact` are closed: a ray through an edge crosses both, so that parity says nothing.
+    // Triangles of `exact` include their edges. A ray through an edge crosses both triangles, so parity means nothing.
     let crossings = match method.intersector {
         Intersector::Exact => Vec::new(),
         _ => {
@@ -165,7 +169,7 @@ fn fire(
     Ok(())
 }
 
-/// Adds one ray's answer to its row; says what is wrong with it.
+/// Adds the result of one ray to its row. Returns a description if the result is wrong.
 fn judge(row: &mut LeakRow, hit: &Hit, crossings: Option<&u32>) -> Option<String> {
     row.rays += 1;
     let leaks = row.inside && !hit.is_hit();
@@ -184,7 +188,7 @@ fn judge(row: &mut LeakRow, hit: &Hit, crossings: Option<&u32>) -> Option<String
     what
 }
 
-/// A wrong ray, in digits that read back to the same bits.
+/// Describes a wrong ray, with enough digits to restore the same bits.
 fn described(row: &LeakRow, ray: &Ray, what: &str) -> String {
     let side = if row.inside { "inside" } else { "outside" };
     let (body, offset, aim, ray) = (row.body, row.offset, row.aim, ray_text(ray));
@@ -222,7 +226,7 @@ mod tests {
             ..BODIES[0]
         };
         let found = ask(&[torn], 60_000);
-        // At a vertex, ties always fall to the same side, where there may be no hole.
+        // Hits at a vertex always resolve to the same side, where there may be no hole.
         let aimed = |r: &&LeakRow| r.inside && r.aim != Aim::Vertex;
         for row in found.rows.iter().filter(aimed) {
             assert!(row.leaks > 0, "{row:?}");

@@ -1,10 +1,10 @@
-//! Properties ("laws") that every backend keeps, written once and knowing none by name.
+//! Properties that every backend must have, written once and independent of any particular backend.
 //!
-//! A [`Law`] takes a subject, a reference and a [`Case`] that a seed made; it fails with the first
-//! disagreement. The test suite crosses [`LAWS`] (or [`OWN_TREE_LAWS`], for backends whose drivers decide what a
-//! ray hits) with the backends by data, and so does `abvh conform` on the user's own machine.
-//! [`leaks`] aims many more rays at closed bodies than a law can. [`stress`] counts wrong answers where
-//! arithmetic is hardest, against [`oracle`], which shares no code with any backend.
+//! A [`Law`] is one property. It takes a subject, a reference and a [`Case`] generated from a seed, and fails with the
+//! first disagreement. The test suite runs [`LAWS`] on every backend, and so does `abvh conform` on the user's machine.
+//! Backends whose drivers determine hits are tested with [`OWN_TREE_LAWS`] instead. [`leaks`] traces many more rays at
+//! closed bodies than a property can. [`stress`] counts wrong answers where arithmetic is hardest, against [`oracle`],
+//! which shares no code with any backend.
 
 mod compare;
 mod crossings;
@@ -29,28 +29,28 @@ use backend::{Backend, Method};
 use laws::Check;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What a law found: which case, and how subject and reference disagree.
+/// A case in which a property fails, with a description of the disagreement between subject and reference.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("law {law}, seed {seed}, case {case}: {what}; the case is {about}")]
 pub struct Disagreement {
-    /// The law's name.
+    /// Name of the property.
     pub law: &'static str,
-    /// The seed of the whole run.
+    /// Seed of the whole run.
     pub seed: u64,
-    /// The number of the case.
+    /// Number of the case.
     pub case: u32,
-    /// What was seen and what was expected.
+    /// The observed result and the expected one.
     pub what: String,
-    /// What the case is made of.
+    /// Description of the case.
     pub about: String,
-    /// Cases that held before.
+    /// Number of cases that passed before.
     pub held: u32,
 }
 
-/// Holds `subject` to one law over these cases of `seed`, by each method that the law asks for; returns how many held.
-/// A backend that panics disagrees.
+/// Tests a property of `subject` on these cases of `seed`, with every method that the property requires.
 ///
-/// Case `i` of a seed is the same in every run, on every machine and whatever other cases are tried.
+/// Returns the number of cases that passed. A panic of the backend counts as a disagreement. Case `i` of a seed is the
+/// same in every run and on every machine, whichever other cases are tested.
 ///
 /// # Errors
 /// The first disagreement.
@@ -64,7 +64,7 @@ pub fn hold(
     let mut held = 0;
     for number in cases {
         let case = nth_case(seed, number);
-        // It has another case loaded.
+        // Resets the reference, which has another case loaded.
         reference.backend();
         let found = by_each_method(law, &case, subject, reference);
         found.map_err(|what| Disagreement {

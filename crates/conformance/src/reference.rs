@@ -1,4 +1,4 @@
-//! What the reference answers.
+//! Results of the reference backend.
 
 use crate::Case;
 use crate::stage::{ask, open, stand};
@@ -7,7 +7,7 @@ use bvh_layout::Topology;
 use geom::Aabb;
 use std::sync::Arc;
 
-/// What a backend shows of a case at one moment.
+/// Results of a backend for a case at one time.
 #[derive(Debug, Default)]
 pub(crate) struct Answer {
     pub(crate) hits: Hits,
@@ -16,7 +16,7 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    /// The closest hits of the case's own rays, and the boxes, after all that was recorded.
+    /// Returns the closest hits of the case's rays, and the boxes, after all recorded commands.
     pub(crate) fn of(backend: &mut dyn Backend, case: &Case) -> Result<Self> {
         let (hits, report) = ask(backend, Rays::List(&case.rays), QueryKind::Closest)?;
         let boxes = backend.inspect().boxes()?;
@@ -28,15 +28,15 @@ impl Answer {
     }
 }
 
-/// The backend that others are compared with.
+/// The backend with which others are compared.
 pub struct Reference {
     backend: Box<dyn Backend>,
-    /// By which method the case at hand is loaded, if it is.
+    /// Method with which the current case is loaded, or `None` if it is not loaded.
     loaded: Option<Method>,
 }
 
 impl Reference {
-    /// A reference that has answered nothing yet.
+    /// Creates a reference with no case loaded.
     pub fn new(backend: Box<dyn Backend>) -> Self {
         Self {
             backend,
@@ -44,15 +44,16 @@ impl Reference {
         }
     }
 
-    /// What `rays` find at `time`, by the answers of `method`. Without a query: the boxes of the tree built at the
-    /// case's first moment, and counts of triangles.
+    /// Returns the results of a query at `time`, by the intersector of `method`.
+    ///
+    /// Without a query, returns the boxes of the tree built at the case's first time, and the counts of triangles.
     pub(crate) fn answer(
         &mut self,
         case: &Case,
         (method, time): (Method, f64),
         query: Option<(Rays<'_>, QueryKind)>,
     ) -> Result<Answer> {
-        // The layout changes no answer.
+        // The layout changes no result.
         let layout = Layout::Bvh2;
         let method = Method { layout, ..method };
         let backend = self.backend.as_mut();
@@ -72,7 +73,7 @@ impl Reference {
         Ok(answer)
     }
 
-    /// The closest hits of the case's own rays at `time`, and the boxes, by the usual method with this tree.
+    /// Returns the closest hits of the case's rays at `time`, and the boxes, with the default method and this tree.
     pub(crate) fn by_tree(&mut self, case: &Case, tree: &Topology, time: f64) -> Result<Answer> {
         let backend = self.backend();
         backend.load(Arc::clone(&case.animation), Method::default())?;
@@ -81,7 +82,7 @@ impl Reference {
         Answer::of(backend, case)
     }
 
-    /// The backend itself, for other cases, scenes and trees.
+    /// Returns the backend, for other cases, scenes and trees.
     pub(crate) fn backend(&mut self) -> &mut dyn Backend {
         self.loaded = None;
         self.backend.as_mut()

@@ -1,9 +1,10 @@
-//! Whether an answer lies within rounding of the exact one: for backends that leave what a ray hits to a driver.
+//! Checks whether a result is within rounding of the exact one, for backends whose driver determines hits.
 //!
-//! The Vulkan specification (chapter *Ray Traversal*) leaves the precision of a driver's intersections open. It demands but that
-//! they be those of single-precision arithmetic on the given numbers, and that shared edges let no ray through. So a ray may
-//! pass up to [`ULPS`] units in the last place of the largest coordinate at hand beside where it should. Everything that such
-//! a shift explains is allowed, nothing else. All here is in double precision, whose own rounding is beneath notice.
+//! The Vulkan specification (chapter *Ray Traversal*) leaves the precision of a driver's intersections open. It
+//! requires only that they use single-precision arithmetic on the given numbers, and that rays cannot pass through
+//! shared edges. So a ray may be shifted by up to [`ULPS`] units in the last place of the largest coordinate involved.
+//! Every result that such a shift explains is accepted, and no other. This module computes in double precision, whose
+//! own rounding is negligible.
 
 mod itself;
 
@@ -12,37 +13,39 @@ use geom::{Animation, Hit, Point, Ray, is_active};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
-/// Units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the shift to the ray's
-/// origin, the shear and the edge functions are about 16 roundings; twice that.
+/// Maximum shift in units in the last place (`2^-24` of the largest coordinate). The transform by an instance, the
+/// shift to the ray's origin, the shear and the edge functions are about 16 roundings. This is twice that.
 const ULPS: f64 = 32.0;
 
-/// Sizes between which products of three coordinates neither overflow nor vanish in single precision.
+/// Range of sizes in which products of three coordinates neither overflow nor underflow in single precision.
 const TAME: [f64; 2] = [1e-9, 1e9];
 
-/// The triangles of a scene as they stand at a time.
+/// The triangles of a scene at one time.
 pub(crate) struct Verifier {
-    /// Active ones, by their indices.
+    /// Active triangles, by index.
     triangles: BTreeMap<u32, [DVec3; 3]>,
-    /// The largest coordinate of all.
+    /// Largest coordinate of all triangles.
     size: f64,
-    /// The longest edges of the boxes of the first key frame and of all: a backend offsets shadow rays by one between them.
+    /// Longest box edge of the first key frame and of all key frames. Backends offset shadow rays by a length between
+    /// the two.
     extents: [f64; 2],
-    /// From the scene's units to scaled ones.
+    /// Factor from scene units to scaled units.
     scale: f64,
 }
 
-/// A ray, in double precision.
+/// A ray in double precision.
 struct Line {
     origin: DVec3,
     direction: DVec3,
     t_min: f64,
     t_max: f64,
-    /// How far it may pass from where it should.
+    /// Maximum distance by which the ray may be shifted.
     margin: f64,
 }
 
-/// What a ray does with a triangle that it does not surely miss: at about which `t`, how far off that may be, and whether
-/// it surely hits.
+/// Intersection of a ray with a triangle that it does not certainly miss.
+///
+/// Contains the approximate `t`, its maximum error, and whether the triangle is certainly hit.
 struct Meeting {
     t: f64,
     slack: f64,
@@ -64,7 +67,8 @@ impl Verifier {
         }
     }
 
-    /// Whether single precision can be asked about the ray (see [`TAME`]), and a driver too: none looks behind a ray's origin.
+    /// Returns whether results for the ray are determined in single precision (see [`TAME`]) and defined for drivers,
+    /// which ignore hits behind a ray's origin.
     pub(crate) fn admits(&self, ray: &Ray) -> bool {
         let tame = |x: f64| (TAME[0]..=TAME[1]).contains(&x);
         let size = self.size.max(largest(wide(ray.origin)));
@@ -82,7 +86,7 @@ impl Verifier {
         }
     }
 
-    /// Why `hit` cannot be the closest of the ray; `None` if it may.
+    /// Returns why `hit` cannot be the closest hit of the ray, or `None` if it may be.
     pub(crate) fn refutes(&self, ray: &Ray, hit: &Hit) -> Option<String> {
         let line = self.line(ray);
         if hit.is_hit()
@@ -98,7 +102,7 @@ impl Verifier {
         })
     }
 
-    /// Likewise, for what is said of the triangle that is said to be hit.
+    /// Returns why the reported triangle cannot be hit with the reported `t`, `u` and `v`, or `None` if it may be.
     fn refutes_hit(&self, line: &Line, hit: &Hit) -> Option<String> {
         let i = hit.triangle;
         let Some(corners) = self.triangles.get(&i) else {
@@ -119,13 +123,16 @@ impl Verifier {
         is_far.then(|| format!("u and v are off by {off:e}, more than {allowed:e}"))
     }
 
-    /// Why a ray cannot be `blocked`, or cannot be free; `None` if it may.
+    /// Returns why a ray cannot be `blocked`, or cannot be unblocked, or `None` if it may be.
     pub(crate) fn refutes_any(&self, ray: &Ray, blocked: bool) -> Option<String> {
         self.refutes_line(&self.line(ray), blocked, None)
     }
 
-    /// Likewise for the way from a hit to a light, without the triangle that was hit, which leaves the surface as
-    /// `docs/design/hits.md` says under "Shadow rays". A driver is asked of that triangle too: see [`itself`].
+    /// Returns why the shadow ray from a hit to a light cannot be `blocked`, or cannot be unblocked, or `None` if it
+    /// may be.
+    ///
+    /// Ignores the triangle that was hit, whose surface the shadow ray leaves as defined in `docs/design/hits.md`,
+    /// "Shadow rays". A driver also tests that triangle: see [`itself`].
     pub(crate) fn refutes_shadow(
         &self,
         ray: &Ray,
@@ -140,7 +147,8 @@ impl Verifier {
         let (origin, light) = (point_at(corners, hit), wide(light));
         let reach = self.size.max(largest(light));
         let margin = ULPS * ulp(reach);
-        // On a way no longer than rounding nothing is sure, nor where a tiny triangle's weights are no numbers.
+        // Nothing is certain if the shadow ray is not longer than rounding errors, or if the weights of a tiny triangle
+        // are NaN.
         let length = (light - origin).length();
         if length.is_nan() || length <= margin {
             return None;
@@ -175,7 +183,7 @@ impl Verifier {
 }
 
 impl Line {
-    /// `None` if it misses the triangle by more than the margin.
+    /// Returns `None` if the line misses the triangle by more than the margin.
     fn meets(&self, corners: &[DVec3; 3]) -> Option<Meeting> {
         let from_origin = corners.map(|p| p - self.origin);
         let (inside, height) = self.inside(from_origin);
@@ -186,8 +194,10 @@ impl Line {
         (inside >= -self.margin && !off).then_some(Meeting { t, slack, surely })
     }
 
-    /// Where along the line the triangle is, and how far off that may be told: the depths of the corners are as far off as the
-    /// margin, and mixed by weights that are off the more, the narrower the triangle looks from there.
+    /// Returns `t` of the triangle along the line, and its maximum error.
+    ///
+    /// The depths of the corners have an error of at most the margin. They are interpolated by weights, whose error
+    /// grows as the triangle appears narrower.
     fn about(&self, corners: [DVec3; 3], height: f64) -> (f64, f64) {
         let square = self.direction.length_squared();
         let depths = corners.map(|p| p.dot(self.direction) / square);
@@ -200,7 +210,7 @@ impl Line {
         (t.clamp(low, high), slack)
     }
 
-    /// How far off the weights of a triangle's corners may be, which looks so high at its narrowest.
+    /// Returns the maximum error of the weights of a triangle that is `height` high in projection.
     fn blur(&self, height: f64) -> f64 {
         match height > 0.0 {
             true => (4.0 * self.margin / height).min(1.0),
@@ -208,8 +218,9 @@ impl Line {
         }
     }
 
-    /// How far inside the triangle the line passes (negative: how far outside), and how high the triangle looks from there at
-    /// its narrowest.
+    /// Returns the distance by which the line passes inside the triangle, which is negative outside, and a height.
+    ///
+    /// The height is the least height of the triangle in projection along the line.
     fn inside(&self, corners: [DVec3; 3]) -> (f64, f64) {
         let (x, y) = self.direction.normalize().any_orthonormal_pair();
         let [a, b, c] = corners.map(|p| DVec2::new(p.dot(x), p.dot(y)));
@@ -226,19 +237,19 @@ impl Line {
     }
 }
 
-/// From a point to a closed triangle.
+/// Returns the distance from a point to a closed triangle.
 fn distance_to_triangle(p: DVec3, corners: &[DVec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|q| q - p);
     let normal = (b - a).cross(c - a);
     let edges = [[a, b], [b, c], [c, a]];
-    // Whether the point lies above the inside, seen from either side of the plane.
+    // True if the point projects to the interior, from either side of the plane.
     if edges.iter().all(|[q, r]| q.cross(*r).dot(normal) > 0.0) {
         return a.dot(normal.normalize()).abs();
     }
     least(edges.map(|[q, r]| to_segment(q, r)))
 }
 
-/// From the origin to a segment.
+/// Returns the distance from the origin to a segment.
 fn to_segment(p: DVec3, q: DVec3) -> f64 {
     let way = q - p;
     let square = way.length_squared();
@@ -257,7 +268,6 @@ fn longest_edge([a, b, c]: &[DVec3; 3]) -> f64 {
     most([b - a, c - b, a - c].map(DVec3::length))
 }
 
-/// Of numbers; likewise below.
 fn least(all: [f64; 3]) -> f64 {
     all.into_iter().fold(f64::INFINITY, f64::min)
 }
@@ -270,7 +280,7 @@ fn wide(p: Point) -> DVec3 {
     DVec3::from(p.map(f64::from))
 }
 
-/// The largest coordinate.
+/// Returns the largest `|coordinate|`.
 fn largest(p: DVec3) -> f64 {
     p.abs().max_element()
 }

@@ -1,4 +1,4 @@
-//! The few steps of which every question to a backend is made.
+//! Steps from which all queries to a backend are composed.
 
 use anyhow::bail;
 use backend::{
@@ -11,34 +11,34 @@ use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Of all scenes here.
+/// All scenes here hold their key frames in memory.
 const HELD: &str = "key frames are held";
 
-/// How long a copy of positions may take, its submission being done.
+/// Time limit for a copy of positions after its submission is done.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
-/// The vertices at a time, by the one formula there is.
+/// Returns the vertices at a time, by the blend formula of `geom`.
 pub fn vertices(animation: &Animation, time: f64) -> Vec<Point> {
     let moment = animation.at(time).expect(HELD);
     let all = 0..animation.vertex_count() as u32;
     all.map(|v| moment.vertex(v)).collect()
 }
 
-/// The triangles at a time.
+/// Returns the triangles at a time.
 pub fn triangles(animation: &Animation, time: f64) -> Vec<Triangle> {
     let moment = animation.at(time).expect(HELD);
     let all = 0..animation.triangle_count() as u32;
     all.map(|t| moment.corners(t)).collect()
 }
 
-/// Whether a ray from `origin` is answered in exact arithmetic at a time, whatever the backend: see [`geom::Range`].
+/// Returns whether every backend must test a ray from `origin` in exact arithmetic at a time: see [`geom::Range`].
 pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> bool {
     let unit = f64::from(-animation.scale_exponent()).exp2();
     let scaled = origin.map(|x| (f64::from(x) * unit) as f32);
     animation.range(animation.pose(time)).is_extreme(scaled)
 }
 
-/// A tree over these vertices, with lists of what moves where they pay.
+/// Builds a tree over these vertices, with lists of moving elements if they are worthwhile.
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
     let built = Builder::default().build(&(animation, vertices), &Cancel::new(), &mut tree);
@@ -47,12 +47,12 @@ pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     record.with_moving(animation.static_parts())
 }
 
-/// Likewise, for the scene as it stands at `time`.
+/// Builds a tree over the scene at `time`, with lists of moving elements if they are worthwhile.
 pub fn tree_at(animation: &Animation, time: f64) -> Topology {
     tree_over(animation, &vertices(animation, time))
 }
 
-/// Loads the scene and adopts a first tree, built at `time`, unless the backend makes its own.
+/// Loads the scene and adopts a first tree, built at `time`, unless the backend makes its own trees.
 pub(crate) fn open(
     backend: &mut dyn Backend,
     animation: &Arc<Animation>,
@@ -66,10 +66,10 @@ pub(crate) fn open(
     }
 }
 
-/// Records everything up to the boxes at `time`; a backend that makes its own trees makes one.
+/// Records everything up to the boxes at `time`. A backend that makes its own trees makes one.
 ///
 /// # Errors
-/// The backend failed; likewise below.
+/// The backend failed.
 pub fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) -> Result<()> {
     backend.interpolate(animation.pose(time))?;
     if backend.makes_own_trees() {
@@ -84,19 +84,25 @@ pub(crate) fn boxes_anew(backend: &mut dyn Backend) -> Result<()> {
     backend.refit()
 }
 
-/// Records a trace and starts it.
+/// Records a trace and submits it.
+///
+/// # Errors
+/// The backend failed.
 pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Ticket> {
     backend.trace(Query { rays, kind })?;
     backend.submit()
 }
 
-/// Fetches what a trace found, and what the backend reports of it.
+/// Waits for a trace and returns its hits and report.
 pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<(Hits, FrameReport)> {
     let report = backend.wait(ticket)?;
     Ok((backend.hits(ticket)?.clone(), report))
 }
 
-/// Traces and fetches.
+/// Traces rays, and waits for their hits and report.
+///
+/// # Errors
+/// The backend failed.
 pub fn ask(
     backend: &mut dyn Backend,
     rays: Rays<'_>,
@@ -106,10 +112,10 @@ pub fn ask(
     fetch(backend, ticket)
 }
 
-/// Waits for the oldest positions that were requested.
+/// Waits for the oldest requested positions.
 ///
 /// # Errors
-/// As above, or they do not come.
+/// The backend failed, or no positions arrived in time.
 pub fn next_positions(backend: &mut dyn Backend) -> anyhow::Result<(Ticket, Snapshot)> {
     let begun = Instant::now();
     while begun.elapsed() < TIME_LIMIT {

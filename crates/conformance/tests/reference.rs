@@ -1,6 +1,6 @@
-//! What the reference owes its caller: no other backend can be its measure. And that misuse panics.
+//! Tests of the reference backend itself, which cannot be compared with another backend, and of panics on misuse.
 //!
-//! What rays hit is held to exact answers: see `tests/tests/hits`.
+//! `tests/tests/hits` compares hits with exact answers.
 
 use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays, Ticket};
 use bvh_layout::Topology;
@@ -12,7 +12,7 @@ use geom::{Aabb, Animation, Point, Ray};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Key frames of free triangles, of which the first `moving` move through three.
+/// Returns three key frames of `all` separate triangles. The first `moving` triangles move.
 fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
     let mut rng = Rng::with_seed(5);
     let mut point = || -> Point { std::array::from_fn(|_| 1.0 + 99.0 * rng.f32()) };
@@ -20,7 +20,7 @@ fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
     for triangle in 0..all {
         let (corner, way) = (point(), point());
         for (k, key) in keys.iter_mut().enumerate() {
-            // What moves stands close together, so that siblings move.
+            // Moving triangles are close together, so that siblings in the tree move.
             let (by, corner) = match triangle < moving {
                 true => (k as f32, corner.map(|x| 0.05 * x)),
                 false => (0.0, corner),
@@ -32,13 +32,14 @@ fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
     keys
 }
 
-/// Triangles that share no vertex.
+/// Creates an animation of triangles that share no vertex.
 fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
     let triangles = (0..keys[0].len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
     Arc::new(Animation::new(keys, triangles.collect()).unwrap())
 }
 
-/// Free triangles; one that comes late, one that shrinks to nothing, one that never is.
+/// Returns separate triangles: many that always move, one that appears late, one that shrinks to nothing, and one that
+/// is never active.
 fn moving() -> Arc<Animation> {
     let mut keys = free(600, 600);
     let corner = [[0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 2.0, 1.0]];
@@ -49,7 +50,7 @@ fn moving() -> Arc<Animation> {
     apart(keys)
 }
 
-/// A tree that knows nothing of where triangles are: many overlaps, every depth.
+/// Returns a tree that ignores the positions of triangles, with many overlaps and leaves at every depth.
 fn senseless_tree(animation: &Animation) -> Topology {
     let mut rng = Rng::with_seed(6);
     let all = 0..animation.triangle_count() as u32;
@@ -62,7 +63,7 @@ fn senseless_tree(animation: &Animation) -> Topology {
     record(animation.triangle_count(), &leaves, uneven)
 }
 
-/// A backend that has interpolated, preprocessed and refitted.
+/// Returns a backend that has interpolated, preprocessed and refitted.
 fn ready(
     animation: &Arc<Animation>,
     intersector: Intersector,
@@ -85,13 +86,13 @@ fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Hits {
         .0
 }
 
-/// Rays from a point to every vertex of the first key frame.
+/// Returns rays from a point to every vertex of the first key frame.
 fn to_vertices(animation: &Animation, eye: Point) -> Vec<Ray> {
     let to = |v: &Point| Ray::new(eye, std::array::from_fn(|i| v[i] - eye[i]));
     animation.first().iter().map(to).collect()
 }
 
-/// The box of each node, from its own triangles.
+/// Computes the box of each node from its own triangles.
 fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<Aabb> {
     let all = triangles(animation, time);
     let mut boxes = vec![Aabb::EMPTY; tree.node_count()];

@@ -1,5 +1,5 @@
-//! [`Backend`] on the host: work runs in a pool of the backend's own when it is submitted, so `wait` never blocks; where
-//! a list of rays is to be traced, before that call returns, so that no copy of the list is kept.
+//! [`Backend`] on the host. Work runs in the backend's own thread pool when it is submitted, so `wait` never blocks.
+//! A list of rays is traced before the call that records it returns, so the list is not copied.
 
 use crate::Accelerator;
 use crate::bvh2::Bvh2;
@@ -21,7 +21,7 @@ use std::time::Instant;
 /// The backend's name on the command line.
 const NAME: &str = "cpu";
 
-/// Makes the tree that a layout is traced by.
+/// Creates the tree through which a layout is traced.
 type NewTree = Box<dyn Fn(Layout) -> Box<dyn Accelerator> + Send + Sync>;
 
 /// Interpolates, preprocesses, refits and traces on the host.
@@ -29,31 +29,31 @@ pub struct CpuBackend {
     device: Device,
     pool: ThreadPool,
     new_tree: NewTree,
-    /// How the scene's trees lie in memory.
+    /// Memory layout of the scene's trees.
     layout: Layout,
     scene: Option<SceneState>,
     generation: Option<Generation>,
-    /// How far what was recorded brings the scene.
+    /// State of the scene after all recorded commands.
     state: State,
-    /// Recorded since the last submission, and not carried out yet.
+    /// Commands recorded since the last submission and not executed yet.
     commands: Vec<Command>,
-    /// Whether a trace was recorded since then.
+    /// Set if a trace was recorded since the last submission.
     has_trace: bool,
-    /// From the oldest that is kept to the newest.
+    /// Retained submissions, oldest first.
     submissions: VecDeque<Submission>,
-    /// The one being recorded.
+    /// The submission that is being recorded.
     next: Submission,
-    /// Memory of earlier traces, for later ones.
+    /// Memory of earlier traces, for reuse.
     spares: HitsPool,
     submitted: u64,
-    /// See [`Backend::keep`].
+    /// Number of traces to retain, see [`Backend::keep`].
     kept: usize,
     copies: Copies,
-    /// Where the device's clock begins.
+    /// Start of the device's clock.
     epoch: Instant,
 }
 
-/// What stands at the moment recorded last.
+/// The most advanced data that are current after the last recorded command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum State {
     Nothing,
@@ -63,15 +63,15 @@ enum State {
 }
 
 impl CpuBackend {
-    /// The reference: a backend with a pool of `threads` threads, or of one a core.
+    /// Creates the reference backend, with a pool of `threads` threads, by default one per core.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] for no threads, [`BackendError::NoDevice`] if they cannot be started.
+    /// [`BackendError::Unsupported`] for 0 threads, [`BackendError::NoDevice`] if the threads cannot be started.
     pub fn new(threads: Option<usize>) -> Result<Self> {
         Self::with_trees(threads, |_| Box::new(Bvh2::default()))
     }
 
-    /// Likewise, where `new_tree` makes the tree that a layout is traced by.
+    /// Creates a backend as [`CpuBackend::new`] does, with trees from `new_tree`.
     ///
     /// # Errors
     /// See [`CpuBackend::new`].
@@ -119,7 +119,7 @@ impl CpuBackend {
         assert!(self.state >= state, "{why} comes first");
     }
 
-    /// Carries out what was recorded and not done yet, a trace of a list with `rays`.
+    /// Executes the recorded commands. A trace of a list reads `rays`.
     fn carry_out(&mut self, rays: &[Ray]) -> Result<()> {
         let start = Instant::now();
         let (next, scene) = (&mut self.next, loaded(&mut self.scene));
@@ -133,7 +133,7 @@ impl CpuBackend {
             all.try_for_each(|command| next.carry_out(command, rays, scene, copies))
         });
         if done.is_err() {
-            // Nothing is up to date, and nothing is left of the submission.
+            // Nothing is current any more, and the submission is dropped.
             (self.state, self.has_trace) = (State::Nothing, false);
             next.ticket = None;
             return done;
@@ -147,7 +147,7 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Forgets submissions after which enough others came.
+    /// Drops submissions that later ones have displaced.
     fn forget_the_old(&mut self) {
         let mut further = self.submissions.len();
         let mut traced = self.submissions.iter().filter(|s| s.is_traced).count();
@@ -221,7 +221,8 @@ impl Backend for CpuBackend {
             self.generation
         );
         let scene = loaded(&mut self.scene);
-        run_in(&self.pool, || scene.adopt(tree, generation))?;
+        let current = self.generation;
+        run_in(&self.pool, || scene.adopt(tree, generation, current))?;
         self.generation = Some(generation);
         self.state = self.state.min(State::Positions);
         Ok(())
@@ -238,6 +239,27 @@ impl Backend for CpuBackend {
             self.commands.push(Command::Evaluate);
         }
         Ok(is_loaded)
+    }
+
+    fn evaluate_retained(&mut self) -> Result<bool> {
+        self.require(State::Positions, "evaluate reads positions: interpolate");
+        let has_retained = loaded(&mut self.scene).has_retained();
+        if has_retained {
+            self.commands.push(Command::Evaluate);
+        }
+        Ok(has_retained)
+    }
+
+    fn adopt_retained(&mut self) -> Result<()> {
+        assert!(
+            self.commands.is_empty() && self.next.ticket.is_none(),
+            "a tree is adopted between submissions: submit what was recorded for the one before"
+        );
+        let current = self.generation.unwrap_or_default();
+        let retained = loaded(&mut self.scene).adopt_retained(current)?;
+        self.generation = Some(retained);
+        self.state = self.state.min(State::Positions);
+        Ok(())
     }
 
     fn wants_blocks(&self) -> bool {
@@ -317,7 +339,7 @@ impl Backend for CpuBackend {
         let mut done = std::mem::take(&mut self.next);
         done.is_traced = std::mem::take(&mut self.has_trace);
         if !done.is_traced {
-            // A trace that was refused left its memory.
+            // A trace that was refused has left its buffers.
             self.spares.put(std::mem::take(&mut done.hits));
         }
         self.submissions.push_back(done);

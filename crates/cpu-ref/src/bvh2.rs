@@ -13,17 +13,17 @@ use glam::Vec3A;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Two siblings: boxes and links of both, one cache line.
+/// The boxes and links of two siblings, in one cache line.
 ///
-/// Node `i` of the record lies in slot `i + 1`: pair `slot / 2`, lane `slot % 2`.
-/// So the children of the `k`-th inner node are pair `k + 1`, and pair 0 holds
-/// the root in lane 1, beside an empty box that no ray meets.
+/// Node `i` of the topology is in slot `i + 1`: pair `slot / 2`, lane `slot % 2`.
+/// So the children of the `k`-th inner node are pair `k + 1`. Pair 0 holds
+/// an empty box, which no ray meets, and the root in lane 1.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Pair {
     /// For each axis: lower planes of lanes 0 and 1, then upper planes.
     pub(crate) planes: [[f32; 4]; 3],
-    /// Where each lane leads: to the pair of a node's children (of the root's own, where there is nothing), or to a leaf.
+    /// Link of each lane: to the pair of the node's children, to a leaf, or [`Link::ROOT`] for a lane without a node.
     pub(crate) links: [Link; 2],
 }
 
@@ -35,7 +35,7 @@ impl Pair {
         links: [Link::ROOT; 2],
     };
 
-    /// The box of one lane.
+    /// Returns the box of one lane.
     #[inline]
     pub(crate) fn bounds(&self, lane: usize) -> Aabb {
         Aabb {
@@ -44,7 +44,7 @@ impl Pair {
         }
     }
 
-    /// Sets the box of one lane to the one between two corners.
+    /// Sets the box of one lane from its corners.
     #[inline]
     pub(crate) fn set_bounds(&mut self, lane: usize, min: Vec3A, max: Vec3A) {
         for (axis, planes) in self.planes.iter_mut().enumerate() {
@@ -53,7 +53,7 @@ impl Pair {
         }
     }
 
-    /// Corners of the least box that holds both lanes.
+    /// Returns the corners of the smallest box that contains both lanes.
     #[inline]
     pub(crate) fn union(&self) -> [Vec3A; 2] {
         let corner = |lane: usize| Vec3A::from_array(self.planes.map(|p| p[lane]));
@@ -61,16 +61,16 @@ impl Pair {
     }
 }
 
-/// A leaf, as `preprocess` reads them.
+/// A leaf, as read by `preprocess`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Leaf {
     slot: u32,
-    /// Its triangle's vertices.
+    /// Vertices of its triangle.
     pub(crate) vertices: [u32; 3],
 }
 
 impl Leaf {
-    /// The pair that holds its box.
+    /// Returns the pair that holds its box.
     #[inline]
     pub(crate) fn pair(&self) -> usize {
         self.slot as usize / 2
@@ -85,33 +85,33 @@ impl Leaf {
 /// The tree, with the boxes and records of one moment.
 #[derive(Debug, Default)]
 pub struct Bvh2 {
-    /// Pair 0 holds the root; there is always one, once a tree was adopted.
+    /// Pair 0 holds the root. It exists once a tree was adopted.
     pub(crate) pairs: Vec<Pair>,
     /// The triangle of each leaf, by rank.
     pub(crate) triangles: Vec<u32>,
-    /// One a leaf.
+    /// The record of each leaf, by rank.
     pub(crate) records: Vec<Record>,
     leaves: Vec<Leaf>,
-    /// Pairs of each level, root first; none if the tree is empty.
+    /// Pairs of each level, root first. Empty if the tree is empty.
     levels: Vec<Range<usize>>,
-    /// The node of each leaf; kept for its memory.
+    /// The node of each leaf, retained to reuse its memory.
     leaf_nodes: Vec<u32>,
-    /// What moves; `None` where static geometry is too little to be passed over.
+    /// Moving leaves and nodes, or `None` if too little is static to be worth skipping.
     moving: Option<Moving>,
-    /// Whether every leaf was preprocessed since the tree was adopted.
+    /// Set once every leaf was preprocessed since the tree was adopted.
     leaves_done: bool,
-    /// Half areas of nodes beside which nothing moves, once every box was refitted.
+    /// Sum of the half areas of nodes in pairs without a moving node, once every box was refitted.
     still_areas: Option<f64>,
 }
 
-/// Nodes that one task links.
+/// Pairs or leaves that one task initializes.
 const RUN: usize = 1024;
 
 impl Bvh2 {
-    /// The boxes of a record's nodes at one moment, in node order and scaled units.
+    /// Returns the boxes of a tree's nodes at one moment, in node order and scaled units.
     ///
     /// # Errors
-    /// Memory does not suffice.
+    /// If memory does not suffice.
     pub fn boxes_of(tree: &Topology, geometry: &Geometry<'_>) -> Result<Vec<Aabb>> {
         let mut all = Self::default();
         all.take_over(tree, geometry.triangles)?;
@@ -120,7 +120,7 @@ impl Bvh2 {
         all.boxes(geometry)
     }
 
-    /// Takes over a record's shape, in parallel, reusing memory. Boxes are left as they are: stale.
+    /// Copies a tree's structure, in parallel, into existing memory. Boxes are not updated and so are stale.
     fn take_over(&mut self, tree: &Topology, triangles: &[[u32; 3]]) -> Result<()> {
         let leaves = tree.leaf_count();
         reserve(&mut self.pairs, leaves + 1, "nodes")?;
@@ -176,24 +176,24 @@ impl Bvh2 {
         let mut found = pass(which, leaves, LEAVES, &|which, leaves| {
             prepare_run::<T>(geometry, &which, leaves)
         });
-        // A static triangle with a leaf is active.
+        // Static triangles with a leaf are active, so only degenerate ones are added.
         found.degenerate += moving.map_or(0, |m| u64::from(m.degenerate_elsewhere));
         self.leaves_done = true;
         found
     }
 
-    /// Refits the pairs in which something moves, and returns the half areas of their nodes: those of the children
-    /// of moving inner nodes, and the root's own.
+    /// Refits the pairs with a moving node. Returns the sum of the half areas of their nodes: the root, and the
+    /// children of moving inner nodes.
     fn refit_moving(pairs: &mut [Pair], moving: &Moving) -> f64 {
         let mut total = 0.0;
         if moving.leaves().is_empty() {
             return total;
         }
-        // Pair `k + 1` is that of the children of inner node `k`.
+        // The children of inner node `k` are pair `k + 1`.
         let (_, children) = pairs.split_at_mut(1);
         for level in moving.lists[1..].iter().rev() {
             let list = &moving.words[level.clone()];
-            // Children lie on a later level, so behind every pair of this one.
+            // Children are on a later level, so after every pair of this one.
             let end = list.last().map_or(0, |&last| last as usize + 1);
             total += refit_level(children, (end, end + 1), Which::Listed(list));
         }
@@ -212,7 +212,7 @@ impl Accelerator for Bvh2 {
         match intersector {
             Intersector::MollerTrumbore => self.preprocess_for::<MollerTrumbore>(geometry),
             Intersector::Woop => self.preprocess_for::<Woop>(geometry),
-            // The exact test filters by the watertight test's numbers.
+            // The exact test filters with the watertight test's records.
             Intersector::Watertight | Intersector::Exact => {
                 self.preprocess_for::<Watertight>(geometry)
             }
@@ -248,9 +248,9 @@ impl Accelerator for Bvh2 {
     }
 }
 
-/// Leaves that one task prepares.
+/// Leaves that one task preprocesses.
 const LEAVES: usize = 1024;
-/// Leaves whose corners are fetched together: they lie scattered, and so their fetches overlap.
+/// Leaves whose corners are fetched together. The corners are scattered in memory, so this overlaps the fetches.
 const BATCH: usize = 16;
 
 /// Leaves by rank, with the pairs that hold their boxes and with their records.
@@ -272,13 +272,13 @@ impl SplitAt for Leaves<'_> {
         [half(left_pairs, left), half(right_pairs, right)]
     }
 
-    /// Both leaves of a pair are written by one task.
+    /// Returns whether two leaves share a pair, which one task must write.
     fn joins(&self, left: usize, right: usize) -> bool {
         self.leaves[left].pair() == self.leaves[right].pair()
     }
 }
 
-/// Writes a record and a box for each of these leaves: the others keep theirs.
+/// Writes a record and a box for each of these leaves. Other leaves are left unchanged.
 fn prepare_run<T: TriangleTest>(
     geometry: &Geometry<'_>,
     which: &Which<'_>,
@@ -328,8 +328,8 @@ fn prepare<T: TriangleTest>(
 /// Pairs that one task refits.
 const REFIT_RUN: usize = 2048;
 
-/// Gives every inner node of these pairs, which lie on one level, the least box round its children. Only minima and
-/// maxima: nothing rounds. What comes from place `end` on is up to date and begins with pair `first`.
+/// Sets the boxes of the inner nodes in these pairs, all on one level, to the union of their children's boxes. Only
+/// minima and maxima are used, so nothing is rounded. `pairs[end..]` starts with pair `first` and is up to date.
 ///
 /// Returns the sum of the half areas of the pairs' nodes.
 fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_>) -> f64 {
@@ -345,7 +345,7 @@ fn refit_level(pairs: &mut [Pair], (end, first): (usize, usize), which: Which<'_
     })
 }
 
-/// Adds the half areas of the pair's nodes to `sum`. `below` begins with pair `first`.
+/// Refits one pair and adds the half areas of its nodes to `sum`. `below` starts with pair `first`.
 #[inline(always)]
 fn refit_pair(pair: &mut Pair, below: &[Pair], first: usize, mut sum: f64) -> f64 {
     for lane in 0..2 {

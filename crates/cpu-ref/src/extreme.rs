@@ -1,4 +1,4 @@
-//! Rays and moments beyond what rounded tests can tell (`docs/design/hits.md`, "Extreme rays"): exact arithmetic decides.
+//! Exact arithmetic for rays and moments outside the range of rounded tests (`docs/design/hits.md`, "Extreme rays").
 //!
 //! Boxes are tested in double precision, whose range holds every product that is needed here.
 
@@ -10,16 +10,16 @@ use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_sig
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// What counts as a hit.
+/// The definition of a hit for extreme rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// Triangles are closed. The exact `t` orders hits, and its rounded value is compared with the limits: `exact`.
+    /// The rule of `exact`: triangles are closed, the exact `t` orders hits, and the limits apply to the rounded `t`.
     Closed,
-    /// The ray is moved by an infinitely small way, and `t` as rounded counts: `watertight`.
+    /// The rule of `watertight`: the ray moves by an infinitesimal offset. Order and limits apply to the rounded `t`.
     Moved,
 }
 
-/// The least `t`, then the least index; `t` and weights rounded once.
+/// Returns the hit with the least `t`, then the least index. `t` and weights are rounded once.
 #[cold]
 #[inline(never)]
 pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
@@ -75,7 +75,7 @@ impl Rule {
     }
 }
 
-/// Whether the ray meets any triangle but `skipped`.
+/// Returns whether the ray meets any triangle except `skipped`.
 #[cold]
 #[inline(never)]
 pub fn any<N: Tree>(asked: &Asked<'_, N>, rule: Rule, skipped: Option<u32>) -> bool {
@@ -93,7 +93,8 @@ fn line<N: Tree>(asked: &Asked<'_, N>) -> Option<Line> {
     asked.ray.is_valid().then(|| asked.line())
 }
 
-/// Shows every triangle in whose box the ray is before `bound`, nearer boxes first, until `see` says that it is enough.
+/// Calls `see` for each triangle whose box the ray meets before `bound`, nearer boxes first. Ends when `see` returns
+/// `true`.
 fn visit<N: Tree>(
     asked: &Asked<'_, N>,
     bound: &mut f64,
@@ -126,10 +127,10 @@ fn visit<N: Tree>(
     false
 }
 
-/// A `t` that is at most that of any point of the box on the ray, within its limits; `None` if there is none. The box is in
-/// units of `unit`.
+/// Returns a lower bound on the `t` of the ray's points in the box, within its limits, or `None` if the ray misses the
+/// box. The box is in units of `unit`.
 ///
-/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself.
+/// A quotient of a difference is rounded twice, so its relative error is below `4 * 2^-53`.
 fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
     if bounds.is_empty() {
         return None;
@@ -137,7 +138,7 @@ fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
     let (mut low, mut high) = (f64::from(ray.t_min), bound);
     for axis in 0..3 {
         let [o, d] = [ray.origin, ray.direction].map(|v| f64::from(v[axis]));
-        // A plane at zero may stand for a coordinate that counts as zero: see `Scale`.
+        // A plane at zero may represent a coordinate that was flushed to zero: see `Scale`.
         let plane = |x: f32, outward: f64| match x == 0.0 {
             true => outward * (-64.0_f64).exp2() * unit,
             false => f64::from(x) * unit,
@@ -157,17 +158,18 @@ fn entry(ray: &Ray, (bounds, unit): (&Aabb, f64), bound: f64) -> Option<f64> {
     (low <= high).then_some(low)
 }
 
-/// The ray from beside a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.
+/// Returns the shadow ray from a hit of `ray` to a light, over `t` in `(0, 2)`, in the scene's units.
 ///
-/// The hit's point is found along the ray or within the triangle, whichever rounds less, and moved to the light's
-/// side of the triangle by more than that. The direction is half the way, which cannot overflow.
+/// The hit point is computed along the ray or within the triangle, whichever has the smaller error. It is then moved to
+/// the light's side of the triangle by at least that error. The direction is half the vector to the light, which cannot
+/// overflow.
 pub fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray {
     let (point, error) = hit_point(ray, hit, corners);
     let side = match side_of(corners, light) {
         0 => side_of(corners, ray.origin),
         side => side,
     };
-    // 2^-147, four times the least number.
+    // 2^-147, four times the smallest positive number.
     let delta = error.max(f32::from_bits(4));
     let signs = normal_signs(corners);
     let origin: Point =
@@ -181,7 +183,7 @@ pub fn shadow_ray(ray: &Ray, hit: &Hit, corners: &Triangle, light: Point) -> Ray
     }
 }
 
-/// Where a ray hits, and by how much each coordinate may be off.
+/// Returns the point where a ray hits, and a bound on the error of each coordinate.
 fn hit_point(ray: &Ray, hit: &Hit, corners: &Triangle) -> (Point, f32) {
     const UNIT: f32 = 1.0 / 16_777_216.0;
     let way: Point = std::array::from_fn(|i| saturated(hit.t * ray.direction[i]));
@@ -201,7 +203,7 @@ fn largest(points: &[Point]) -> f32 {
     sizes.fold(0.0, f32::max)
 }
 
-/// The largest finite number in place of an infinite one.
+/// Replaces an infinite number by the largest finite one of its sign.
 fn saturated(x: f32) -> f32 {
     x.clamp(-f32::MAX, f32::MAX)
 }

@@ -1,14 +1,14 @@
-//! Key frames to positions.
+//! Interpolates key frames to positions.
 
 use geom::{Moment, Point, copy_in_parallel};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Vertices that one task handles.
+/// Vertices that one task interpolates.
 const RUN: usize = 1 << 14;
 
-/// Writes the vertices of these runs, in order, at a moment: the same bits as [`Moment::vertex`]. The others must
-/// stand already.
+/// Writes the vertices of these ascending runs at a moment, with the same bits as [`Moment::vertex`]. Other vertices
+/// are left unchanged.
 pub(crate) fn interpolate(moment: &Moment<'_>, (runs, positions): (&[Range<usize>], &mut [Point])) {
     let (pose, [earlier, later]) = (moment.pose(), moment.key_frames());
     let tasks = cut(runs, positions);
@@ -24,7 +24,7 @@ pub(crate) fn interpolate(moment: &Moment<'_>, (runs, positions): (&[Range<usize
     });
 }
 
-/// The runs, none longer than a task, each with its first vertex.
+/// Splits the runs into tasks of at most `RUN` vertices. Returns each task's first vertex and output.
 fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<(usize, &'a mut [Point])> {
     let mut tasks = Vec::with_capacity(runs.len());
     let mut begun = 0;
@@ -38,7 +38,7 @@ fn cut<'a>(runs: &[Range<usize>], mut rest: &'a mut [Point]) -> Vec<(usize, &'a 
     tasks
 }
 
-/// Copies positions, in parallel.
+/// Copies positions in parallel.
 pub(crate) fn copy(from: &[Point], to: &mut [Point]) {
     copy_in_parallel(to, from, RUN);
 }

@@ -1,9 +1,9 @@
-//! The reference backend: every stage on the host's cores, by rayon.
+//! The reference backend: runs every stage on the host's cores with rayon.
 //!
-//! Plain, and exact to the letter of what a hit is (`docs/design/hits.md`): other backends are held against it bit for
-//! bit. Stages are in `interpolate`, `bvh2` (preprocess and refit) and `trace`; each triangle test has a file in
-//! `intersect`. Every layout is traced as the binary tree of `bvh2`, unless the caller brings an [`Accelerator`] of its
-//! own, as `cpu-simd` does for `fast`.
+//! It is plain code that follows the definition of a hit (`docs/design/hits.md`) exactly. Tests compare other backends
+//! with it bit for bit. Stages are in `interpolate`, `bvh2` (preprocess and refit) and `trace`; each triangle test has
+//! a file in `intersect`. Every layout is traced as the binary tree of `bvh2`, unless the caller passes its own
+//! [`Accelerator`], as `cpu-simd` does for `fast`.
 
 mod backend;
 pub mod bvh2;
@@ -30,12 +30,12 @@ use std::ops::Add;
 use tiles::{Counts, Output};
 use trace::TraceTask;
 
-/// Leaves that are never hit, and why.
+/// Counts of leaves that no ray can hit, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Unhittable {
-    /// A corner is not finite.
+    /// Leaves with a corner that is not finite.
     pub inactive: u64,
-    /// Active, but of zero area.
+    /// Active leaves of zero area.
     pub degenerate: u64,
 }
 
@@ -50,33 +50,33 @@ impl Add for Unhittable {
     }
 }
 
-/// Where triangles are.
+/// The triangles of a scene at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Geometry<'a> {
-    /// One a vertex, in the scene's units.
+    /// Position of each vertex, in the scene's units.
     pub positions: &'a [Point],
-    /// Three vertices a triangle.
+    /// Three vertex indices per triangle.
     pub triangles: &'a [[u32; 3]],
-    /// To scaled units.
+    /// Conversion to scaled units.
     pub scale: Scale,
-    /// How far coordinates reach at this moment.
+    /// Range of the coordinates at this moment.
     pub range: Range,
 }
 
 impl Geometry<'_> {
-    /// A triangle's corners in the scene's units.
+    /// Returns a triangle's corners in the scene's units.
     #[inline]
     pub fn corners(&self, triangle: u32) -> Triangle {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// Whether the ray is beyond what rounded tests can tell.
+    /// Returns whether the ray is outside the range that rounded tests support.
     #[inline]
     pub fn is_extreme(&self, ray: &Ray) -> bool {
         self.range.is_extreme(self.scale.apply(ray.origin))
     }
 
-    /// A triangle's corners in scaled units.
+    /// Returns a triangle's corners in scaled units.
     #[inline]
     pub fn scaled_corners(&self, triangle: u32) -> Triangle {
         self.corners(triangle).map(|p| self.scale.apply(p))
@@ -85,39 +85,39 @@ impl Geometry<'_> {
 
 /// A tree in some layout, with the boxes and triangles of one moment. Boxes are in scaled units.
 pub trait Accelerator: Send + Sync {
-    /// Takes over a record of this scene. Boxes are left stale.
+    /// Copies the topology of a tree of this scene. Boxes are stale afterwards.
     ///
     /// # Errors
-    /// Memory does not suffice; the old tree is then still current.
+    /// If memory does not suffice. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()>;
 
-    /// Whether it reads a record's eight-wide form.
+    /// Returns whether the accelerator reads a tree's eight-wide form.
     fn wants_blocks(&self) -> bool {
         false
     }
 
-    /// Positions to records and boxes of leaves, and of inner nodes where one pass does both; counts the leaves that cannot
-    /// be hit now.
+    /// Computes the record and the box of each leaf, and the boxes of inner nodes where one pass does both. Returns the
+    /// counts of leaves that cannot be hit at this moment.
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable;
 
-    /// Boxes of leaves to those boxes of inner nodes that are left. Returns the sum of all nodes' half areas, with the same
-    /// bits for every number of threads, and the box of the whole tree.
+    /// Computes the remaining boxes of inner nodes. Returns the sum of all nodes' half areas, with the same bits for
+    /// every number of threads, and the root box.
     fn refit(&mut self) -> (f64, Aabb);
 
-    /// Answers all rays of a task.
+    /// Traces all rays of a task into `out`.
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts;
 
-    /// Boxes in the node order of the record.
+    /// Returns the boxes in the node order of the tree that was adopted.
     ///
     /// # Errors
-    /// Memory does not suffice.
+    /// If memory does not suffice.
     fn boxes(&self, geometry: &Geometry<'_>) -> Result<Vec<Aabb>>;
 }
 
-/// Makes room for `count` entries in all.
+/// Grows the capacity of `memory` to at least `count` entries.
 ///
 /// # Errors
-/// [`BackendError::OutOfMemory`], naming `what` they are.
+/// [`BackendError::OutOfMemory`], which names `what` the entries are.
 pub fn reserve<T>(memory: &mut Vec<T>, count: usize, what: &str) -> Result<()> {
     let more = count.saturating_sub(memory.len());
     let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);

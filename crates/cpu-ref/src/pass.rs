@@ -1,18 +1,18 @@
-//! Passes over many items in parallel: over all of a range, or over those of a list.
+//! Parallel passes over many items: over a range or over a list of indices.
 
 use std::ops::{Add, Index, IndexMut, Range};
 
-/// The items that a pass goes over, by their numbers.
+/// The indices of the items that a pass processes.
 #[derive(Clone)]
 pub enum Which<'a> {
-    /// All of a range.
+    /// All items of a range.
     All(Range<usize>),
-    /// Those of a rising list.
+    /// The items of an ascending list.
     Listed(&'a [u32]),
 }
 
 impl Which<'_> {
-    /// How many there are.
+    /// Returns the number of items.
     #[inline]
     pub fn count(&self) -> usize {
         match self {
@@ -21,7 +21,7 @@ impl Which<'_> {
         }
     }
 
-    /// The number of the item in some place among them.
+    /// Returns the index of the item at position `place`.
     #[inline(always)]
     pub fn at(&self, place: usize) -> usize {
         match self {
@@ -30,7 +30,7 @@ impl Which<'_> {
         }
     }
 
-    /// Cuts off those from item `number` on.
+    /// Splits off the items from index `number` on.
     #[must_use]
     pub fn split_before(self, number: usize) -> [Self; 2] {
         let place = match &self {
@@ -54,18 +54,18 @@ impl Which<'_> {
     }
 }
 
-/// What a pass writes, as it is cut for tasks that run side by side.
+/// The output of a pass, which can be split among parallel tasks.
 pub trait SplitAt: Send + Sized {
-    /// Cuts off all from item `number` on.
+    /// Splits off everything from item `number` on.
     fn split(self, number: usize) -> [Self; 2];
 
-    /// Whether two neighbouring items must stay in one part. No more than two in a row may be joined.
+    /// Returns whether two neighbouring items must stay in one part. No more than two in a row may be joined.
     fn joins(&self, _left: usize, _right: usize) -> bool {
         false
     }
 }
 
-/// A slice whose items keep their numbers where it is cut.
+/// Part of a slice, with the indices of the whole slice.
 #[derive(Debug)]
 pub struct Window<'a, T> {
     first: usize,
@@ -73,17 +73,17 @@ pub struct Window<'a, T> {
 }
 
 impl<'a, T> Window<'a, T> {
-    /// Items numbered from `first` on.
+    /// Creates a window on items numbered from `first` on.
     pub fn new(first: usize, items: &'a mut [T]) -> Self {
         Self { first, items }
     }
 
-    /// The same for a while.
+    /// Borrows the window for a shorter lifetime.
     pub fn reborrow(&mut self) -> Window<'_, T> {
         Window::new(self.first, self.items)
     }
 
-    /// Those of these numbers.
+    /// Returns the items of a range of indices.
     #[inline]
     pub fn slice(&mut self, numbers: Range<usize>) -> &mut [T] {
         &mut self.items[numbers.start - self.first..numbers.end - self.first]
@@ -113,8 +113,8 @@ impl<T> IndexMut<usize> for Window<'_, T> {
     }
 }
 
-/// Gives `task` at most `run` items at a time, in parallel, and adds up what it returns: in the same order for every
-/// number of threads.
+/// Runs `task` in parallel on at most `run` items each and sums the results, in the same order for every number of
+/// threads.
 pub fn pass<P: SplitAt, S: Add<Output = S> + Send>(
     which: Which<'_>,
     part: P,

@@ -1,56 +1,56 @@
-//! Powers of two: a scene's scale, rays in scaled units, and multiplications that round nothing.
+//! Powers of two: a scene's scale, rays in scaled units, and multiplications without rounding.
 
 use geom::{Aabb, Animation, Point, Ray};
 use glam::Vec4;
 
-/// Components of a direction below this count as zero, `2^-37`, the largest being in `[1, 2)`.
+/// Least nonzero component of a direction, `2^-37`, where the largest is in `[1, 2)`. Smaller ones are flushed to zero.
 pub const LEAST_COMPONENT: f32 = power(-37);
-/// Products, weights and distances below this count as zero, `2^-100`.
+/// Least nonzero product, weight or distance, `2^-100`. Smaller ones are flushed to zero.
 pub const LEAST: f32 = power(-100);
 
-/// Vertices are multiplied by `2^-k`, so that products of a few of them neither overflow nor vanish.
+/// The factor `2^-k` of all vertices, so that products of a few coordinates neither overflow nor vanish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scale {
     k: i32,
 }
 
 impl Scale {
-    /// Already in scaled units.
+    /// The factor 1.
     pub const ONE: Self = Self { k: 0 };
-    /// Scaled coordinates below this count as zero, `2^-64`.
+    /// Least nonzero scaled coordinate, `2^-64`. Smaller ones are flushed to zero.
     pub const LEAST: f32 = power(-64);
 
-    /// Chosen by the largest finite coordinate of all key frames.
+    /// Returns the scale for the largest finite coordinate of all key frames.
     pub fn of(animation: &Animation) -> Self {
         Self {
             k: animation.scale_exponent(),
         }
     }
 
-    /// What vertices are multiplied by, `2^-k`.
+    /// Returns the factor of vertices, `2^-k`.
     #[inline]
     pub fn factor(self) -> f32 {
         power(-self.k)
     }
 
-    /// What scaled units are multiplied by, `2^k`, unless that is close to the end of the normal range.
+    /// Returns the factor of scaled units, `2^k`, or `None` if it is close to the end of the normal range.
     #[inline]
     pub fn usual_inverse(self) -> Option<f32> {
         (self.k.abs() <= 60).then(|| power(self.k))
     }
 
-    /// The exponent `k`.
+    /// Returns the exponent `k`.
     pub fn k(self) -> i32 {
         self.k
     }
 
-    /// Scene units to scaled units. What is then below `2^-64` becomes zero.
+    /// Converts scene units to scaled units. Results below `2^-64` become zero.
     #[inline]
     pub fn apply(self, p: Point) -> Point {
         p.map(|x| without(Self::LEAST, x * self.factor()))
     }
 
-    /// Scaled units to scene units.
+    /// Converts scaled units to scene units.
     pub fn undo(self, b: Aabb) -> Aabb {
         let back = |p: Point| p.map(|x| x * power(self.k));
         Aabb {
@@ -60,32 +60,32 @@ impl Scale {
     }
 }
 
-/// A ray as every test sees it: `o' + t' * d'` in scaled units, the largest `|d'_i|` in `[1, 2)`.
+/// A ray as every test reads it: `o' + t' * d'` in scaled units, with the largest `|d'_i|` in `[1, 2)`.
 #[derive(Clone, Copy, Debug)]
 pub struct PreparedRay {
-    /// Start, `o'`.
+    /// Origin, `o'`.
     pub origin: Point,
     /// Direction, `d'`.
     pub direction: Point,
-    /// Hits lie strictly beyond, in scaled units.
+    /// Exclusive lower limit of hits, in scaled units.
     pub t_min: f32,
-    /// Hits lie strictly before, in scaled units.
+    /// Exclusive upper limit of hits, in scaled units.
     pub t_max: f32,
-    /// `t = t' * 2^this`.
+    /// Exponent `m` of the conversion `t = t' * 2^m`.
     unscale: i32,
 }
 
 /// An open interval of distances in scaled units.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Distances are beyond this.
+    /// Exclusive lower limit.
     pub after: f32,
-    /// Distances are less than this.
+    /// Exclusive upper limit.
     pub before: f32,
 }
 
 impl PreparedRay {
-    /// `None` for a ray that cannot hit anything.
+    /// Returns the prepared ray, or `None` if the ray cannot hit anything.
     #[inline]
     pub fn new(ray: &Ray, scale: Scale) -> Option<Self> {
         if !ray.is_valid() {
@@ -107,12 +107,12 @@ impl PreparedRay {
         })
     }
 
-    /// Limits on an exact `t'` within which `t`, rounded once in the ray's own units, lies strictly within the ray's
-    /// limits.
+    /// Returns limits on an exact `t'`. Between these, `t` rounded once in the ray's own units is strictly within the
+    /// ray's limits.
     ///
-    /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the limits themselves serve where
-    /// `t` is normal. Subnormal numbers have fewer digits than scaled ones. So the result excludes distances below
-    /// `2^-125` and beyond `2^127` in the ray's own units.
+    /// A float beyond `t_min` is at least the next one, and rounding is monotone. So the ray's own limits can be used
+    /// where `t` is normal. Subnormal numbers have fewer digits than scaled ones. So the result excludes distances
+    /// below `2^-125` and beyond `2^127` in the ray's own units.
     pub fn sure_limits(&self) -> Limits {
         // 2^-125 and 2^127 in the ray's own units.
         let small = ldexp(1.0, -125 - self.unscale).max(power(-99));
@@ -130,7 +130,7 @@ impl PreparedRay {
         }
     }
 
-    /// A distance in units of the given ray's direction. A zero is a positive one.
+    /// Converts a distance to units of the given ray's direction. A zero result is `+0`.
     #[inline]
     pub fn unscaled(&self, t: f32) -> f32 {
         let t = ldexp(t, self.unscale);
@@ -138,31 +138,31 @@ impl PreparedRay {
     }
 }
 
-/// `x`, or zero where `|x|` is below `least`. A zero is a positive one.
+/// Returns `x`, or `+0` where `|x|` is below `least`.
 #[inline]
 fn without(least: f32, x: f32) -> f32 {
     if x.abs() < least { 0.0 } else { x }
 }
 
-/// `x`, or zero below `2^-100`: so no device that flushes subnormal numbers can give another answer.
+/// Returns `x`, or `+0` where `|x|` is below `2^-100`. So devices that flush subnormal numbers give the same answers.
 #[inline]
 pub fn flushed(x: f32) -> f32 {
     without(LEAST, x)
 }
 
-/// [`flushed`], for four at once.
+/// Applies [`flushed`] to four numbers.
 #[inline]
 pub fn flushed4(x: Vec4) -> Vec4 {
     Vec4::select(x.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, x)
 }
 
-/// A direction times `2^-e`, which brings its largest component to `[1, 2)`.
+/// Returns a direction times `2^-e`, which brings its largest component into `[1, 2)`.
 #[inline]
 pub fn unit_direction(direction: Point, e: i32) -> Point {
     direction.map(|x| without(LEAST_COMPONENT, ldexp(x, -e)))
 }
 
-/// The exponent of a finite number that is not zero: `2^e <= |x| < 2^(e + 1)`.
+/// Returns the exponent of a finite nonzero number: `2^e <= |x| < 2^(e + 1)`.
 #[inline]
 pub fn exponent(x: f32) -> i32 {
     let bits = x.to_bits() & 0x7fff_ffff;
@@ -173,13 +173,13 @@ pub fn exponent(x: f32) -> i32 {
     }
 }
 
-/// `2^m` for `m` in `-126..=127`.
+/// Returns `2^m` for `m` in `-126..=127`.
 #[inline]
 pub const fn power(m: i32) -> f32 {
     f32::from_bits(((m + 127) as u32) << 23)
 }
 
-/// `x * 2^m`, rounded once, for `|m|` up to 400.
+/// Returns `x * 2^m`, rounded once, for `|m|` up to 400.
 #[inline]
 pub fn ldexp(x: f32, m: i32) -> f32 {
     // Neither factor nor product leaves the normal range of f64.
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(ldexp(1.0, -149), f32::from_bits(1));
         assert_eq!(ldexp(f32::INFINITY, -200), f32::INFINITY);
         assert_eq!(ldexp(0.75, 128), f32::from_bits(0x7f40_0000));
-        // Two roundings would make 2 of it.
+        // Two roundings would return `2 * f32::from_bits(1)`.
         assert_eq!(ldexp(1.5 - f32::EPSILON, -149), f32::from_bits(1));
     }
 

@@ -1,4 +1,4 @@
-//! What is current: an animation, a tree, and everything computed from them.
+//! The loaded scene: an animation, its current tree, and all data computed from them.
 
 use crate::interpolate::{copy, interpolate};
 use crate::scale::Scale;
@@ -13,26 +13,27 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// Static vertices between two runs of moving ones: fewer are written again, for a run costs more.
+/// Number of static vertices at which two runs of moving ones stay separate. Below it, one longer run is cheaper.
 const GAP: usize = 64;
 
-/// An animation with its tree and the state of one moment.
+/// An animation with its tree, at one moment.
 pub(crate) struct SceneState {
     animation: Arc<Animation>,
     intersector: Intersector,
-    /// Of the moment that was interpolated last.
+    /// Range of coordinates at the moment that was interpolated last.
     range: geom::Range,
     pub(crate) positions: Vec<Point>,
-    /// Runs of vertices that hold all that move, or all where static ones are too few to be passed over.
+    /// Runs of vertices that cover all moving ones, or one run of all vertices if too few are static to be worth
+    /// skipping.
     runs: Vec<Range<usize>>,
     pub(crate) tree: Box<dyn Accelerator>,
     /// The tree that was evaluated last.
     candidate: Option<Candidate>,
-    /// As of the last preprocess, triangles without a leaf included.
+    /// Counts from the last preprocess, including triangles without a leaf.
     pub(crate) unhittable: Unhittable,
-    /// As of the last refit.
+    /// SAH cost from the last refit.
     pub(crate) sah_cost: Option<f64>,
-    /// Rays that exact arithmetic settled and no report names yet.
+    /// Number of rays resolved in exact arithmetic that no report includes yet.
     pub(crate) settled: AtomicU64,
 }
 
@@ -40,11 +41,13 @@ pub(crate) struct SceneState {
 struct Candidate {
     generation: Generation,
     tree: Box<dyn Accelerator>,
+    /// Whether it is the tree that the current one has replaced.
+    is_retained: bool,
 }
 
 impl SceneState {
     /// # Errors
-    /// Memory does not suffice.
+    /// If memory does not suffice.
     pub(crate) fn new(
         animation: Arc<Animation>,
         intersector: Intersector,
@@ -53,7 +56,7 @@ impl SceneState {
         let (mut positions, all) = (Vec::new(), animation.vertex_count());
         reserve(&mut positions, all, "positions")?;
         positions.resize(all, [0.0; 3]);
-        // Static vertices stand from the start.
+        // Static vertices outside the runs are written only here.
         copy(animation.first(), &mut positions);
         let parts = animation.static_parts();
         let pays = StaticParts::pays(all - parts.vertex_count(), all);
@@ -77,26 +80,53 @@ impl SceneState {
     }
 
     /// # Errors
-    /// The tree is not one of this scene, or memory does not suffice.
-    pub(crate) fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
+    /// If the tree does not belong to this scene, or memory does not suffice.
+    ///
+    /// `current` is the generation of the tree that it replaces, if there is one.
+    pub(crate) fn adopt(
+        &mut self,
+        tree: &Topology,
+        generation: Generation,
+        current: Option<Generation>,
+    ) -> Result<()> {
         if let Some(candidate) = self
             .candidate
             .as_mut()
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.tree, &mut candidate.tree);
-            // The former tree must not be adopted under this number.
-            candidate.generation = Generation(0);
+            candidate.generation = current.unwrap_or(Generation(0));
+            candidate.is_retained = current.is_some();
             return Ok(());
         }
         self.check(tree)?;
         self.tree.adopt(tree, &self.animation)
     }
 
-    /// Readies a tree to be evaluated, in the memory of the last one or of `new_tree`. Returns `false` if memory does not suffice.
+    /// Returns whether the tree that the current one has replaced is still here.
+    pub(crate) fn has_retained(&self) -> bool {
+        self.candidate.as_ref().is_some_and(|c| c.is_retained)
+    }
+
+    /// Exchanges the current tree, of generation `current`, with the one that it has replaced. Returns the latter's generation.
     ///
     /// # Errors
-    /// The tree is not one of this scene.
+    /// If no tree is retained.
+    pub(crate) fn adopt_retained(&mut self, current: Generation) -> Result<Generation> {
+        match self.candidate.as_mut().filter(|c| c.is_retained) {
+            Some(retained) => {
+                std::mem::swap(&mut self.tree, &mut retained.tree);
+                Ok(std::mem::replace(&mut retained.generation, current))
+            }
+            None => Err(BackendError::WrongTree("no tree is retained".to_owned())),
+        }
+    }
+
+    /// Loads a tree for evaluation, into the last candidate or one from `new_tree`. Returns `false` if memory does not
+    /// suffice.
+    ///
+    /// # Errors
+    /// If the tree does not belong to this scene.
     pub(crate) fn load_candidate(
         &mut self,
         (tree, generation): (&Topology, Generation),
@@ -106,11 +136,13 @@ impl SceneState {
         let candidate = self.candidate.get_or_insert_with(|| Candidate {
             generation: Generation(0),
             tree: new_tree(),
+            is_retained: false,
         });
         if candidate.generation == generation {
             return Ok(true);
         }
         candidate.generation = Generation(0);
+        candidate.is_retained = false;
         match candidate.tree.adopt(tree, &self.animation) {
             Ok(()) => candidate.generation = generation,
             Err(BackendError::OutOfMemory { .. }) => return Ok(false),
@@ -119,7 +151,7 @@ impl SceneState {
         Ok(true)
     }
 
-    /// Refits the tree that was loaded last, and returns its cost.
+    /// Refits the candidate and returns its SAH cost.
     pub(crate) fn evaluate(&mut self) -> Option<f64> {
         let geometry = geometry(&self.animation, &self.positions, self.range);
         let tree = &mut self.candidate.as_mut()?.tree;
@@ -152,7 +184,7 @@ impl SceneState {
         self.unhittable.inactive += without_leaf as u64;
     }
 
-    /// Brings boxes up to date, and the tree's cost.
+    /// Updates the boxes and the tree's SAH cost.
     pub(crate) fn refit(&mut self) {
         let (total, root) = self.tree.refit();
         self.sah_cost = sah_cost(total, root.half_area());
@@ -172,7 +204,7 @@ impl SceneState {
         geometry(&self.animation, &self.positions, self.range)
     }
 
-    /// Boxes in node order, in the scene's units.
+    /// Returns the boxes in node order, in the scene's units.
     pub(crate) fn boxes(&self) -> Result<Vec<Aabb>> {
         let geometry = self.geometry();
         let (boxes, scale) = (self.tree.boxes(&geometry)?, geometry.scale);

@@ -1,25 +1,26 @@
-//! The ray from a hit to a light.
+//! The shadow ray from a hit to a light.
 
 use crate::Geometry;
 use crate::scale::{Scale, flushed};
 use geom::{Aabb, Hit, Point, Ray, Triangle};
 
-/// One unit in the last place of numbers in `[1, 2)`, halved.
+/// Half a unit in the last place of numbers in `[1, 2)`.
 pub const ROUNDING: f32 = 1.0 / 16_777_216.0;
 
-/// What all shadow rays of a picture share.
+/// Data that all shadow rays of a picture share.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
-    /// In scaled units.
+    /// Position in scaled units.
     pub at: Point,
-    /// Where it is in the scene's units.
+    /// Position in the scene's units.
     pub given: Point,
-    /// As much of the root box's longest edge, in scaled units, counts for every hit; more for those of larger triangles.
+    /// Part of the root box's longest edge that offsets take into account, in scaled units. Larger triangles add their
+    /// own size.
     pub counted: f32,
 }
 
 impl Light {
-    /// A light, given in the scene's units, for the tree whose whole box is `root`, in scaled units.
+    /// Creates a light at `given`, in the scene's units. `root` is the tree's root box, in scaled units.
     pub fn new(given: Point, geometry: &Geometry<'_>, root: &Aabb) -> Self {
         let [x, y, z] = root.extent();
         let extent = x.max(y).max(z);
@@ -31,9 +32,10 @@ impl Light {
         }
     }
 
-    /// The ray from beside a hit to the light, over `(0, 1)`, in scaled units.
+    /// Returns the shadow ray from a hit to the light, over `(0, 1)`, in scaled units. Its origin is offset from the
+    /// hit.
     ///
-    /// `corners` are the hit triangle's and `eye` is where the ray that hit it started, both scaled.
+    /// `corners` are those of the hit triangle, and `eye` is the origin of the ray that hit it. Both are scaled.
     pub fn ray(&self, hit: &Hit, [a, b, c]: &Triangle, eye: Point) -> Ray {
         let (e1, e2) = (minus(*b, *a), minus(*c, *a));
         let p = Scale::ONE.apply(std::array::from_fn(|i| {
@@ -72,7 +74,7 @@ fn cross(a: Point, b: Point) -> Point {
     })
 }
 
-/// 1, -1, or 0 for zero and for what is not a number.
+/// Returns 1, -1, or 0 for zero and NaN.
 fn sign(x: f32) -> f32 {
     f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
 }

@@ -1,26 +1,26 @@
-//! The padded box test, on both boxes of a pair at once.
+//! The padded box test of both boxes of a pair at once.
 
 use crate::bvh2::Pair;
 use crate::scale::PreparedRay;
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
-/// Components of the direction are pushed away from zero to this, `2^-60`.
+/// Least magnitude of a direction's component, `2^-60`. Smaller ones are pushed away from zero to it.
 pub const SMALLEST: f32 = f32::from_bits((127 - 60) << 23);
-/// `17 * 2^-24`: what the watertight test may be off by, and the rounding here, in units of `D`.
+/// `17 * 2^-24`: bound on the errors of the watertight test and of this test, in units of `D`.
 pub const PAD: f32 = 17.0 / 16_777_216.0;
-/// Bounds `D`, the largest distance on one axis from the ray's start to a corner of the box, so that no product is
-/// infinite: `2^80`.
+/// Upper bound of `D`, `2^80`, so that no product is infinite. `D` is the largest distance on one axis from the ray's
+/// origin to a corner of the box.
 pub const FARTHEST: f32 = f32::from_bits((127 + 80) << 23);
 
-/// Distances up to here leave every product of the watertight test finite, `2^60`.
+/// Bound on distances up to which every product of the watertight test is finite, `2^60`.
 pub const CALM: f32 = f32::from_bits((127 + 60) << 23);
 
-/// What the box test needs of a ray.
+/// A ray, prepared for the box test.
 ///
 /// Lanes are those of a [`Pair`]: both lower planes, both upper planes. With
 /// `|r|` in the lower lanes and `-|r|` in the upper ones, `(plane - o) * r - q`
-/// is the entry in one half and the exit negated in the other, whatever the
-/// direction's sign; which half is which, `turned` says.
+/// is the entry in one half and the negated exit in the other, whatever the
+/// direction's sign. `turned` is set where the entry is in the upper half.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slab {
     origin: [Vec4; 3],
@@ -28,28 +28,28 @@ pub(crate) struct Slab {
     /// `|r|` in all lanes.
     magnitude: [Vec4; 3],
     turned: [bool; 3],
-    /// `t_min` for the entries, no bound for the exits.
+    /// `t_min` for the entries, negative infinity for the negated exits.
     floor: Vec4,
 }
 
-/// Where a ray enters and leaves the boxes of a pair.
+/// Spans of a ray within the boxes of a pair.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Met {
     /// Bit `lane` is set if that box cannot be skipped.
     pub(crate) lanes: u32,
-    /// The later of `t_min` and the entry, then the exit negated: lanes as in a pair.
+    /// The later of `t_min` and the entry in lanes 0 and 1, then the negated exits.
     spans: Vec4,
 }
 
 impl Met {
-    /// The later of entry and `t_min`. A hit before `t_min` is none, so the clamp may use it for the entry.
+    /// Returns the later of entry and `t_min`. Hits before `t_min` do not count, so `t` may be clamped to it.
     #[inline]
     pub(crate) fn entry(&self, lane: usize) -> f32 {
         let [first, second, ..] = self.spans.to_array();
         if lane == 0 { first } else { second }
     }
 
-    /// The exit.
+    /// Returns the exit.
     #[inline]
     pub(crate) fn exit(&self, lane: usize) -> f32 {
         let [.., first, second] = self.spans.to_array();
@@ -73,13 +73,13 @@ impl Slab {
         }
     }
 
-    /// Tests both boxes of a pair against what is left of the ray before `best`.
+    /// Tests both boxes of a pair against the part of the ray before `best`.
     #[inline(always)]
     pub(crate) fn meet(&self, pair: &Pair, best: f32) -> Met {
         let from = [0, 1, 2].map(|axis| Vec4::from_array(pair.planes[axis]) - self.origin[axis]);
         let [x, y, z] = from.map(Vec4::abs);
         let reach = x.max(y).max(z);
-        // Both planes of a box have its own `D`.
+        // Both planes of a box use the same `D`.
         let reach = reach.max(reach.zwxy()).min(Vec4::splat(FARTHEST));
         let slack = reach * PAD;
         let side = |axis: usize| {

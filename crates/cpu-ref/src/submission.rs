@@ -1,4 +1,4 @@
-//! Work that was recorded, and what came of it.
+//! Submissions: recorded commands and their results.
 
 use crate::interpolate::copy;
 use crate::scene::SceneState;
@@ -15,28 +15,28 @@ pub(crate) enum Command {
     Interpolate(Pose),
     Preprocess,
     Refit,
-    /// Refits the tree that is evaluated beside the current one.
+    /// Refits the candidate tree, not the current one.
     Evaluate,
-    /// Traces a camera's rays, or those that come with the command.
+    /// Traces a camera's rays, or the list passed when the command is executed.
     Trace(Option<Camera>, QueryKind),
     CopyPositions,
 }
 
-/// Copies of positions requested and not taken yet, and memory that builders gave back.
+/// Requested copies of positions that are not taken yet, and buffers that builders have returned.
 #[derive(Default)]
 pub(crate) struct Copies {
     pub(crate) ready: VecDeque<(Ticket, Snapshot)>,
     spares: Spares<Vec<Point>>,
 }
 
-/// A ticket with what came of it; its memory is used again by a later one.
+/// A ticket with its results. Its memory is reused by later submissions.
 #[derive(Debug, Default)]
 pub(crate) struct Submission {
-    /// `None` until some of it was carried out.
+    /// `None` until the first command was executed.
     pub(crate) ticket: Option<Ticket>,
-    /// Whether it has a trace that was not released.
+    /// Set if it has a trace that is not released.
     pub(crate) is_traced: bool,
-    /// See [`backend::Backend::release`].
+    /// Set if its traces were released, see [`backend::Backend::release`].
     pub(crate) is_released: bool,
     pub(crate) report: FrameReport,
     pub(crate) hits: Hits,
@@ -49,7 +49,7 @@ impl Submission {
         self.report.times.begun_ms = Some(begun_ms);
     }
 
-    /// Runs in the pool that the caller installed.
+    /// Executes one command in the current rayon pool. A trace of a list reads `rays`.
     pub(crate) fn carry_out(
         &mut self,
         command: Command,
@@ -83,7 +83,7 @@ impl Submission {
             Command::Trace(camera, kind) => {
                 let rays = camera.as_ref().map_or(Rays::List(rays), Rays::Camera);
                 self.trace(scene, Query { rays, kind });
-                // A ray's hit and its shadow are one task's, so there is one time for both.
+                // One task traces a ray and its shadow ray, so this is the time of both.
                 &mut self.report.times.trace_primary_ms
             }
             Command::CopyPositions => {
@@ -97,7 +97,7 @@ impl Submission {
                 return Ok(());
             }
         };
-        // A stage may be recorded twice.
+        // A stage may be recorded more than once.
         *stage = Some(stage.unwrap_or_default() + ms_since(start));
         Ok(())
     }
@@ -118,8 +118,8 @@ impl Submission {
     }
 }
 
-/// Brings memory to a length, whatever it then holds. By all threads where it grows, since the system hands out each page
-/// when it is first written.
+/// Resizes `memory` to `count` entries of any value. Growth is parallel, because the system provides each page when it
+/// is first written.
 fn fill<T: Clone + Send + Sync>(memory: &mut Vec<T>, count: usize, with: T) {
     memory.truncate(count);
     if memory.len() != count {

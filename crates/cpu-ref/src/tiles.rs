@@ -4,23 +4,23 @@ use backend::Rays;
 use geom::Hit;
 use std::ops::Add;
 
-/// Rows and columns of a tile.
+/// Number of rows and of columns of a tile.
 const TILE: usize = 8;
 /// Tiles that one task handles.
 const TILES: usize = 8;
 /// Entries of a list that one task handles.
 const RUN: usize = 512;
 
-/// What is found of one ray: its closest hit, and 1 if the light does not reach that, or if the ray hits anything,
-/// where only that is asked.
+/// The result of one ray: its closest hit, and 1 if that hit is in shadow. For any-hit queries, the 1 means that the
+/// ray hits anything.
 pub type Answer = (Hit, u8);
 
-/// What some rays came to.
+/// Totals over some rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Closest hits.
+    /// Number of closest hits.
     pub hits: u64,
-    /// Ones among the second parts of answers.
+    /// Number of answers whose second part is 1.
     pub blocked: u64,
 }
 
@@ -37,7 +37,7 @@ impl Add for Counts {
 }
 
 impl Counts {
-    /// Those of one answer.
+    /// Returns the counts of one answer.
     #[inline(always)]
     pub fn of(answer: &Answer) -> Self {
         Self {
@@ -47,7 +47,7 @@ impl Counts {
     }
 }
 
-/// Where answers go, one entry a ray in each slice. A slice of what is not asked is empty.
+/// Destination of the answers, one entry per ray in each slice. Slices that the query does not need are empty.
 #[derive(Debug, Default)]
 pub struct Output<'a> {
     closest: &'a mut [Hit],
@@ -55,18 +55,18 @@ pub struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// For all answers to a query; what it does not ask for is empty.
+    /// Creates the output of a query. Slices that the query does not need are empty.
     pub fn new(closest: &'a mut [Hit], blocked: &'a mut [u8]) -> Self {
         Self { closest, blocked }
     }
 
-    /// How many answers it holds.
+    /// Returns the number of answers.
     #[inline]
     fn count(&self) -> usize {
         self.closest.len().max(self.blocked.len())
     }
 
-    /// Cuts off all from entry `at` on.
+    /// Splits off the entries from `at` on.
     #[inline]
     fn split_off(&mut self, at: usize) -> Self {
         let Self { closest, blocked } = std::mem::take(self);
@@ -88,8 +88,8 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Fills `out` with the answers of these rays in parallel, and sums what the tasks return: each gets some tiles of a
-/// camera's picture, or neighbouring entries of a list as a single row.
+/// Fills `out` with the answers of these rays in parallel, and sums the results of the tasks. Each task gets some tiles
+/// of a camera's picture, or neighbouring entries of a list as a single row.
 pub fn fill(rays: Rays<'_>, out: Output<'_>, task: impl Fn(Tiles<'_>) -> Counts + Sync) -> Counts {
     match rays {
         Rays::Camera(camera) if out.count() > 0 => {
@@ -101,10 +101,10 @@ pub fn fill(rays: Rays<'_>, out: Output<'_>, task: impl Fn(Tiles<'_>) -> Counts 
     }
 }
 
-/// Some entries, with the index of the first.
+/// Consecutive entries, with the index of the first.
 type Part<'a> = (usize, Output<'a>);
 
-/// Cuts the second half off what holds more than `unit` entries, at a multiple of that.
+/// Returns a function that splits off the second half of parts with more than `unit` entries, at a multiple of `unit`.
 fn halve(unit: usize) -> impl for<'a> Fn(&mut Part<'a>) -> Option<Part<'a>> + Sync {
     move |(first, out)| {
         let half = (out.count() / 2).next_multiple_of(unit);
@@ -112,7 +112,7 @@ fn halve(unit: usize) -> impl for<'a> Fn(&mut Part<'a>) -> Option<Part<'a>> + Sy
     }
 }
 
-/// Halves `left` as often as that goes, gives the parts to `task` in parallel, and sums what it returns.
+/// Halves `left` recursively while `halve` succeeds, runs `task` on the parts in parallel, and sums the results.
 fn divide<T: Send>(
     mut left: T,
     halve: &(impl Fn(&mut T) -> Option<T> + Sync),
@@ -126,18 +126,18 @@ fn divide<T: Send>(
     a + b
 }
 
-/// A band of rows or a part of it; or one row, of a list.
+/// A band of rows, or some of its columns. A list is one row.
 #[derive(Debug)]
 pub struct Tiles<'a> {
     rows: [Output<'a>; TILE],
     /// Index in the picture of the first entry of the first row.
     first: usize,
-    /// Of the whole picture.
+    /// Columns of the whole picture.
     width: usize,
 }
 
 impl<'a> Tiles<'a> {
-    /// Of one band of rows.
+    /// Splits one band into rows.
     fn of((first, mut rest): Part<'a>, width: usize) -> Self {
         let rows = std::array::from_fn(|_| {
             let below = rest.split_off(width);
@@ -146,24 +146,24 @@ impl<'a> Tiles<'a> {
         Self { rows, first, width }
     }
 
-    /// Columns of the part.
+    /// Returns the number of columns of the part.
     pub fn columns(&self) -> usize {
         self.rows[0].count()
     }
 
-    /// Rows that reach into the picture.
+    /// Returns the number of rows within the picture.
     #[inline]
     pub fn height(&self) -> usize {
         self.rows.iter().filter(|row| row.count() > 0).count()
     }
 
-    /// Columns of the whole picture.
+    /// Returns the number of columns of the whole picture.
     #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Where an entry lies in the picture.
+    /// Returns the index of an entry in the picture.
     #[inline]
     pub fn index(&self, x: usize, y: usize) -> usize {
         self.first + y * self.width + x
@@ -175,7 +175,7 @@ impl<'a> Tiles<'a> {
         self.rows[y].set(x, answer);
     }
 
-    /// Cuts the second half off, unless few tiles are left.
+    /// Splits off the second half of the columns, unless few tiles are left.
     fn halve(&mut self) -> Option<Self> {
         if self.columns() <= TILE * TILES {
             return None;
@@ -186,7 +186,7 @@ impl<'a> Tiles<'a> {
         Some(Self { rows, first, width })
     }
 
-    /// Answers every ray by its index, tile after tile.
+    /// Fills all entries by ray index, tile after tile.
     #[inline]
     pub fn fill(mut self, mut answer: impl FnMut(usize) -> Answer) {
         for column in (0..self.columns()).step_by(TILE) {

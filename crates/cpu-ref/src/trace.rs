@@ -1,4 +1,4 @@
-//! Rays to hits: many rays at once, each on its own.
+//! Traces many rays in parallel, each individually.
 
 use crate::Geometry;
 use crate::extreme::{self, Rule};
@@ -11,21 +11,21 @@ use backend::{Intersector, Query, QueryKind, Rays};
 use geom::{Hit, Ray};
 use std::sync::atomic::AtomicU64;
 
-/// A query, and what all its rays have in common.
+/// A query, and the data that all its rays share.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceTask<'a> {
-    /// What to trace.
+    /// The rays and the kind of query.
     pub query: Query<'a>,
-    /// Where triangles are.
+    /// The triangles.
     pub geometry: Geometry<'a>,
-    /// How they are tested.
+    /// The triangle test.
     pub intersector: Intersector,
-    /// Counts rays that exact arithmetic settled.
+    /// Counts rays that were resolved in exact arithmetic.
     pub settled: &'a AtomicU64,
 }
 
 impl TraceTask<'_> {
-    /// Whether all of the rays are beyond what rounded tests can tell.
+    /// Returns whether all rays are outside the range that rounded tests support.
     pub fn is_extreme(&self) -> bool {
         let Geometry { range, scale, .. } = self.geometry;
         let from = match self.query.rays {
@@ -35,7 +35,7 @@ impl TraceTask<'_> {
         range.extreme || from
     }
 
-    /// The ray of that index.
+    /// Returns the ray with an index.
     #[inline]
     pub fn ray(&self, index: usize) -> Ray {
         match self.query.rays {
@@ -49,26 +49,26 @@ impl TraceTask<'_> {
     }
 }
 
-/// A task with all that its rays can meet.
+/// A task with the tree that it traces.
 #[derive(Clone, Copy)]
 pub struct Tracer<'a, N> {
-    /// The rays.
+    /// The task.
     pub task: TraceTask<'a>,
-    /// What they are traced through.
+    /// The tree.
     pub tree: N,
-    /// What shadow rays have in common, where they are asked for.
+    /// Data that shadow rays share, if the query traces them.
     pub light: Option<Light>,
 }
 
 impl<'a, N: Tree> Tracer<'a, N> {
-    /// Traces that task through that tree.
+    /// Creates a tracer of a task and a tree.
     pub fn new(task: TraceTask<'a>, tree: N) -> Self {
         let light = task.query.kind.light();
         let light = light.map(|at| Light::new(at, &task.geometry, &tree.root()));
         Self { task, tree, light }
     }
 
-    /// Answers all rays, in their order.
+    /// Traces all rays and writes the answers in their order.
     pub fn trace(&self, out: Output<'_>) -> Counts {
         match self.task.intersector {
             Intersector::MollerTrumbore => self.trace_by::<MollerTrumbore>(out),
@@ -90,7 +90,7 @@ impl<'a, N: Tree> Tracer<'a, N> {
         })
     }
 
-    /// The answer for one ray.
+    /// Traces one ray, and its shadow ray if the query has a light.
     #[inline]
     pub fn answer<S: Search<N>>(&self, index: usize, stack: &mut Stack<N>) -> Answer {
         let ray = self.task.ray(index);
@@ -115,7 +115,7 @@ impl<'a, N: Tree> Tracer<'a, N> {
         (hit, u8::from(blocked))
     }
 
-    /// Whether the light does not reach the hit of that ray.
+    /// Returns whether the hit of `ray` is in shadow.
     #[inline]
     fn is_occluded<S: Search<N>>(
         &self,
@@ -141,7 +141,7 @@ impl<'a, N: Tree> Tracer<'a, N> {
         S::EXTREMES.filter(|_| self.task.geometry.is_extreme(ray))
     }
 
-    /// A ray, in units of the scene divided by `scale`, and all it can meet.
+    /// Creates the trace input of a ray, which is in units of the scene divided by `scale`.
     #[inline]
     pub fn asked(&self, ray: Ray, scale: Scale) -> Asked<'_, N> {
         Asked {

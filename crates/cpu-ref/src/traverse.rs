@@ -1,4 +1,4 @@
-//! One ray through a tree, nearest child first.
+//! Traversal of a tree by one ray, nearest child first.
 
 use crate::bvh2::Bvh2;
 use crate::intersect::{Candidate, Meeting, Record, TriangleTest};
@@ -8,25 +8,25 @@ use bvh_build::MAX_DEPTH;
 use bvh_layout::Link;
 use geom::Aabb;
 
-/// A tree with the boxes and triangles of one moment, whatever its layout.
+/// A tree with the boxes and triangles of one moment, in any layout.
 pub trait Tree: Copy + Sync {
-    /// Nodes still to visit.
+    /// Stack of nodes still to visit.
     type Waiting: Default;
 
-    /// The box of the whole tree, in scaled units.
+    /// Returns the root box, in scaled units.
     fn root(&self) -> Aabb;
 
-    /// The triangle in a place, if there is one.
+    /// Returns the triangle in a place, or `None` if the place is empty.
     fn triangle(&self, place: usize) -> Option<u32>;
 
-    /// What `T` keeps of the triangle in a place.
+    /// Returns the record for test `T` of the triangle in a place.
     fn record<T: TriangleTest>(&self, place: usize) -> Record;
 
-    /// Shows what lies right below a node, with its box; the root is below [`Below::ROOT`].
+    /// Calls `each` for each child of a node with the child's box. The root is a child of [`Below::ROOT`].
     fn children(&self, node: u32, each: impl FnMut(&Aabb, Below));
 
-    /// Hands `see` every leaf whose box the ray meets before the bound that `see`
-    /// returned last, at first `t_max`; where it returns none, the visit ends with `true`.
+    /// Calls `see` for every leaf whose box the ray meets before the bound, which is `t_max` at first. `see` returns
+    /// the next bound, or `None` to end the visit. Returns whether `see` ended it.
     fn visit(
         &self,
         ray: &PreparedRay,
@@ -35,33 +35,33 @@ pub trait Tree: Copy + Sync {
     ) -> bool;
 }
 
-/// What lies below a node.
+/// A child of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Below {
     /// Another node.
     Node(u32),
     /// Triangles, by their places.
     Places {
-        /// The first.
+        /// First place.
         first: usize,
-        /// How many there are.
+        /// Number of places.
         count: usize,
     },
 }
 
 impl Below {
-    /// Where every tree begins.
+    /// Where traversal starts.
     pub const ROOT: Self = Self::Node(0);
 }
 
-/// A triangle whose own box the ray meets, and the span of the ray within it.
+/// A triangle whose own box the ray meets, and the span of the ray within that box.
 #[derive(Clone, Copy, Debug)]
 pub struct Leaf {
-    /// Where the tree keeps the triangle.
+    /// Place of the triangle in the tree.
     pub place: usize,
     /// The later of entry and `t_min`.
     pub entry: f32,
-    /// Where the ray leaves the box.
+    /// Distance at which the ray leaves the box.
     pub exit: f32,
 }
 
@@ -74,11 +74,11 @@ struct Entry {
     exit: f32,
 }
 
-/// What a thread needs to trace ray after ray.
+/// Scratch memory of one thread, reused from ray to ray.
 pub struct Stack<N: Tree> {
     /// Nodes still to visit.
     pub waiting: N::Waiting,
-    /// What the exact test keeps of a ray.
+    /// Triangles that the exact test has not excluded for the current ray.
     pub(crate) candidates: Vec<Candidate>,
 }
 
@@ -91,7 +91,7 @@ impl<N: Tree> Default for Stack<N> {
     }
 }
 
-/// Nodes still to visit. Each level leaves at most one behind, so it cannot overflow.
+/// Stack of nodes still to visit. Each level leaves at most one node on it, so it cannot overflow.
 pub struct Waiting {
     entries: [Entry; MAX_DEPTH as usize],
     len: usize,
@@ -118,13 +118,13 @@ impl Waiting {
         self.len += 1;
     }
 
-    /// The last node pushed that the ray enters no later than `best`.
+    /// Pops nodes until the ray enters one no later than `best`, and returns that node.
     #[inline(always)]
     fn pop(&mut self, best: f32) -> Option<Entry> {
         while self.len > 0 {
             self.len -= 1;
             let entry = self.entries[self.len];
-            // Equal entries stay: a hit at the same distance may have a lower index.
+            // Equal distances are visited too: such a hit may have a lower index.
             if entry.entry <= best {
                 return Some(entry);
             }
@@ -134,7 +134,8 @@ impl Waiting {
 }
 
 impl Bvh2 {
-    /// Goes down from `link`, which is no leaf, by nearer children to a leaf; `None` where none is met.
+    /// Descends from the inner node `link` through nearer children to a leaf. Returns `None` if the ray misses both
+    /// children of a node on the way.
     #[inline(always)]
     fn descend(
         &self,
@@ -151,7 +152,7 @@ impl Bvh2 {
                 entry: met.entry(lane),
                 exit: met.exit(lane),
             };
-            // Branches, not selections: a guess lets the next pair be fetched early.
+            // Branches instead of selections: branch prediction lets the next pair be fetched early.
             let next = match met.lanes {
                 0 => return None,
                 1 => child(0),
@@ -236,7 +237,7 @@ impl Tree for &Bvh2 {
     }
 }
 
-/// Where a ray meets the triangle of a leaf within its limits, `t` clamped to the leaf's box.
+/// Intersects a ray with the triangle of a leaf, within the ray's limits and with `t` clamped to the leaf's box.
 #[inline(always)]
 pub(crate) fn meet_leaf<T: TriangleTest>(
     tree: impl Tree,

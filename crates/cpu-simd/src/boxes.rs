@@ -1,11 +1,11 @@
-//! Eight boxes at once: unions of neighbouring lanes, and areas.
+//! Operations on eight boxes at once: unions of neighbouring lanes, and areas.
 
 use crate::simd::{Eight, each};
 use crate::tree::{LANES, Planes};
 use bvh_layout::Ranges;
 use geom::Aabb;
 
-/// The boxes of eight lanes. Empty ones reach from infinity to minus infinity.
+/// The boxes of eight lanes. Empty boxes extend from infinity to minus infinity.
 pub(crate) struct EightBoxes<L> {
     pub(crate) low: [L; 3],
     pub(crate) high: [L; 3],
@@ -21,7 +21,7 @@ impl<L: Eight> EightBoxes<L> {
         }
     }
 
-    /// The union of each box with that of the lane so many further on, modulo eight.
+    /// Returns the union of each box with the box `further` lanes on, modulo eight.
     #[inline(always)]
     fn joined(&self, further: u8) -> Self {
         let mut lanes = [0, 1, 2, 3, 4, 5, 6, 7];
@@ -47,7 +47,7 @@ impl<L: Eight> EightBoxes<L> {
         }
     }
 
-    /// The box of all lanes, and half areas of the boxes of `ranges`.
+    /// Returns the union of all lanes, and the half areas of the boxes of `ranges`.
     #[inline(always)]
     pub(crate) fn fold(&self, ranges: &Ranges) -> (Aabb, L) {
         let twos = self.joined(1);
@@ -69,7 +69,7 @@ impl<L: Eight> EightBoxes<L> {
         (whole, L::splat(0.0).replace(used, of_ranges.half_areas()))
     }
 
-    /// Half the surface area of each, rounded to single precision.
+    /// Returns half the surface area of each box, rounded to single precision.
     #[inline(always)]
     pub(crate) fn half_areas(&self) -> L {
         let [x, y, z] = each!(axis => self.high[axis].sub(self.low[axis]));
@@ -79,7 +79,7 @@ impl<L: Eight> EightBoxes<L> {
     }
 }
 
-/// Adds up areas lane by lane, so that sums over large trees keep their digits.
+/// Sums of areas in double precision, one per lane, so that sums over large trees keep their digits.
 #[derive(Default)]
 pub(crate) struct Sums([f64; LANES]);
 
@@ -102,7 +102,7 @@ impl Sums {
     }
 }
 
-/// The box of one lane.
+/// Returns the box of one lane.
 #[inline(always)]
 pub(crate) fn bounds(planes: &Planes, lane: usize) -> Aabb {
     Aabb {

@@ -1,4 +1,4 @@
-//! Preprocess and refit: positions to corners and boxes, block by block and node by node.
+//! Preprocess and refit: computes corners and boxes from positions, block by block and node by node.
 
 use crate::boxes::{EightBoxes, Sums, set_bounds};
 use crate::leaf::scaled;
@@ -11,14 +11,14 @@ use cpu_ref::{Geometry, Unhittable};
 use geom::{Aabb, Triangle, is_degenerate};
 use std::ops::Add;
 
-/// Blocks from one to that whose vertices are fetched meanwhile: they lie scattered.
+/// Distance, in blocks, at which vertices are prefetched, because they are scattered in memory.
 const AHEAD: usize = 4;
 
-/// What fitting came to.
+/// Results of fitting.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
     pub(crate) unhittable: Unhittable,
-    /// Half areas of the boxes within blocks and below lanes of nodes.
+    /// Half areas of the boxes within blocks and of the collapsed nodes below lanes.
     pub(crate) areas: f64,
 }
 
@@ -34,8 +34,8 @@ impl Add for Fitted {
 }
 
 impl Wide {
-    /// Sets corners of blocks, and boxes from there up to the root's lanes. `which` says of each level, root first, where;
-    /// `lanes` has a bit for each lane of each node that counts, if not all do.
+    /// Sets the corners of blocks, and all boxes from there up to the root's lanes. `which` has the nodes to fit of
+    /// each level, root first. `lanes` has a bit for each lane to fit of each node; `None` fits all lanes.
     pub(crate) fn fit<'a>(
         &'a mut self,
         which: impl Iterator<Item = Which<'a>>,
@@ -65,15 +65,15 @@ struct FitLevel<'a, 'b> {
     inputs: Inputs<'a>,
 }
 
-/// What a level is fitted by.
+/// Input of fitting a level.
 #[derive(Clone, Copy)]
 struct Inputs<'a> {
     shape: &'a BlockTree,
     geometry: &'a Geometry<'a>,
-    /// Whether nodes and blocks are still another tree's. They are all gone over then.
+    /// Set if nodes and blocks still have the contents of another tree. Then every node and block is fitted.
     stale: bool,
     lanes: Option<&'a [u8]>,
-    /// Children, which are done.
+    /// The level below, which is fitted already.
     below: Option<&'a Window<'a, Node>>,
 }
 
@@ -120,7 +120,7 @@ impl Work for FitLevel<'_, '_> {
 }
 
 impl Inputs<'_> {
-    /// Sets a block's corners. Returns its box, and areas of the boxes within.
+    /// Sets a block's corners. Returns its box, and the half areas of the boxes within.
     #[inline(always)]
     fn fit_block<I: Isa>(
         &self,
@@ -129,7 +129,7 @@ impl Inputs<'_> {
     ) -> (Aabb, I::Eight) {
         let source = &self.shape.blocks[number];
         let later = self.shape.blocks.get(number + AHEAD).unwrap_or(source);
-        // The other vertices of a triangle mostly lie beside its first.
+        // The other vertices of a triangle are mostly near its first one in memory.
         for vertex in later.vertices[0] {
             prefetch(self.geometry.positions, vertex as usize);
         }
@@ -176,7 +176,7 @@ fn fill<I: Isa>(
     boxes
 }
 
-/// Which lanes hold a triangle that can be hit; the others are counted.
+/// Returns the lanes whose triangle can be hit, and counts the others.
 #[inline(always)]
 fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhittable) -> u32 {
     let most = L::splat(f32::MAX);
@@ -210,8 +210,8 @@ fn hittable<L: Eight>(corners: &[[L; 3]; 3], count: u32, unhittable: &mut Unhitt
     hittable
 }
 
-/// Whether a component of the cross product is surely not zero: each product carries three roundings and
-/// the difference one more. What is small may have lost digits, and what is large is infinite: not sure.
+/// Returns whether a component of the cross product is certainly nonzero. Each product has three roundings and the
+/// difference one more. Small values may have lost digits and large ones may be infinite, so neither is certain.
 #[inline(always)]
 fn stands_clear<L: Lanes>(edges: &[[L; 2]; 3], i: usize, j: usize) -> L::Mask {
     let (p, q) = (edges[i][0].mul(edges[j][1]), edges[j][0].mul(edges[i][1]));

@@ -1,4 +1,4 @@
-//! What triangle tests in lanes share, for one ray and eight triangles or for many rays and one; and the watertight test.
+//! Parts of all triangle tests in lanes, for one ray and eight triangles or many rays and one triangle, and the watertight test.
 
 use crate::rays::{Group, OneRay};
 use crate::simd::{Lanes, each};
@@ -8,8 +8,8 @@ use cpu_ref::scale::{LEAST, Scale};
 use cpu_ref::slab::{FARTHEST, PAD};
 use glam::Vec4;
 
-/// What triangles need of rays, in every lane: of one ray for eight triangles, or of many rays for one.
-/// Axes in the order `kx, ky, kz`, the same for all, as are the signs of directions.
+/// Rays prepared for the test, one per lane, or one ray in all lanes.
+/// Axes are in the order `kx, ky, kz`, which all lanes share, as they share the signs of directions.
 #[derive(Clone, Copy)]
 pub(crate) struct TriangleRay<L> {
     axes: [usize; 3],
@@ -74,7 +74,8 @@ impl<L: Lanes> Triangles<L> for OfLane<'_> {
     }
 }
 
-/// What boxes are padded by, in units of `|r|`: their planes are given from the ray's start, axis by axis.
+/// Returns the padding of boxes in units of `|r|`. Planes are relative to the ray's origin, as `[lower, upper]` per
+/// axis.
 #[inline(always)]
 pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     let below = x[0].abs().max(y[0].abs()).max(z[0].abs());
@@ -83,19 +84,19 @@ pub(crate) fn slack<L: Lanes>([x, y, z]: &[[L; 2]; 3]) -> L {
     L::splat(PAD).mul(reach.min(L::splat(FARTHEST)))
 }
 
-/// `kx, ky, kz` by `kz`.
+/// `kx, ky, kz`, indexed by `kz`.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Where a ray meets triangles of a block.
+/// Hits of a ray with triangles of a block, or of rays with one triangle.
 pub(crate) struct Meetings<L: Lanes> {
-    /// Bit `lane` is set if that triangle is hit.
+    /// Bit `lane` is set if that lane has a hit.
     pub(crate) lanes: u32,
     pub(crate) t: L,
     pub(crate) u: L,
     pub(crate) v: L,
 }
 
-/// A ray's span within the boxes of single triangles.
+/// A ray's spans within the boxes of single triangles.
 pub(crate) struct Spans<L: Lanes> {
     /// Bit `lane` is set if that box cannot be skipped.
     pub(crate) lanes: u32,
@@ -104,11 +105,11 @@ pub(crate) struct Spans<L: Lanes> {
     pub(crate) exit: L,
 }
 
-/// Corners relative to the ray's start, by axis (in the ray's order) and corner.
+/// Corners relative to the ray's origin, by axis (in the ray's order) and corner.
 pub(crate) type Relative<L> = [[L; 3]; 3];
 
 impl<L: Lanes> TriangleRay<L> {
-    /// A ray in each lane, all with this `kz`.
+    /// Loads a ray in each lane. All rays have the main axis `main`.
     #[inline(always)]
     pub(crate) fn all(group: &Group<L>, main: usize) -> Self {
         let axes = AXES[main];
@@ -125,7 +126,7 @@ impl<L: Lanes> TriangleRay<L> {
         }
     }
 
-    /// The ray's span in each triangle's own box, as far as it begins no later than `best`.
+    /// Computes the ray's span in each triangle's own box. Spans that begin after `best` are not in `lanes`.
     #[inline(always)]
     pub(crate) fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
@@ -135,7 +136,7 @@ impl<L: Lanes> TriangleRay<L> {
         });
         let slack = slack(&planes);
         for (i, [low, high]) in planes.into_iter().enumerate() {
-            // With the ray's sign in r, the nearer plane is the one with the lesser product: rounding is monotone.
+            // r has the sign of the direction, so the nearer plane has the smaller product: rounding is monotone.
             let r = self.inverse[i];
             let (p, q, pad) = (low.mul(r), high.mul(r), slack.mul(r.abs()));
             entry = entry.max(p.min(q).sub(pad));
@@ -145,9 +146,9 @@ impl<L: Lanes> TriangleRay<L> {
         Spans { lanes, entry, exit }
     }
 
-    /// The watertight test of each lane's ray with each lane's triangle. `t` is clamped, and no later than `best`.
+    /// Tests each lane's ray with each lane's triangle. `t` is clamped, and at most `best`.
     ///
-    /// Rays must start within [`cpu_ref::slab::CALM`]: no edge function may overflow.
+    /// Distances must be below [`cpu_ref::slab::CALM`], so that no edge function overflows.
     #[inline(always)]
     pub(crate) fn meet_watertight(
         &self,
@@ -172,7 +173,7 @@ impl<L: Lanes> TriangleRay<L> {
         self.within(&spans, lanes, [t, u, v], best)
     }
 
-    /// Those of `lanes` whose `t`, clamped to the triangle's own box, lies within the ray's limits and is no later than `best`.
+    /// Returns the hits of those `lanes` whose `t`, clamped to the triangle's own box, lies within the ray's limits and is no later than `best`.
     #[inline(always)]
     pub(crate) fn within(
         &self,
@@ -190,13 +191,13 @@ impl<L: Lanes> TriangleRay<L> {
         (lanes != 0).then_some(Meetings { lanes, t, u, v })
     }
 
-    /// Corners as seen from the ray's start.
+    /// Returns the corners relative to the ray's origin.
     #[inline(always)]
     pub(crate) fn relative(&self, triangles: &impl Triangles<L>) -> Relative<L> {
         each!(i => each!(c => triangles.corner(self.axes[i], c).sub(self.origin[i])))
     }
 
-    /// Sheared `x`, `y`, and depths along the ray's axis, not scaled; for each corner.
+    /// Returns sheared `x` and `y` and the unscaled depths along the ray's main axis, for each corner.
     #[inline(always)]
     pub(crate) fn sheared(&self, corners: &Relative<L>) -> [[L; 3]; 3] {
         let [from_x, from_y, along] = corners;
@@ -207,14 +208,14 @@ impl<L: Lanes> TriangleRay<L> {
         ]
     }
 
-    /// Depths in units of the direction.
+    /// Returns depths in units of the direction.
     #[inline(always)]
     pub(crate) fn depths(&self, along: &[L; 3]) -> [L; 3] {
         each!(i => self.shear[2].mul(along[i]))
     }
 }
 
-/// One ray and eight triangles.
+/// Operations on one ray and eight triangles.
 impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
     #[inline(always)]
     pub(crate) fn single(ray: &OneRay<'_, impl Lanes>) -> Self {
@@ -232,14 +233,14 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
         }
     }
 
-    /// [`Spans`] of a whole block.
+    /// Computes the spans in the boxes of all triangles of a block.
     #[inline(always)]
     pub(crate) fn spans(&self, block: OfBlock<'_>, best: f32) -> Spans<L> {
         self.spans_of(&self.relative(&block), L::splat(best))
     }
 }
 
-/// `U`, `V`, `W`.
+/// Computes `U`, `V`, `W`.
 #[inline(always)]
 pub(crate) fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     each!(i => {
@@ -248,7 +249,7 @@ pub(crate) fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     })
 }
 
-/// Lanes where no two edge functions have opposite signs. Numbers that are none conflict.
+/// Returns the lanes where no two edge functions have opposite signs. Lanes with a NaN are not included.
 #[inline(always)]
 fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     let zero = L::splat(0.0);
@@ -256,7 +257,7 @@ fn without_conflict<L: Lanes>([u, v, w]: &[L; 3]) -> L::Mask {
     L::either(zero.at_most(least), most.at_most(zero))
 }
 
-/// Takes from `lanes`, which have no conflict, those that are missed when signs of zeros are taken exactly.
+/// Removes the lanes that miss once signs of zeros are computed exactly. No lane in `lanes` has opposite signs.
 #[inline(always)]
 fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     let zero = L::splat(0.0);
@@ -274,7 +275,7 @@ fn settle<L: Lanes>(lanes: u32, edges: &[L; 3], x: &[L; 3], y: &[L; 3]) -> u32 {
     lanes & (sure | settle_exactly::<L>(lanes & !sure, &stored))
 }
 
-/// Which of `lanes` are hit.
+/// Returns the subset of `lanes` that are hit, with all signs exact.
 #[cold]
 #[inline(never)]
 fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) -> u32 {
@@ -291,20 +292,20 @@ fn settle_exactly<L: Lanes>(mut lanes: u32, [edges, x, y]: &[[L::Array; 3]; 3]) 
     hit
 }
 
-/// Zero where below `2^-100`.
+/// Returns `x`, or zero where `|x|` is below `2^-100`.
 #[inline(always)]
 pub(crate) fn flushed<L: Lanes>(x: L) -> L {
     x.replace(x.abs().less(L::splat(LEAST)), L::splat(0.0))
 }
 
-/// [`Scale::apply`].
+/// Applies [`Scale::apply`] to each lane.
 #[inline(always)]
 pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
     let x = x.mul(L::splat(scale.factor()));
     x.replace(x.abs().less(L::splat(Scale::LEAST)), L::splat(0.0))
 }
 
-/// Distance and weights: the reference's `solve`, lane by lane.
+/// Computes distance and weights, as the reference's `solve` does, for each lane.
 #[inline(always)]
 pub(crate) fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
     let [u, v, w] = [flushed(edges[0]), flushed(edges[1]), flushed(edges[2])];

@@ -1,10 +1,8 @@
-//! The host's answers by vectors: layout `fast`, with the same bits as the reference in `cpu-ref`.
+//! Vector code for layout `fast` on the host, with the same bits as the reference in `cpu-ref`.
 //!
-//! Nodes of eight boxes stand over blocks of eight triangles, tested eight at a time. The adopted binary
-//! tree is collapsed: a subtree of at most eight triangles becomes a *block*, whose triangles are tested
-//! together; above it, nodes take up to eight subtrees each (Wald, Benthin, Boulos 2008). Boxes of single
-//! triangles are not kept: whoever needs one has its corners at hand. What a hit is does not change, nor
-//! does one bit of it.
+//! The adopted binary tree is collapsed (Wald, Benthin, Boulos 2008). A subtree of at most eight triangles becomes a
+//! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
+//! tested together. Boxes of single triangles are not stored, since they are computed from the corners when needed.
 
 mod boxes;
 mod exact;
@@ -34,19 +32,19 @@ use tree::Wide;
 
 pub use simd::Level;
 
-/// The host as a backend, with a pool of `threads` threads, or of one a core: `bvh2` is traced as the reference does,
-/// `fast` by the best vectors that the machine has.
+/// Opens the host as a backend, with a pool of `threads` threads, by default one per core. Layout `bvh2` uses the
+/// reference's code, `fast` the best vector instructions of the machine.
 ///
 /// # Errors
-/// Those of [`CpuBackend::new`].
+/// See [`CpuBackend::new`].
 pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
     open_at(Level::best(), threads)
 }
 
-/// Likewise, by vectors of one instruction set.
+/// Opens the host as [`open`] does, with the vector instructions of one level.
 ///
 /// # Errors
-/// Those of [`CpuBackend::new`].
+/// See [`CpuBackend::new`].
 pub fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
     CpuBackend::with_trees(threads, move |layout| -> Box<dyn Accelerator> {
         match layout {

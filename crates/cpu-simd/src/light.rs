@@ -1,4 +1,4 @@
-//! What is found of a few rays, and the rays from there to a light, one a lane: [`Light::ray`] in vectors.
+//! Results of a few rays, and their shadow rays to a light, one per lane: [`Light::ray`] in vectors.
 
 use crate::leaf::flushed;
 use crate::rays::{Given, MOST_RAYS};
@@ -10,7 +10,7 @@ use cpu_ref::shadow::{Light, ROUNDING};
 use cpu_ref::tiles::{Answer, Counts};
 use geom::Hit;
 
-/// Closest hits, where their triangles lie, and which lanes are blocked.
+/// Closest hits, the places of their triangles, and a bit for each occluded lane.
 pub(crate) struct Found {
     pub(crate) hits: [Hit; MOST_RAYS],
     pub(crate) places: [u32; MOST_RAYS],
@@ -24,13 +24,13 @@ impl Found {
         blocked: 0,
     };
 
-    /// Of the ray in one lane.
+    /// Returns the answer of one lane.
     #[inline(always)]
     pub(crate) fn answer(&self, lane: usize) -> Answer {
         (self.hits[lane], (self.blocked >> lane & 1) as u8)
     }
 
-    /// Of the rays in these lanes.
+    /// Returns the counts of these lanes.
     #[inline(always)]
     pub(crate) fn counts(&self, lanes: u32) -> Counts {
         Counts {
@@ -39,7 +39,7 @@ impl Found {
         }
     }
 
-    /// Lanes that hit.
+    /// Returns the lanes with a hit.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> u32 {
         let mut hit = 0;
@@ -49,7 +49,7 @@ impl Found {
         hit
     }
 
-    /// Corners of what was hit, by corner and axis.
+    /// Returns the corners of the hit triangles, by corner and axis.
     #[inline(always)]
     pub(crate) fn corners<I: Isa>(
         &self,
@@ -76,7 +76,7 @@ impl Found {
         each!(c => each!(i => I::Packet::load(&corners[c][i])))
     }
 
-    /// `u` and `v`.
+    /// Returns `u` and `v`.
     #[inline(always)]
     pub(crate) fn weights<I: Isa>(&self) -> [I::Packet; 2] {
         let spare = I::Packet::splat(0.0).store();
@@ -88,11 +88,11 @@ impl Found {
     }
 }
 
-/// One point a lane.
+/// One point per lane.
 type Points<L> = [L; 3];
 
-/// Shadow rays. `corners` are the hit triangles', `weights` the hits' `u` and `v`; `eyes` are where the
-/// rays that hit them started. What comes of numbers that are not finite is no ray either.
+/// Computes shadow rays. `corners` are the hit triangles', `weights` the hits' `u` and `v`, and `eyes` the origins of
+/// the rays that hit them. Inputs that are not finite give rays that miss.
 #[inline(always)]
 pub(crate) fn shadow_rays<L: Lanes>(
     light: &Light,
@@ -144,7 +144,7 @@ fn cross<L: Lanes>(a: &Points<L>, b: &Points<L>) -> Points<L> {
     })
 }
 
-/// 1, -1, or 0 for zero and for what is not a number.
+/// Returns 1, -1, or 0 for zero and NaN.
 #[inline(always)]
 fn sign<L: Lanes>(x: L) -> L {
     let zero = L::splat(0.0);

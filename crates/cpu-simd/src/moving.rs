@@ -1,4 +1,4 @@
-//! What of the wide tree moves: preprocess and refit pass over the rest once it was done.
+//! The moving parts of the wide tree. Preprocess and refit skip static parts once they are fitted.
 
 use crate::fit::Fitted;
 use crate::tree::{Link, Wide};
@@ -12,20 +12,21 @@ use std::sync::Arc;
 /// Nodes that one task handles.
 const RUN: usize = 128;
 
-/// What moves, and what was done since the tree was adopted.
+/// The moving nodes, and the results of the static ones since the tree was adopted.
 #[derive(Debug, Default)]
 pub(crate) struct Moving {
-    /// For each node, a bit for each lane that moves.
+    /// For each node, a bit for each moving lane.
     lanes: Vec<u8>,
-    /// Nodes with a lane that moves, rising; and where each level's lie, root first.
+    /// Nodes with a moving lane, ascending.
     nodes: Vec<u32>,
+    /// Range in `nodes` of each level, root first.
     levels: Vec<Range<usize>>,
-    /// Triangles of zero area that do not move, and areas of what does not, once all were fitted.
+    /// Degenerate static triangles and areas of static parts, once all were fitted.
     still: Option<Fitted>,
 }
 
 impl Moving {
-    /// Lists what moves of a tree just adopted.
+    /// Lists the moving nodes of a tree that was just adopted.
     pub(crate) fn of(shape: &BlockTree, is_static: &[bool]) -> Self {
         let lanes = moving_lanes(shape, is_static);
         let numbers = 0..lanes.len() as u32;
@@ -47,7 +48,7 @@ impl Moving {
     }
 }
 
-/// For each node, a bit for each lane with a moving triangle below, deepest level first.
+/// Computes, for each node, a bit for each lane above a moving triangle, deepest level first.
 fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
     let mut lanes = vec![0; shape.nodes.len()];
     let moves = |block: &Source| {
@@ -73,12 +74,12 @@ fn moving_lanes(shape: &BlockTree, is_static: &[bool]) -> Vec<u8> {
 }
 
 impl Wide {
-    /// Sets all corners and boxes, after the first time of what moves alone.
+    /// Sets all corners and boxes. After the first call for a tree, sets only the moving ones.
     pub(crate) fn fit_moving(&mut self, geometry: &Geometry<'_>) -> Fitted {
         let mut moving = self.moving.take();
         let still = moving.as_ref().and_then(|moving| moving.still);
         let fitted = match (&mut moving, still) {
-            // A static triangle with a leaf is active.
+            // `still` has no inactive triangles, because static triangles with a leaf are active.
             (Some(moving), Some(still)) => still + moving.fit(self, geometry),
             (moving, _) => {
                 let shape = Arc::clone(&self.shape);

@@ -1,8 +1,9 @@
-//! Neighbouring rays, one in each lane, through the wide tree by one walk: boxes are tested against all of them at once,
+//! Packet traversal of the wide tree: neighbouring rays, one in each lane. Boxes are tested against all rays at once,
 //! by interval arithmetic (Boulos, Wald, Shirley 2006).
 //!
-//! Every operation of the box test is monotone in the ray's start, in `|r|` and in `q`, rounding included. So from
-//! their bounds come bounds of every ray's entry and exit; what these exclude, each ray's own test excludes too.
+//! Every operation of the box test is monotone in the ray's origin, in `|r|` and in `q`, rounding included. So bounds
+//! on these give bounds on every ray's entry and exit. A box that the bounds exclude is excluded by each ray's own
+//! test.
 
 use crate::intersect::{Intersect, LaneTest, Touch};
 use crate::leaf::{OfLane, TriangleRay};
@@ -13,23 +14,24 @@ use crate::walk::{BoxTest, Stack, Visitor, walk};
 use geom::Hit;
 use std::marker::PhantomData;
 
-/// Rays that run together.
+/// Rays that are traced together.
 pub(crate) struct Packet<L, P> {
     pub(crate) rays: TriangleRay<L>,
     pub(crate) bundle: Bundle<P>,
-    /// Brings distances of all rays to the units of one of them.
+    /// Factor from distances of each ray to the units of the first ray, a power of two.
     pub(crate) level: L,
-    /// Where each ray ends, and the last of these ends in units of one ray.
+    /// The `t_max` of each ray.
+    /// The greatest `t_max`, in units of the first ray.
     pub(crate) t_max: L,
     pub(crate) bound: f32,
 }
 
-/// How far lengths of one packet may differ: distances must not leave the normal range.
+/// Limit on the ratio of direction lengths in one packet, so that distances stay in the normal range.
 const APART: f32 = 16.0;
 
 impl<L: Lanes, P: Halves> Packet<L, P> {
-    /// `None` for rays that cannot run together: some are unusual, or their directions differ in main axis, sign or
-    /// exponent.
+    /// Creates a packet. Returns `None` if some ray is unusual, if directions differ in main axis or sign, or if their
+    /// exponents differ by too much.
     #[inline(always)]
     pub(crate) fn of(group: &Group<L>) -> Option<Self> {
         let main = group.main_of_all()?;
@@ -52,29 +54,30 @@ impl<L: Lanes, P: Halves> Packet<L, P> {
     }
 }
 
-/// Whether a component is negative, where that is the same for all.
+/// Returns whether a component is negative, or `None` if its sign differs among the rays.
 #[inline(always)]
 fn is_negative<L: Lanes>(d: L) -> Option<bool> {
     let negative = L::bits(d.less(L::splat(0.0)));
     (negative == 0 || negative == L::ALL).then_some(negative != 0)
 }
 
-/// The bounds of a packet's rays: halves as in a node, lower planes first.
+/// Bounds on a packet's rays. Halves are as in a node, lower planes first.
 #[derive(Clone, Copy)]
 pub(crate) struct Bundle<P> {
-    /// The start that lies nearest to the far side: greatest for lower planes, least for upper ones.
+    /// The origin with the earliest entry or the latest exit: greatest for lower planes, least for upper ones.
     origin: [P; 3],
-    /// The least `|r|`, then the greatest; negative for upper planes.
+    /// The least `|r|`, then the greatest. Both are negated for upper planes.
     inverse: [[P; 2]; 3],
     /// The greatest `q`.
     pad: [P; 3],
     turned: [bool; 3],
-    /// The least `t_min` for the entries, no bound for the exits.
+    /// The least `t_min` for the entries, negative infinity for the negated exits.
     floor: P,
 }
 
 impl<P: Halves> Bundle<P> {
-    /// `level` brings distances of all rays to one unit, exactly; `turned` says which directions are negative.
+    /// Computes the bounds. `level` brings distances of all rays to one unit, exactly. `turned` marks negative
+    /// directions.
     #[inline(always)]
     fn new<L: Lanes>(group: &Group<L>, turned: [bool; 3], level: L, t_min: f32) -> Self {
         let origin = each!(i => L::load(&group.origin[i]));
@@ -91,7 +94,7 @@ impl<P: Halves> Bundle<P> {
         }
     }
 
-    /// [`BoxTest::meet`], for planes at hand: lower ones, then upper ones.
+    /// Runs [`BoxTest::meet`] on planes in registers: lower ones, then upper ones.
     #[inline(always)]
     pub(crate) fn meet_planes(&self, planes: &[P; 3], best: f32) -> (u32, P::Half) {
         let [x, y, z] = each!(axis => {
@@ -116,34 +119,34 @@ impl<P: Halves> BoxTest<P::Half> for Bundle<P> {
     }
 }
 
-/// `low` for lower planes, `high` for upper ones.
+/// Joins `low`, for lower planes, and `high`, for upper ones.
 #[inline(always)]
 fn halves<P: Halves>(low: f32, high: f32) -> P {
     P::join(P::Half::splat(low), P::Half::splat(high))
 }
 
-/// Closest hits so far, one a lane.
+/// Closest hits so far, one per lane.
 pub(crate) struct Found<L: Lanes> {
-    /// In units of the prepared directions.
+    /// Distances in units of the prepared directions.
     pub(crate) t: L,
     pub(crate) u: L,
     pub(crate) v: L,
-    /// Where the triangles lie.
+    /// Places of the triangles.
     pub(crate) places: [u32; MOST_RAYS],
     /// Lanes of which rounded arithmetic cannot tell.
     pub(crate) open: u32,
 }
 
-/// No ray leaves a triangle out.
+/// A `skipped` argument of [`any`] that skips no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
-/// Triangles that a packet may still test before its rays go one by one, as where each hits another triangle.
+/// Number of triangles that a packet may still test before its rays are traced singly, as when each hits a different triangle.
 pub(crate) struct Patient(u32);
 
 impl Patient {
     pub(crate) const FULL: Self = Self(256);
 
-    /// Takes triangles off; `None` if that is too many.
+    /// Subtracts tested triangles. Returns `None` if none are left.
     #[inline(always)]
     pub(crate) fn spend(&mut self, triangles: u32) -> Option<()> {
         self.0 = self.0.checked_sub(triangles)?;
@@ -151,7 +154,7 @@ impl Patient {
     }
 }
 
-/// The closest hits of a packet; `None` if its rays go better one by one.
+/// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
 #[inline(always)]
 pub(crate) fn closest<I: Isa, T: LaneTest>(
     tree: &Wide,
@@ -176,10 +179,11 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
     (!gave_up).then_some(closest.found)
 }
 
-/// Blocks that a packet sees before its rays go one by one: some packets are wide, as where hits lie far apart.
+/// Number of blocks that a packet visits before its rays are traced singly. Packets are wide where hits are far apart.
 const PATIENCE: u32 = 16;
 
-/// Which lanes of `asked` hit any triangle but the one in `skipped`; `None` if the rays go better one by one.
+/// Returns the lanes of `asked` that hit any triangle except the one in `skipped`, or `None` if tracing the rays singly
+/// is likely to be faster.
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: Intersect>(
     tree: &Wide,
@@ -204,7 +208,7 @@ pub(crate) fn any<I: Isa, T: Intersect>(
     })
 }
 
-/// Triangles of a block whose own boxes some ray may meet.
+/// Returns the triangles of a block whose own boxes some ray may meet.
 #[inline(always)]
 pub(crate) fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
     let planes = each!(axis => {
@@ -255,7 +259,7 @@ impl<L: Lanes, P, T: LaneTest> Closest<'_, L, P, T> {
         while as_near != 0 {
             let ray = as_near.trailing_zeros() as usize % MOST_RAYS;
             as_near &= as_near - 1;
-            // The lower index wins.
+            // At equal distance, the lower index wins.
             let other = found.places[ray];
             if other == NOWHERE || self.tree.triangle_at(place) < self.tree.triangle_at(other) {
                 better |= 1 << ray;
@@ -274,11 +278,11 @@ struct Any<'a, L, P, T> {
     tree: &'a Wide,
     packet: &'a Packet<L, P>,
     skipped: &'a [u32; MOST_RAYS],
-    /// Rays that hit nothing yet.
+    /// Rays without a hit yet.
     left: u32,
     /// Rays that may have hit something.
     open: u32,
-    /// Blocks that may still be seen.
+    /// Number of blocks that may still be visited.
     patience: u32,
     test: PhantomData<T>,
 }

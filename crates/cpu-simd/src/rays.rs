@@ -1,4 +1,4 @@
-//! Rays that go through the wide tree each on its own, prepared alone or as many at once as fit in a vector.
+//! Rays that are traced singly through the wide tree, prepared alone or together with as many as fit in a vector.
 
 use crate::leaf::{flushed, scaled};
 use crate::simd::{Lanes, Plain, Vector, each};
@@ -8,39 +8,40 @@ use cpu_ref::slab::{CALM, FARTHEST, PAD, SMALLEST};
 use cpu_ref::tiles::Tiles;
 use geom::{Aabb, Camera, Range, Ray};
 
-/// Rays of the widest packet.
+/// Number of rays of the widest packet.
 pub(crate) const MOST_RAYS: usize = 16;
 
-/// `24` and `4` times `2^-24`: what boxes of inner nodes are widened by, in units of `D` and of `|o'|`, where they are
-/// tested with `plane * r - o' * r` (`docs/design/hits.md`, "Inner boxes").
+/// Padding of inner nodes' boxes in units of `D` and of `|o'|`, where they are tested with `plane * r - o' * r`: `24`
+/// and `4` times `2^-24` (`docs/design/hits.md`, "Inner boxes").
 const INNER: [f32; 2] = [24.0 / 16_777_216.0, 4.0 / 16_777_216.0];
 
-/// `2^e` of directions that are prepared here, `2^-60` to `2^60`; the rest is left to [`PreparedRay`].
+/// Range of `2^e` of directions that are prepared here, `2^-60` to `2^60`. Others are left to [`PreparedRay`].
 const USUAL: [f32; 2] = [1.0 / TWO_TO_60, TWO_TO_60];
 const TWO_TO_60: f32 = (1_u64 << 60) as f32;
 
-/// As many rays as `L` has lanes, prepared just as [`PreparedRay`] and the reference's box test do. Axes in their own order.
+/// A ray per lane of `L`, prepared as by [`PreparedRay`] and the reference's box test. Axes are in their original
+/// order.
 pub(crate) struct Group<L: Lanes> {
-    /// Lanes that hold a prepared ray. The others hold one that misses, or is unusual.
+    /// Lanes that hold a prepared ray. Rays in other lanes miss or are unusual.
     pub(crate) ready: u32,
     pub(crate) origin: [L::Array; 3],
     pub(crate) direction: [L::Array; 3],
     /// `r`, with the direction's sign.
     pub(crate) inverse: [L::Array; 3],
-    /// At least `q` of any box: that of the whole tree's.
+    /// The `q` of the root box, which is at least that of any box.
     pub(crate) pad: [L::Array; 3],
-    /// What is added to the products of `r` with a box's near and far plane of an inner node.
+    /// Terms added to the products of `r` with the near and the far plane of an inner node's box.
     pub(crate) starts: [[L::Array; 2]; 3],
     /// `d[kx] / d[kz]`, `d[ky] / d[kz]`, `1 / d[kz]`.
     pub(crate) shear: [L::Array; 3],
     /// `kz`.
     main: [u32; MOST_RAYS],
     pub(crate) limits: [L::Array; 2],
-    /// Brings distances to the units of the given ray.
+    /// Factor from prepared distances to the units of the given ray.
     pub(crate) back: L::Array,
 }
 
-/// Rays lane by lane, as they were given.
+/// Rays as passed by the caller, one per lane.
 pub(crate) struct Given<L> {
     pub(crate) origin: [L; 3],
     pub(crate) direction: [L; 3],
@@ -49,7 +50,7 @@ pub(crate) struct Given<L> {
 }
 
 impl<L: Lanes> Given<L> {
-    /// Neighbours in a list; lanes beyond its end hold rays that cannot hit anything.
+    /// Loads neighbouring rays of a list. Lanes beyond its end get rays that cannot hit anything.
     #[inline(always)]
     pub(crate) fn listed(rays: &[Ray]) -> Self {
         let spare = L::splat(0.0).store();
@@ -70,7 +71,7 @@ impl<L: Lanes> Given<L> {
         }
     }
 
-    /// The ray in one lane.
+    /// Returns the ray in one lane.
     #[cold]
     pub(crate) fn ray(&self, lane: usize) -> Ray {
         let at = |x: L| x.store().as_ref()[lane];
@@ -82,7 +83,7 @@ impl<L: Lanes> Given<L> {
         }
     }
 
-    /// The rays of all lanes.
+    /// Returns the rays of all lanes.
     #[inline(always)]
     pub(crate) fn rays(&self) -> [Ray; MOST_RAYS] {
         let origin = each!(i => self.origin[i].store());
@@ -100,13 +101,13 @@ impl<L: Lanes> Given<L> {
         rays
     }
 
-    /// [`Scale::apply`] of all starts.
+    /// Applies [`Scale::apply`] to all origins.
     #[inline(always)]
     pub(crate) fn scaled_origin(&self, scale: Scale) -> [L; 3] {
         each!(i => scaled(scale, self.origin[i]))
     }
 
-    /// Lanes whose rays are extreme at a moment that is not ([`geom::Range::is_extreme`]).
+    /// Returns the lanes whose rays are extreme at a moment that is not extreme ([`geom::Range::is_extreme`]).
     #[inline(always)]
     pub(crate) fn extreme(&self, geometry: &Geometry<'_>) -> u32 {
         let origin = self.scaled_origin(geometry.scale);
@@ -118,7 +119,7 @@ impl<L: Lanes> Given<L> {
         !usual | if geometry.range.tiny { near } else { 0 }
     }
 
-    /// Lanes whose numbers are finite, but for the limits, and in order.
+    /// Returns the lanes whose origin and direction are finite, and whose limits are in order.
     #[inline(always)]
     fn sound(&self) -> u32 {
         let mut size = L::splat(0.0);
@@ -132,7 +133,7 @@ impl<L: Lanes> Given<L> {
     }
 }
 
-/// `2^e` and `2^-e` by the exponent `e` of each lane's longest component, and lanes whose exponent is usual.
+/// Returns `2^e` and `2^-e`, with `e` the exponent of each lane's largest component, and the lanes within `USUAL`.
 #[inline(always)]
 fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> ([L; 2], u32) {
     let [least, most] = USUAL.map(L::splat);
@@ -142,7 +143,7 @@ fn powers<L: Lanes>([x, y, z]: &[L; 3]) -> ([L; 2], u32) {
 }
 
 impl<L: Lanes> Group<L> {
-    /// Rays over the first lanes of `L`; those beyond are left alone. The tree's whole box is `root`.
+    /// Prepares the rays in all lanes of `L`. `root` is the tree's root box.
     #[inline(always)]
     pub(crate) fn new(given: &Given<L>, scale: Scale, root: &Aabb) -> Self {
         let ([up, down], usual) = powers(&given.direction);
@@ -168,7 +169,7 @@ impl<L: Lanes> Group<L> {
         group
     }
 
-    /// What boxes and triangles need of rays in scaled units. Distances stay in the units of these.
+    /// Prepares rays in scaled units for boxes and triangles. Distances stay in the units of these rays.
     #[inline(always)]
     fn prepared(rays: &Given<L>, farthest: L) -> Self {
         let (origin, d) = (&rays.origin, &rays.direction);
@@ -176,7 +177,7 @@ impl<L: Lanes> Group<L> {
         let inverse = each!(i => L::splat(1.0).div(d[i].abs().max(L::splat(SMALLEST))));
         let negative = each!(i => d[i].less(L::splat(0.0)));
         let signed = each!(i => inverse[i].replace(negative[i], inverse[i].neg()));
-        // Infinite only where the box test's products are: a start so far away is its own distance to any plane.
+        // Infinite only where the box test's products are: an origin so far away is its own distance to any plane.
         let starts = each!(i => {
             let from = origin[i].mul(signed[i]).neg();
             let wide = L::splat(INNER[0]).mul(farthest).add(L::splat(INNER[1]).mul(origin[i].abs()));
@@ -198,7 +199,7 @@ impl<L: Lanes> Group<L> {
         }
     }
 
-    /// `kz`, where all lanes hold a prepared ray and have the same.
+    /// Returns `kz` if all lanes hold a prepared ray with the same `kz`.
     #[inline(always)]
     pub(crate) fn main_of_all(&self) -> Option<usize> {
         let main = self.main[0];
@@ -211,7 +212,7 @@ impl<L: Lanes> Group<L> {
 }
 
 impl Group<Plain<1>> {
-    /// One ray, whatever it is like. Distances stay in its own units.
+    /// Prepares one ray of any kind. Distances stay in its own units.
     #[inline]
     pub(crate) fn alone(ray: &PreparedRay, root: &Aabb) -> Self {
         let rays = Given {
@@ -224,7 +225,7 @@ impl Group<Plain<1>> {
     }
 }
 
-/// The ray in one lane of a group, read where it lies: a copy would keep all of it in registers during the traversal.
+/// The ray in one lane of a group, read in place: a copy would occupy registers during the whole traversal.
 pub(crate) struct OneRay<'a, L: Lanes> {
     pub(crate) group: &'a Group<L>,
     pub(crate) lane: usize,
@@ -236,7 +237,7 @@ impl<L: Lanes> OneRay<'_, L> {
         lanes.as_ref()[self.lane]
     }
 
-    /// `kz`.
+    /// Returns `kz`.
     #[inline(always)]
     pub(crate) fn main(&self) -> usize {
         self.group.main[self.lane] as usize
@@ -247,7 +248,7 @@ impl<L: Lanes> OneRay<'_, L> {
         self.at(&self.group.limits[1])
     }
 
-    /// A distance in units of the given ray's direction. A zero is a positive one.
+    /// Converts a distance to units of the given ray's direction. A zero result is `+0`.
     #[inline(always)]
     pub(crate) fn unscaled(&self, t: f32) -> f32 {
         let t = t * self.at(&self.group.back);
@@ -255,7 +256,7 @@ impl<L: Lanes> OneRay<'_, L> {
     }
 }
 
-/// `D` of each lane.
+/// Computes `D` of the root box for each lane.
 #[inline(always)]
 fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     let mut farthest = L::splat(0.0);
@@ -267,7 +268,7 @@ fn farthest<L: Lanes>(origin: &[L; 3], root: &Aabb) -> L {
     farthest
 }
 
-/// `kz` of each lane, the axis of its largest component, the first of equals; and its shear, from `r`.
+/// Returns `kz` of each lane, the axis of its largest component (the first of equals), and its shear from `r`.
 #[inline(always)]
 fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
     let [x, y, z] = each!(i => d[i].abs());
@@ -281,10 +282,10 @@ fn turned<L: Lanes>(d: &[L; 3], r: &[L; 3]) -> ([u32; MOST_RAYS], [L; 3]) {
     (main, [of[0].div(of[2]), of[1].div(of[2]), inverse])
 }
 
-/// Columns of a cell of pixels; its rows follow from the lanes.
+/// Columns of a cell of pixels. The number of rows follows from the number of lanes.
 pub(crate) const COLUMNS: usize = 4;
 
-/// A few columns and rows of a picture. Lanes go row by row; those beyond the edge repeat the last ones.
+/// A few columns and rows of a picture. Lanes are row by row. Lanes beyond the edge repeat the last row or column.
 pub(crate) struct Cell {
     /// Lanes within the picture.
     pub(crate) asked: u32,
@@ -296,7 +297,7 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// The cell whose upper left entry among those of `tiles` is `at`.
+    /// Creates the cell with its upper left entry at `at` of `tiles`.
     #[inline(always)]
     pub(crate) fn new(tiles: &Tiles<'_>, at: [usize; 2], rows: usize) -> Self {
         let (index, width) = (tiles.index(at[0], at[1]), tiles.width());
@@ -326,7 +327,7 @@ impl Cell {
         ]
     }
 
-    /// The camera's rays, as [`Camera::ray`] has them.
+    /// Returns the camera's rays, equal to those of [`Camera::ray`].
     #[inline(always)]
     pub(crate) fn rays<L: Lanes>(&self, camera: &Camera) -> Given<L> {
         Given {

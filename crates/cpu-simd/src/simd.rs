@@ -1,9 +1,9 @@
-//! A few numbers at once: one interface, and the widths that this machine has.
+//! Vector operations: one interface, and its implementations for the instruction sets of this machine.
 //!
-//! Code written against [`Isa`] is compiled once for each instruction set; [`Level::run`]
-//! enters the one that the machine was found to have. Every operation is a single IEEE one,
-//! lane by lane, so all sets give the same bits. Whatever runs inside must be
-//! `#[inline(always)]`, or else it is compiled without the instructions.
+//! Code that is generic over [`Isa`] is compiled once for each instruction set. [`Level::run`]
+//! enters the version for the detected set. Every operation is a single IEEE operation per lane,
+//! so all sets give the same bits. Code inside must be `#[inline(always)]`, or it is compiled
+//! without the set's instructions.
 
 mod plain;
 #[cfg(target_arch = "x86_64")]
@@ -14,8 +14,8 @@ pub(crate) use plain::Plain;
 use bvh_layout::Link;
 use geom::Point;
 
-/// An expression for each of three axes or corners. Closures are compiled on their own, and so without the
-/// instructions; expressions are part of the function that they stand in.
+/// Repeats an expression for each of three axes or corners. A closure would be a function of its own and so compiled
+/// without the set's instructions. An expression is part of the enclosing function.
 macro_rules! each {
     ($i:ident => $value:expr) => {
         [each!($i 0 $value), each!($i 1 $value), each!($i 2 $value)]
@@ -27,11 +27,11 @@ macro_rules! each {
 }
 pub(crate) use each;
 
-/// A vector of single-precision numbers, as far as planes of boxes need it.
+/// A vector of single-precision numbers, with the operations that box planes need.
 ///
-/// Where a number is not one, `min` and `max` return their second operand.
+/// If an operand is NaN, `min` and `max` return their second operand.
 pub(crate) trait Vector: Copy {
-    /// The same numbers in memory.
+    /// Array with the same numbers.
     type Array: Copy + AsRef<[f32]> + AsMut<[f32]>;
 
     fn splat(x: f32) -> Self;
@@ -42,20 +42,20 @@ pub(crate) trait Vector: Copy {
     fn max(self, other: Self) -> Self;
 }
 
-/// A vector with all that can be done to it.
+/// A vector with all operations.
 pub(crate) trait Lanes: Vector {
-    /// One truth value a lane.
+    /// One truth value per lane.
     type Mask: Copy;
-    /// Bits of a mask that is set in every lane.
+    /// Mask bits with every lane set.
     const ALL: u32;
 
     fn store(self) -> Self::Array;
     fn add(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
-    /// `self * by + plus`, rounded once or twice, as the machine likes: only where either will do.
+    /// `self * by + plus`, rounded once or twice depending on the machine. Only for results where either is acceptable.
     fn about(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
-    /// `2^e` by the exponent `e` of a positive number. Zero for zero, infinity for what is not finite.
+    /// `2^e`, where `e` is the exponent of a positive number. Zero for zero, infinity for infinity and NaN.
     fn power(self) -> Self;
     fn neg(self) -> Self;
     /// `self < other`.
@@ -66,34 +66,35 @@ pub(crate) trait Lanes: Vector {
     fn replace(self, mask: Self::Mask, other: Self) -> Self;
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Bit `i` is lane `i`.
+    /// Returns the mask with lane `i` as bit `i`.
     fn bits(mask: Self::Mask) -> u32;
-    /// The reverse of [`Lanes::bits`].
+    /// The inverse of [`Lanes::bits`].
     fn mask(bits: u32) -> Self::Mask;
-    /// The least number of all lanes, which must be numbers.
+    /// Returns the least number of all lanes. No lane may be NaN.
     fn least(self) -> f32;
-    /// The greatest number of all lanes, which must be numbers.
+    /// Returns the greatest number of all lanes. No lane may be NaN.
     fn most(self) -> f32;
-    /// Writes `word` to the places of the lanes that are set.
+    /// Writes `word` to the entries of the lanes that are set.
     fn put(words: &mut [u32; 16], mask: Self::Mask, word: u32);
 }
 
-/// Eight numbers: one of each child of a node, or of each triangle of a block.
+/// Eight numbers: one for each child of a node or each triangle of a block.
 pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
-    /// The coordinates of these points, axis by axis.
+    /// Returns the coordinates of these points, axis by axis.
     fn coordinates(points: [&Point; 8]) -> [Self; 3];
-    /// The greater by their bits as signed integers (Embree's `maxi`), which takes a fourth of the time: where both are
-    /// negative it may be the lesser, and is never more than [`Vector::max`].
+    /// Returns the greater when compared as signed integers (Embree's `maxi`), in a quarter of the time of
+    /// [`Vector::max`]. For two negative numbers that is the lesser, so the result is never more than that of
+    /// [`Vector::max`].
     #[inline(always)]
     fn maxi(self, other: Self) -> Self {
         self.max(other)
     }
-    /// Likewise the lesser, never less than [`Vector::min`].
+    /// Returns the lesser when compared as signed integers, which is never less than the result of [`Vector::min`].
     #[inline(always)]
     fn mini(self, other: Self) -> Self {
         self.min(other)
     }
-    /// In each lane the number of the lane that `lanes` names there, modulo eight.
+    /// Returns a vector whose lane `i` is lane `lanes[i]` of this one, modulo eight.
     fn permuted(self, lanes: &[u8; 8]) -> Self;
 }
 
@@ -101,28 +102,28 @@ pub(crate) trait Eight: Lanes<Array = [f32; 8]> {
 pub(crate) trait Halves: Vector<Array = [f32; 16]> {
     type Half: Eight;
 
-    /// Both halves, exchanged if `turn`.
+    /// Returns both halves, exchanged if `turn`.
     fn turned(self, turn: bool) -> Self;
     fn low(self) -> Self::Half;
     fn high(self) -> Self::Half;
     fn join(low: Self::Half, high: Self::Half) -> Self;
 }
 
-/// The vectors that an instruction set is best at.
+/// The vector types of an instruction set.
 pub(crate) trait Isa: Sized + 'static {
-    /// As many lanes as a node has children and a block triangles.
+    /// Vector with one lane for each child of a node or each triangle of a block.
     type Eight: Eight;
     /// Lower and upper planes of eight boxes.
     type Planes: Halves<Half = Self::Eight>;
-    /// One number of each ray of a packet.
+    /// One number for each ray of a packet.
     type Packet: Lanes;
 
-    /// Does `part` in a function of its own.
+    /// Runs `part` in a separate function.
     fn outlined<P: Outlined<Self>>(part: P) -> P::Out;
 
-    /// Those of `lanes` before anything else, in their order. What comes after them means nothing.
+    /// Moves the links of `lanes` to the front, in order. The entries after them are unspecified.
     ///
-    /// Without a branch for each: which lanes they are is hard to foresee.
+    /// There is no branch per lane, because the set lanes are hard to predict.
     #[inline(always)]
     fn packed(of: &[Link; 8], lanes: u32) -> [Link; 8] {
         let (mut to, mut count) = (*of, 0);
@@ -134,15 +135,15 @@ pub(crate) trait Isa: Sized + 'static {
     }
 }
 
-/// Asks for the cache lines of what will soon be read, those that its first bytes lie in if it is not aligned to them.
-/// Does nothing where that cannot be asked.
+/// Prefetches the cache lines of an entry that will soon be read. An entry that is not aligned to cache lines may reach
+/// into one more, which is not prefetched. Does nothing on machines without the instruction.
 #[inline(always)]
 pub(crate) fn prefetch<T>(of: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]
     for line in 0..size_of::<T>().div_ceil(64) {
         let first = of.as_ptr().wrapping_add(index).cast::<i8>();
         #[expect(unsafe_code, reason = "an instruction that the machine has")]
-        // SAFETY: whatever the address, a prefetch reads nothing that the program could see.
+        // SAFETY: a prefetch of any address has no effect that the program can observe.
         unsafe {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
             _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line * 64));
@@ -152,21 +153,21 @@ pub(crate) fn prefetch<T>(of: &[T], index: usize) {
     let _ = (of, index);
 }
 
-/// Something to be done with vectors.
+/// A task that uses vectors.
 pub(crate) trait Work {
-    /// What comes of it.
+    /// The result.
     type Out;
 
-    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    /// Runs the task. Must be `#[inline(always)]`, as must every function that it calls.
     fn run<I: Isa>(self) -> Self::Out;
 }
 
-/// A part of some work that is done at several places, and compiled once for each set.
+/// A part of a task that has several call sites and is compiled once for each instruction set.
 pub(crate) trait Outlined<I: Isa> {
-    /// What comes of it.
+    /// The result.
     type Out;
 
-    /// Does it. Must be `#[inline(always)]`, like all that it calls.
+    /// Runs the part. Must be `#[inline(always)]`, as must every function that it calls.
     fn run(self) -> Self::Out;
 }
 
@@ -179,7 +180,7 @@ impl<I: Isa, W: Work> Outlined<I> for W {
     }
 }
 
-/// No instructions but those that every machine of this kind has.
+/// The instructions that every machine of this architecture has.
 struct Portable;
 
 impl Isa for Portable {
@@ -193,7 +194,7 @@ impl Isa for Portable {
     }
 }
 
-/// An instruction set that this machine was found to have.
+/// An instruction set that was detected on this machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Level(Set);
 
@@ -207,7 +208,7 @@ enum Set {
 }
 
 impl Level {
-    /// All that this machine has, the best last.
+    /// Returns all levels of this machine, the best last.
     #[must_use]
     pub fn all() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
@@ -221,12 +222,12 @@ impl Level {
         all.map(Self).collect()
     }
 
-    /// The best that this machine has.
+    /// Returns the best level of this machine.
     pub(crate) fn best() -> Self {
         Self::all().pop().unwrap_or(Self(Set::Portable))
     }
 
-    /// Does `work` with this set's instructions.
+    /// Runs `work` with this level's instructions.
     #[inline]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Out {
         match self.0 {

@@ -1,4 +1,4 @@
-//! A pass over the tree from its blocks to its root, side by side where subtrees do not meet.
+//! Bottom-up passes over the tree, parallel across disjoint subtrees.
 
 use crate::tree::{Block, Node};
 use bvh_layout::BlockTree;
@@ -24,7 +24,7 @@ impl LevelPart<'_> {
         }
     }
 
-    /// Cuts off all from a node on.
+    /// Splits off everything from a node on.
     fn split(self, node: usize, shape: &BlockTree) -> [Self; 2] {
         let [which, more_which] = self.which.split_before(node);
         let [nodes, more_nodes] = self.nodes.split(node);
@@ -41,11 +41,12 @@ impl LevelPart<'_> {
     }
 }
 
-/// Neighbouring nodes of one level, and level by level all below them. None without a node to go over.
+/// Neighbouring nodes of one level and, level by level, all nodes below them. Empty if no node is selected.
 pub(crate) struct Subtrees<'a>(Vec<LevelPart<'a>>);
 
 impl<'a> Subtrees<'a> {
-    /// The whole tree; `which` says of each level, root first, what to go over: with a node those above it.
+    /// Creates the whole tree. `which` selects nodes of each level, root first. The ancestors of a selected node must
+    /// be selected too.
     pub(crate) fn of(
         shape: &BlockTree,
         which: impl Iterator<Item = Which<'a>>,
@@ -63,8 +64,8 @@ impl<'a> Subtrees<'a> {
         Self(parts.filter(|part| part.which.count() > 0).collect())
     }
 
-    /// Gives each level of some subtrees to `task` after the one below, with that; many subtrees in parallel. Adds up what it
-    /// returns, in the same order for every number of threads.
+    /// Runs `task` on each level, after the level below, with that level as its second argument. Large subtrees run in
+    /// parallel. Sums the results in the same order for every number of threads.
     pub(crate) fn fold<S: Add<Output = S> + Default + Send>(
         mut self,
         shape: &BlockTree,
@@ -94,7 +95,7 @@ impl<'a> Subtrees<'a> {
         task(&mut above[level], below.first())
     }
 
-    /// Cuts in the middle of the uppermost nodes.
+    /// Splits in the middle of the uppermost nodes.
     fn halves(self, shape: &BlockTree) -> [Self; 2] {
         let top = &self.0[0].which;
         let mut node = top.at(top.count() / 2);

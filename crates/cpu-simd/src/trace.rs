@@ -1,4 +1,4 @@
-//! Rays to hits by the wide tree: neighbouring rays together where that pays, others each on its own.
+//! Tracing through the wide tree: neighbouring rays as packets where that is faster, other rays singly.
 
 use crate::intersect::{Intersect, Touch};
 use crate::light::{Found, shadow_rays};
@@ -20,7 +20,7 @@ use std::ops::Range;
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
 type Stack<'a> = traverse::Stack<&'a Wide>;
 
-/// A tracer by the vectors of an intersector.
+/// A tracer for an intersector in vectors.
 pub(crate) struct WideTracer<'a, T> {
     tracer: Tracer<'a, &'a Wide>,
     intersector: PhantomData<T>,
@@ -34,7 +34,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         }
     }
 
-    /// Answers all rays, in their order.
+    /// Traces all rays and writes the answers in their order.
     pub(crate) fn trace(&self, out: Output<'_>) -> Counts {
         fill(self.tracer.task.query.rays, out, |tiles| {
             let tracer = self;
@@ -42,7 +42,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         })
     }
 
-    /// Hits of a packet, whose distances `back` brings to units of the given directions.
+    /// Converts the hits of a packet. `back` is the factor from its distances to units of the given directions.
     #[inline(always)]
     fn unpack<I: Isa>(&self, packet: &packet::Found<I::Packet>, back: I::Packet) -> Found {
         let t = packet.t.mul(back).store();
@@ -60,7 +60,8 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         found
     }
 
-    /// Closest hits of rays that are prepared together: as a packet where that pays, or else each on its own.
+    /// Returns the closest hits of rays that are prepared together: traced as a packet where that is faster, else
+    /// singly.
     #[inline(always)]
     fn closest<I: Isa>(
         &self,
@@ -104,7 +105,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         found
     }
 
-    /// The hits of the lanes of `asked`, found up to rounding, by the reference. It answers the `open` ones anew.
+    /// Has the reference report the exact hits of the lanes of `asked`. It traces the rays of `open` lanes again.
     #[inline(never)]
     fn report(
         &self,
@@ -130,7 +131,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         }
     }
 
-    /// Which rays of `asked` hit any triangle but those left out; prepared and traced likewise.
+    /// Returns the rays of `asked` that hit any triangle except the skipped ones. Traces them as a packet or singly.
     #[inline(always)]
     fn any<I: Isa>(
         &self,
@@ -169,7 +170,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         self.settle_any((rays, scale), Touch { hit, open }, skipped, stack)
     }
 
-    /// Lanes that hit anything, where the reference answers those that are open.
+    /// Returns the lanes that hit anything. The reference traces the rays of open lanes again.
     #[inline(always)]
     fn settle_any<L: Lanes>(
         &self,
@@ -188,7 +189,7 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         hit
     }
 
-    /// The closest hit of a ray that vectors do not answer.
+    /// Returns the closest hit of a ray that vectors do not answer.
     #[cold]
     #[inline(never)]
     fn closest_unusual(&self, ray: &Ray, scale: Scale, stack: &mut Stack<'a>) -> Hit {
@@ -196,14 +197,14 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
         hit.unwrap_or(Hit::MISS)
     }
 
-    /// Whether a ray that vectors do not answer hits any triangle but `skipped`.
+    /// Returns whether a ray that vectors do not answer hits any triangle except `skipped`.
     #[cold]
     #[inline(never)]
     fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32, stack: &mut Stack<'a>) -> bool {
         T::Reference::any(&self.tracer.asked(*ray, scale), Some(skipped), stack)
     }
 
-    /// The answers for rays of a list, some of which are extreme.
+    /// Answers rays of a list one by one, because some are extreme.
     #[cold]
     #[inline(never)]
     fn singly(&self, indices: Range<usize>, stack: &mut Stack<'a>) -> Found {
@@ -217,12 +218,13 @@ impl<'a, T: Intersect> WideTracer<'a, T> {
     }
 }
 
-/// What a task keeps from rays to rays.
+/// State of a task that persists from packet to packet.
 #[derive(Default)]
 struct State<'a> {
     stack: Stack<'a>,
-    /// Of closest hits, and of any.
+    /// History of packets in closest-hit searches.
     closest: Trust,
+    /// History of packets in any-hit searches.
     any: Trust,
 }
 
@@ -307,7 +309,7 @@ impl<T: Intersect> TilesTask<'_, '_, T> {
     }
 }
 
-/// The answers for rays in the lanes of `asked`. Lists and pictures share it, since it takes long to compile.
+/// Answers the rays in the lanes of `asked`. Lists and pictures share this part, because it takes long to compile.
 struct Answers<'a, 't, L, T> {
     tracer: &'t WideTracer<'a, T>,
     rays: &'t Given<L>,
@@ -340,7 +342,7 @@ impl<I: Isa, T: Intersect> Outlined<I> for Answers<'_, '_, I::Packet, T> {
         if hit == 0 {
             return found;
         }
-        // At once, while all that the rays came to is in the nearest caches.
+        // Shadow rays are traced now, while the results of the rays are in the nearest caches.
         let corners = found.corners::<I>(&task.geometry, tree);
         let eyes = rays.scaled_origin(scale);
         let shadows = shadow_rays(light, &corners, found.weights::<I>(), &eyes);
@@ -353,20 +355,20 @@ impl<I: Isa, T: Intersect> Outlined<I> for Answers<'_, '_, I::Packet, T> {
     }
 }
 
-/// Whether packets of late were worth it.
+/// History of whether packets were faster than single rays.
 #[derive(Default)]
 struct Trust {
     failed: u32,
-    /// Cells that go one by one before the next packet is tried.
+    /// Cells to trace singly before the next packet is tried.
     pause: u32,
 }
 
-/// The longest pause.
+/// The longest pause, in cells.
 const PAUSE: u32 = 7;
 
 impl Trust {
-    /// The rays of a group as a packet through `tree`, if that is worth a try. A packet pads boxes by the size of the whole
-    /// tree.
+    /// Creates a packet of a group's rays, unless a pause lasts or the tree is `spread`: packets pad boxes by the size
+    /// of the whole tree.
     #[inline(always)]
     fn packet<I: Isa>(&mut self, group: &Group<I::Packet>, tree: &Wide) -> Option<PacketOf<I>> {
         let tries = self.pause == 0 && !tree.spread;

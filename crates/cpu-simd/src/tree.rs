@@ -1,4 +1,4 @@
-//! How the tree of layout `fast` lies in memory.
+//! Memory layout of the trees of layout `fast`.
 
 use crate::boxes::{EightBoxes, Sums};
 use crate::fit::triangle;
@@ -18,15 +18,15 @@ use std::sync::Arc;
 
 pub(crate) use bvh_layout::{LANES, Link};
 
-/// Up to eight boxes and where they lead: four cache lines.
+/// Up to eight boxes with links to children, in four cache lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// For each axis: lower planes of all lanes, then upper planes. Lanes without a child are empty.
+    /// For each axis: lower planes of all lanes, then upper planes. Lanes without a child have empty boxes.
     pub(crate) planes: Planes,
-    /// Where each lane leads.
+    /// Link of each lane to a node or block.
     pub(crate) links: [Link; LANES],
-    /// The binary nodes that it stands for.
+    /// The binary nodes that were collapsed into this node.
     pub(crate) ranges: Ranges,
 }
 
@@ -41,13 +41,13 @@ pub(crate) const EMPTY: Planes = {
     ]; 3]
 };
 
-/// Up to eight triangles in scaled units. Whatever cannot be hit now has corners that are not numbers.
+/// Up to eight triangles in scaled units. Triangles that cannot be hit at this moment have NaN as corners.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Block {
-    /// For each axis, for each corner: the coordinate in all lanes.
+    /// The coordinate in all lanes, for each axis and each corner.
     pub(crate) corners: [[[f32; LANES]; 3]; 3],
-    /// Index in the scene; `u32::MAX` in lanes without a triangle.
+    /// Index in the scene, or `u32::MAX` in lanes without a triangle.
     pub(crate) triangles: [u32; LANES],
 }
 
@@ -56,16 +56,16 @@ pub(crate) struct Block {
 #[repr(C, align(64))]
 pub(crate) struct Records(pub(crate) [[[f32; LANES]; 4]; 3]);
 
-/// Where a triangle lies: in a lane of a block.
+/// Returns the place of the triangle in a lane of a block.
 #[inline(always)]
 pub(crate) fn place(block: usize, lane: usize) -> u32 {
     (block * LANES + lane) as u32
 }
 
-/// No triangle's place.
+/// A place without a triangle.
 pub(crate) const NOWHERE: u32 = u32::MAX;
 
-/// More have places that are no 32-bit numbers. They would take 170 GB.
+/// Limit on the number of blocks, so that places fit in 32 bits. More blocks would take 170 GB.
 const MOST_BLOCKS: usize = NOWHERE as usize / LANES;
 
 impl Node {
@@ -82,7 +82,7 @@ impl Block {
         triangles: [u32::MAX; LANES],
     };
 
-    /// The corners in one lane, in scaled units.
+    /// Returns the corners in one lane, in scaled units.
     #[inline(always)]
     pub(crate) fn triangle(&self, lane: usize) -> Triangle {
         triangle(&self.corners, lane)
@@ -92,32 +92,32 @@ impl Block {
 /// A tree with the boxes and triangles of one moment.
 #[derive(Debug)]
 pub(crate) struct Wide {
-    /// Which triangles and subtrees lie where.
+    /// Triangles and links of the tree.
     pub(crate) shape: Arc<BlockTree>,
-    /// As in `shape`, from the first preprocess on.
+    /// The nodes of `shape` with boxes, valid from the first preprocess on.
     pub(crate) nodes: Vec<Node>,
-    /// Likewise.
+    /// The blocks of `shape` with corners, valid from the first preprocess on.
     pub(crate) blocks: Vec<Block>,
-    /// Whether nodes and blocks are still another tree's.
+    /// Set if nodes and blocks still have the contents of another tree.
     pub(crate) stale: bool,
-    /// One a block for `woop`; else empty, since other tests take corners.
+    /// Records of each block if the test is Woop's. Else empty, because other tests read corners.
     pub(crate) records: Vec<Records>,
-    /// The box of the whole tree, in scaled units.
+    /// The root box, in scaled units.
     pub(crate) root: Aabb,
-    /// Whether coordinates differ much in size, as of the last preprocess: [`geom::Range::spread`].
+    /// [`geom::Range::spread`] as of the last preprocess: set if coordinates differ much in size.
     pub(crate) spread: bool,
-    /// Half areas of all boxes of the binary tree but those that the root node stands for, as of the last preprocess.
+    /// Half areas of all boxes of the binary tree except those collapsed into the root node, as of the last preprocess.
     pub(crate) areas: f64,
-    /// The instructions to trace with.
+    /// The instruction set to trace with.
     pub(crate) level: Level,
-    /// The binary tree, for whoever asks for its boxes.
+    /// The binary tree, for computing its boxes.
     pub(crate) binary: Topology,
-    /// What moves, if the binary tree came with lists of it.
+    /// The moving parts, if the binary tree has lists of moving nodes.
     pub(crate) moving: Option<Moving>,
 }
 
 impl Wide {
-    /// An empty tree, to be traced with `level`.
+    /// Creates an empty tree, to be traced with `level`.
     pub(crate) fn new(level: Level) -> Self {
         Self {
             nodes: vec![Node::UNUSED],
@@ -134,7 +134,7 @@ impl Wide {
         }
     }
 
-    /// Makes the records of all blocks from their corners.
+    /// Computes the records of all blocks from their corners.
     fn make_records(&mut self) {
         let blocks = self.blocks.par_iter().with_min_len(128);
         let records = blocks.map(|block| {
@@ -156,13 +156,13 @@ impl Wide {
         records.collect_into_vec(&mut self.records);
     }
 
-    /// The triangle in a place.
+    /// Returns the triangle in a place.
     #[inline(always)]
     pub(crate) fn triangle_at(&self, place: u32) -> u32 {
         self.blocks[place as usize / LANES].triangles[place as usize % LANES]
     }
 
-    /// Its corners, in scaled units.
+    /// Returns the corners of the triangle in a place, in scaled units.
     #[inline(always)]
     pub(crate) fn corners_at(&self, place: u32) -> Triangle {
         self.blocks[place as usize / LANES].triangle(place as usize % LANES)
@@ -170,7 +170,7 @@ impl Wide {
 }
 
 impl Accelerator for Wide {
-    /// Costs little if the record brings its [`BlockTree`] along.
+    /// Costs little if the topology includes its [`BlockTree`].
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()> {
         let shape = match tree.blocks() {
             Some(shape) => Arc::clone(shape),
@@ -197,7 +197,7 @@ impl Accelerator for Wide {
         self.moving = tree.moving().map(|_| Moving::of(&shape, is_static));
         self.binary.copy_record(tree);
         let old = std::mem::replace(&mut self.shape, shape);
-        // Giving much memory back takes a while.
+        // Freeing much memory takes a while.
         rayon::spawn(move || drop((old, outgrown)));
         Ok(())
     }
@@ -241,7 +241,7 @@ impl Accelerator for Wide {
     }
 }
 
-/// Memory in the place of `old` if that is too small, and more than is asked: the next tree may have a few more.
+/// Allocates memory if the capacity of `old` is below `count`. Adds a quarter, because the next tree may be larger.
 fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     if old.capacity() >= count {
         return Ok(None);
@@ -251,7 +251,7 @@ fn larger<T>(old: &Vec<T>, count: usize, what: &str) -> Result<Option<Vec<T>>> {
     Ok(Some(new))
 }
 
-/// Makes `memory` so long, in `larger` if there is any; returns what it outgrew.
+/// Resizes `memory` to `count`. Moves to `larger` if that is `Some`, and returns the memory that was replaced.
 fn fill<T: Copy + Send + Sync>(
     memory: &mut Vec<T>,
     larger: Option<Vec<T>>,

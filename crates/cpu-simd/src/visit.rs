@@ -1,4 +1,4 @@
-//! The wide tree for tests that take one triangle at a time.
+//! Traversal of the wide tree for tests that take one triangle at a time.
 
 use crate::boxes::bounds;
 use crate::leaf::{OfBlock, TriangleRay};
@@ -62,14 +62,14 @@ impl Tree for &Wide {
     }
 }
 
-/// What sees a leaf, and says before which bound the next one may lie.
+/// Callback that tests a leaf and returns the next bound, or `None` to end the visit.
 type See<'a> = dyn FnMut(&Leaf, f32) -> Option<f32> + 'a;
 
 struct Visit<'a> {
     tree: &'a Wide,
     ray: &'a PreparedRay,
     stack: &'a mut Stack,
-    /// Called through a pointer, so that the walk is compiled once for all tests.
+    /// Called through a pointer, so that the traversal is compiled once for all tests.
     see: &'a mut See<'a>,
 }
 
@@ -91,7 +91,7 @@ impl Work for Visit<'_> {
     }
 }
 
-/// Shows each triangle of a block whose own box the ray meets.
+/// Calls `see` for each triangle of a block whose own box the ray meets.
 struct EachTriangle<'a, L> {
     tree: &'a Wide,
     ray: TriangleRay<L>,

@@ -1,4 +1,4 @@
-//! One ray through the nodes, nearest child first, eight boxes at a time; and its hits.
+//! Traversal by one ray, nearest child first, eight boxes at a time, and the searches that use it.
 
 use crate::intersect::{Intersect, LaneTest, Touch};
 use crate::leaf::{Meetings, OfBlock, TriangleRay, slack};
@@ -9,8 +9,8 @@ use bvh_build::MAX_DEPTH;
 use geom::Hit;
 use std::marker::PhantomData;
 
-/// A node or block still to visit: bits of where its box is entered, then of its link. So one comparison, without a
-/// branch, tells which is farther. Where entries are negative, the order is another, and still all are visited.
+/// A node or block still to visit: the bits of its entry distance, then those of its link. So a single comparison
+/// without a branch orders them by distance. Negative entries are in another order, but all are still visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Waiting(u64);
 
@@ -33,13 +33,14 @@ impl Waiting {
     }
 }
 
-/// Each level of the binary tree leaves at most one behind, and one more node may be split up.
+/// Capacity of the stack. Each level leaves at most `LANES - 1` entries on it, and there are at most `MAX_DEPTH + 1`
+/// levels.
 const DEEPEST: usize = ((LANES - 1) * (MAX_DEPTH as usize + 1)).next_power_of_two();
 
 /// Nodes and blocks still to visit, the next one last.
 pub(crate) struct Stack {
     waiting: [Waiting; DEEPEST],
-    /// Where their order does not matter; room for all lanes of one node more.
+    /// Used where their order does not matter. Has space for all lanes of one more node.
     links: [Link; DEEPEST + LANES],
 }
 
@@ -52,32 +53,32 @@ impl Default for Stack {
     }
 }
 
-/// What is to be done with the blocks that a ray comes to, nearer ones first.
+/// Handler of the blocks that a ray meets, nearer ones first.
 pub(crate) trait Visitor<I> {
-    /// Sees a block whose box the ray meets before `bound`, and returns the next bound; none ends the walk.
+    /// Visits a block whose box the ray meets before `bound`. Returns the next bound, or `None` to end the traversal.
     /// Must be `#[inline(always)]`.
     fn block(&mut self, block: usize, bound: f32) -> Option<f32>;
 }
 
-/// Something that boxes are tested against.
+/// A ray or packet that boxes can be tested with.
 pub(crate) trait BoxTest<L> {
-    /// Which of eight boxes cannot be skipped, and where they are entered. Must be `#[inline(always)]`.
+    /// Returns which of eight boxes cannot be skipped, and their entries. Must be `#[inline(always)]`.
     fn meet(&self, planes: &Planes, best: f32) -> (u32, L);
 }
 
-/// What boxes of inner nodes are tested against: wider than the reference's box test has them, with fewer operations.
-/// They decide no hit.
+/// A ray, prepared for boxes of inner nodes. The boxes are padded more than in the reference's box test, which saves
+/// operations. They decide no hit.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeRay<L> {
     inverse: [L; 3],
-    /// Added to the products with near planes, with far planes.
+    /// Terms added to the products with near planes and with far planes.
     starts: [[L; 2]; 3],
-    /// Which planes are nearer: 0 for the lower ones.
+    /// Index of the nearer planes on each axis: 0 for the lower ones.
     near: [usize; 3],
     t_min: L,
-    /// Where the ray starts.
+    /// Origin of the ray.
     origin: [L; 3],
-    /// Whether each box is padded by its own distance rather than by the whole tree's.
+    /// Set if each box is padded by its own distance instead of the whole tree's.
     spread: bool,
 }
 
@@ -100,8 +101,8 @@ impl<L: Lanes> NodeRay<L> {
 }
 
 impl<L: Lanes> NodeRay<L> {
-    /// Where the ray meets near and far planes of boxes, as the reference's box test has it. `D` of a box is at least that
-    /// of any box within, and every operation is monotone.
+    /// Returns the distances to near and far planes of boxes, computed as in the reference's box test. This is
+    /// conservative: `D` of a box is at least that of any box within, and every operation is monotone.
     #[inline(always)]
     fn spans_apart(&self, at: [[L; 2]; 3]) -> [[L; 2]; 3] {
         let from = each!(axis => {
@@ -141,7 +142,7 @@ impl<L: Eight> BoxTest<L> for NodeRay<L> {
     }
 }
 
-/// Shows `visitor` the blocks that rays may hit, roughly in their order; whether it ended the walk.
+/// Visits the blocks that rays may hit, roughly nearest first. Returns whether `visitor` ended the traversal.
 #[inline(always)]
 pub(crate) fn walk<I: Isa>(
     tree: &Wide,
@@ -169,7 +170,7 @@ pub(crate) fn walk<I: Isa>(
                 continue;
             }
         }
-        // Equal entries stay: a hit at the same distance may have a lower index.
+        // Equal distances are visited too: such a hit may have a lower index.
         loop {
             if len == 0 {
                 return false;
@@ -184,7 +185,7 @@ pub(crate) fn walk<I: Isa>(
     }
 }
 
-/// The nearest of `lanes`, of which there are some; the others wait, farthest first.
+/// Returns the nearest of `lanes`, which must not be empty, and pushes the others, farthest first.
 #[inline(always)]
 fn nearest<L: Lanes<Array = [f32; LANES]>>(
     tree: &Wide,
@@ -214,7 +215,7 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
     next.link()
 }
 
-/// A hit, and where its triangle lies in the tree: the block's number times [`LANES`], and the lane.
+/// A hit, and the place of its triangle in the tree: the block's index times [`LANES`], plus the lane.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed {
     pub(crate) hit: Hit,
@@ -272,7 +273,7 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(
     }
 }
 
-/// The closest hit, its `t` in scaled units; a miss has no place.
+/// Returns the closest hit, with `t` in scaled units. A miss has place [`NOWHERE`].
 #[inline(always)]
 pub(crate) fn closest<I: Isa, T: LaneTest>(
     tree: &Wide,
@@ -297,7 +298,7 @@ pub(crate) fn closest<I: Isa, T: LaneTest>(
     closest.best
 }
 
-/// Whether a ray hits any triangle but `skipped`, as the only lane: goes down to a node's last child first.
+/// Returns whether a ray, as the only lane, hits any triangle except `skipped`. Visits the last child of each node first.
 #[inline(always)]
 pub(crate) fn any<I: Isa, T: Intersect>(
     tree: &Wide,
@@ -333,12 +334,12 @@ pub(crate) fn any<I: Isa, T: Intersect>(
         }
         len -= 1;
         link = links[len % DEEPEST];
-        // The one after it.
+        // Prefetches the entry after this one.
         tree.prefetch(links[len.saturating_sub(1) % DEEPEST]);
     }
 }
 
-/// Which triangles of a block a ray hits, but `skipped`.
+/// Returns the triangles of a block that a ray hits, except `skipped`.
 #[inline(always)]
 fn touch<I: Isa, T: Intersect>(
     tree: &Wide,

@@ -1,5 +1,5 @@
-//! Every instruction set that the machine has against the reference: by every law, and ray by ray where rays run or are
-//! prepared together.
+//! Compares every instruction set of the machine with the reference: all properties, and hits of rays that are traced
+//! or prepared together.
 
 use backend::{Backend, Generation, Intersector, Layout, Method, QueryKind, Rays};
 use bvh_layout::{First, Topology};
@@ -11,7 +11,7 @@ use geom::{Animation, Camera, Point, Ray};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Cases of each law and instruction set.
+/// Cases of each property and instruction set.
 const CASES: u32 = 4;
 
 #[test]
@@ -26,7 +26,7 @@ fn every_instruction_set_keeps_every_law() {
     }
 }
 
-/// One of that law's cases, in which a vertex lies as far as floats reach.
+/// In this case of the property, a vertex is so far away that areas overflow.
 #[test]
 fn areas_too_large_to_add_up_make_no_cost() {
     let name = "what_never_moves_may_be_passed_over";
@@ -43,7 +43,7 @@ fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
 }
 
-/// Cameras inside and outside, of every angle, some along an axis; directions of any length.
+/// Cameras inside and outside, of every angle, some along an axis. Directions have any length.
 fn cameras() -> impl Strategy<Value = Camera> {
     let eye = prop_oneof![3 => near(4.0), 1 => near(0.9), 1 => near(60.0)];
     let at = prop_oneof![3 => near(1.0), 1 => Just([0.0; 3])];
@@ -65,7 +65,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
     })
 }
 
-/// A number of any size and sign, some of them none.
+/// Numbers of any size and sign, including infinity and NaN.
 fn any_number() -> impl Strategy<Value = f32> {
     let odd = [
         0.0,
@@ -82,7 +82,7 @@ fn any_number() -> impl Strategy<Value = f32> {
     prop_oneof![8 => -3.0_f32..3.0, 1 => prop::sample::select(odd.to_vec())]
 }
 
-/// Rays that have nothing in common: every direction and length, some with limits, some that mean nothing.
+/// Unrelated rays of every direction and length. Some have limits, and some are invalid.
 fn strangers() -> impl Strategy<Value = Vec<Ray>> {
     let three = || [any_number(), any_number(), any_number()];
     let length =
@@ -100,7 +100,7 @@ fn strangers() -> impl Strategy<Value = Vec<Ray>> {
     prop::collection::vec(ray, 1..400)
 }
 
-/// Triangles in a ball of that size, some of which move, come late, shrink to nothing or never are.
+/// Triangles in a ball of radius `size`. Some move, appear late, shrink to a point or are never active.
 fn ball(size: f32) -> Arc<Animation> {
     let (mut state, mut keys) = (9_u32, vec![Vec::new(); 2]);
     let mut number = || {
@@ -125,7 +125,7 @@ fn ball(size: f32) -> Arc<Animation> {
     Arc::new(Animation::new(keys, triangles.collect()).expect("a ball"))
 }
 
-/// A good tree, and one that knows nothing of where triangles are.
+/// A good tree, and one built without regard to the triangles' positions.
 fn trees(animation: &Animation) -> [Topology; 2] {
     let good = tree_at(animation, 0.7);
     let mut leaves = good.leaf_triangles().to_vec();
@@ -152,7 +152,7 @@ fn refit(backend: &mut CpuBackend, animation: &Animation, (tree, generation): (&
     backend.submit().unwrap();
 }
 
-/// All answers to these rays, as bits.
+/// Returns all answers to these rays, as bits.
 fn answers(
     backend: &mut CpuBackend,
     rays: Rays<'_>,
@@ -171,7 +171,7 @@ fn answers(
     })
 }
 
-/// Every instruction set finds by either tree what the reference finds.
+/// Checks that every instruction set finds the reference's hits, with either tree.
 fn check(
     animation: &Arc<Animation>,
     intersector: Intersector,
@@ -206,7 +206,7 @@ fn larger(ray: &Ray, size: f32) -> Ray {
     }
 }
 
-/// Sizes of scenes in scaled units that are the scene's, or are not.
+/// Sizes of scenes, with and without scaling.
 fn size() -> impl Strategy<Value = f32> {
     prop_oneof![Just(1.0), (-18_i32..18).prop_map(|e| 2.0_f32.powi(4 * e))]
 }

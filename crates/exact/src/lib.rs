@@ -1,9 +1,9 @@
-//! Whether and where a line meets a triangle, in whole numbers: for the few rays that rounded arithmetic with its error
-//! bounds leaves open.
+//! Exact ray-triangle intersection in integer arithmetic, for the few rays that rounded arithmetic cannot decide within
+//! its error bounds.
 //!
-//! Triangles are closed, and a line in a triangle's plane misses it: the contract's `exact`. Every finite `f32` is a whole
-//! multiple of a power of two, so each decision is the sign of a sum of products of integers, which are as long as they
-//! need to be: no rounding, overflow or underflow.
+//! Triangles include their edges, and a line in a triangle's plane misses it: the contract of `exact`. Every finite
+//! `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of integers of any
+//! length, without rounding, overflow or underflow.
 
 use geom::{Point, Ray, Triangle};
 use num_bigint::{BigInt, BigUint, Sign};
@@ -14,19 +14,19 @@ mod surely;
 
 type Vector = [BigInt; 3];
 
-/// A ray asked of triangles that are scaled by a power of two.
+/// A ray to intersect with triangles that are scaled by a power of two.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
     /// The ray.
     pub ray: Ray,
-    /// Corners are multiplied by `2^-this`, exactly, before the ray is asked.
+    /// Corners are multiplied by `2^-shift`, exactly, before they are tested.
     pub shift: i32,
 }
 
-/// Where a ray hits a triangle: exact numbers, each rounded once to the nearest float, ties to even.
+/// Hit of a ray and a triangle. Each number is the exact one, rounded once to the nearest float, ties to even.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundedHit {
-    /// Distance in units of the ray's direction; infinite where it is too large.
+    /// Distance in multiples of the ray's direction; infinite on overflow.
     pub t: f32,
     /// Weight of the second corner.
     pub u: f32,
@@ -34,7 +34,7 @@ pub struct RoundedHit {
     pub v: f32,
 }
 
-/// Where a line passes through a triangle: `t = n / d * 2^e`, exactly.
+/// Exact intersection of a line and a triangle: `t = n / d * 2^e`.
 #[derive(Clone, Debug)]
 pub struct Crossing {
     n: BigInt,
@@ -44,18 +44,20 @@ pub struct Crossing {
 }
 
 impl Line {
-    /// Where the line meets the closed triangle, if it does and is not in its plane.
+    /// Returns the intersection with the closed triangle, or `None` if the ray misses it or is in its plane.
     ///
-    /// The rounded [`t`](Crossing::t) lies within the ray's open interval. So a ray that continues from a reported `t`
-    /// never meets the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
+    /// The rounded [`t`](Crossing::t) is within the ray's open interval. So a ray that continues from a reported `t`
+    /// never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
     pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
         let crossing = self.cross(corners, passes_within)?;
         let t = crossing.t();
         (self.ray.t_min < t && t < self.ray.t_max).then_some(crossing)
     }
 
-    /// Where the line, moved by an infinitely small way that is the same for all triangles, passes through the triangle, at
-    /// any `t`: through an edge or a vertex of a closed surface it passes as often as through the inside of a triangle.
+    /// Returns the intersection of a perturbed line with the triangle, at any `t`.
+    ///
+    /// The perturbation is infinitesimal and the same for all triangles. So a line through an edge or a vertex of a
+    /// closed surface is counted like a line through the interior of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
     pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
@@ -80,8 +82,9 @@ impl Line {
         (!d.is_zero()).then_some(Crossing { n, d, e })
     }
 
-    /// The direction, and the corners seen from the origin, in integers; and the power of two by which a quotient of
-    /// positions over directions is scaled.
+    /// Returns the direction and the corners relative to the origin, both as integers, and an exponent `e`.
+    ///
+    /// A quotient of positions over directions is scaled by `2^e`.
     fn integers(&self, corners: &Triangle) -> (Vector, [Vector; 3], i32) {
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
@@ -92,13 +95,15 @@ impl Line {
         (direction, corners, e)
     }
 
-    /// Returns the distance and the weights where the line passes through a triangle that it [meets](Self::meet), each
-    /// rounded once, if double precision decides all three roundings.
+    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
+    /// rounded once.
+    ///
+    /// Returns `None` if double precision cannot decide all three roundings.
     pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
         surely::rounded_surely(self, corners)
     }
 
-    /// Returns the distance and the weights where the line passes through a triangle that it [meets](Self::meet), each
+    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
     /// rounded once.
     pub fn rounded(&self, corners: &Triangle) -> Option<RoundedHit> {
         let t = self.cross(corners, passes_within)?.t();
@@ -106,7 +111,7 @@ impl Line {
         Some(RoundedHit { t, u, v })
     }
 
-    /// The weights of the second and the third corner where the line passes through a triangle that it
+    /// Returns the weights of the second and the third corner where the line intersects a triangle that it
     /// [meets](Self::meet), each rounded once.
     pub fn weights(&self, corners: &Triangle) -> [f32; 2] {
         let (direction, [a, b, c], _) = self.integers(corners);
@@ -117,10 +122,11 @@ impl Line {
     }
 }
 
-/// Whether double precision already shows that the line passes by the triangle.
+/// Returns whether double precision proves that the line misses the triangle.
 ///
-/// Differences of floats carry one rounding, and each of the six products that an edge's side is a sum of carries at most
-/// eight more: `16 * 2^-53` of their sizes bounds them all. Three factors of `f32`'s range stay within that of `f64`.
+/// Differences of floats carry one rounding. The side of an edge is a sum of six products, each with at most eight more
+/// roundings. So `16 * 2^-53` of the sum of their absolute values bounds all errors. Products of three numbers in the
+/// range of `f32` stay in the range of `f64`.
 fn surely_misses(line: &Line, corners: &Triangle) -> bool {
     let scale = f64::from(-line.shift).exp2();
     let direction = line.ray.direction.map(f64::from);
@@ -141,13 +147,13 @@ fn surely_misses(line: &Line, corners: &Triangle) -> bool {
     sides.contains(&1) && sides.contains(&-1)
 }
 
-/// Whether the line from zero along `direction` passes through the closed triangle.
+/// Returns whether the line from zero along `direction` intersects the closed triangle.
 fn passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
     let signs = sides(direction, [a, b, c]).map(|side| side.sign());
     !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
 }
 
-/// Whether the line passes through the triangle after an infinitely small move.
+/// Returns whether the line intersects the triangle after an infinitesimal move.
 fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
     let side = |p: &Vector, q: &Vector| match dot(direction, &cross(p, q)).sign() {
         Sign::NoSign => {
@@ -161,17 +167,18 @@ fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
     first.is_some() && first == side(a, c) && first == side(b, a)
 }
 
-/// On which side of each edge the line passes: of the edge from `b` to `c`, from `c` to `a`, from `a` to `b`.
+/// Returns the side on which the line passes each edge: from `b` to `c`, from `c` to `a`, and from `a` to `b`.
 fn sides(direction: &Vector, [a, b, c]: [&Vector; 3]) -> [BigInt; 3] {
     [(c, b), (a, c), (b, a)].map(|(p, q)| dot(direction, &cross(p, q)))
 }
 
-/// `n / d * 2^e`, rounded once; infinite where it is too large. `d` is not zero.
+/// Returns `n / d * 2^e`, rounded once, or infinity on overflow. `d` is not zero.
 fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
     let up = 32 + d.bits() as i64 - n.bits() as i64;
     let down = up.min(0).unsigned_abs();
     let (size, d) = (n.magnitude() << up.max(0).unsigned_abs(), d << down);
-    // 32 or 33 bits, the last of them set for all that fell off, so that it is the float that rounds.
+    // The quotient has 32 or 33 bits. Its last bit is set if there is a remainder, so that the conversion to a float
+    // rounds correctly.
     let quotient = &size / &d;
     let rest = &quotient * &d != size;
     let bits = (quotient | BigUint::from(u8::from(rest))).to_f64();
@@ -183,12 +190,12 @@ fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
 }
 
 impl Crossing {
-    /// `t`, rounded once; infinite where it is too large. A zero is positive.
+    /// Returns `t`, rounded once, or infinity on overflow. Zero is always positive.
     pub fn t(&self) -> f32 {
         rounded(&self.n, self.d.magnitude(), self.e) + 0.0
     }
 
-    /// The order along the line of two crossings of it.
+    /// Compares two intersections by their order along the same line.
     pub fn order(&self, other: &Self) -> Ordering {
         let least = self.e.min(other.e);
         let times = |one: &Self, d: &BigInt| (&one.n * d) << (one.e - least).unsigned_abs();
@@ -196,14 +203,15 @@ impl Crossing {
     }
 }
 
-/// The exponent of the largest unit that every one of `points` is made of, as their floats write it.
+/// Returns the smallest exponent of a nonzero coordinate, with mantissas as integers. All coordinates are integer
+/// multiples of 2 to this exponent.
 fn unit(points: &[Point]) -> i32 {
     let parts = points.iter().flatten().map(|x| x.integer_decode());
     let exponents = parts.filter(|part| part.0 != 0).map(|part| part.1);
     exponents.min().unwrap_or(0).into()
 }
 
-/// A point in units of `2^unit`, which must be at most [`unit`] of it.
+/// Returns a point in multiples of `2^unit`. `unit` must be at most the [`unit`] of the point.
 fn whole(point: Point, unit: i32) -> Vector {
     point.map(|x| {
         let (m, e, sign) = x.integer_decode();
@@ -249,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_moved_line_passes_once_through_what_triangles_share() {
-        // Eight triangles round the middle of a square, each seen from a ray along the grid and from tilted ones.
+        // Eight triangles around the centre of a square. A ray along the grid and two tilted rays intersect them.
         let ring = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0];
         let at = |i: usize| -> Point {
             let (x, y) = (ring[i % 8], ring[(i + 6) % 8]);
@@ -295,7 +303,7 @@ mod tests {
         fn what_is_surely_missed_is_missed(
             corners in [point(), point(), point()], origin in point(), aim in 0..4_usize, w in 0.0_f32..1.0, e in -30_i32..30, far in 0_i32..40,
         ) {
-            // Aimed at an edge or a vertex, so that the sign is in doubt, from near and far.
+            // Aimed at an edge or a vertex, from near and far, so that the sign is hard to decide.
             let at: Point = std::array::from_fn(|i| corners[0][i] + [0.0, w, 1.0, -0.001][aim] * (corners[1][i] - corners[0][i]));
             let origin: Point = std::array::from_fn(|i| origin[i] * (far as f32).exp2());
             let direction: Point = std::array::from_fn(|i| (at[i] - origin[i]) * (e as f32).exp2());

@@ -1,24 +1,24 @@
-//! Distances and weights by double precision, where its error bounds decide how they round.
+//! Distances and weights in double precision, where error bounds prove how they round.
 
 use crate::{Line, RoundedHit};
 use geom::{Point, Triangle};
 
-/// A number and how far it may be from the exact one.
+/// A number and a bound of its absolute error.
 #[derive(Clone, Copy)]
 struct Bounded {
     value: f64,
     error: f64,
 }
 
-/// Bounds a few roundings over the size of what is rounded: eight units of `2^-53`.
+/// Relative bound of a few roundings: eight units of `2^-53`.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// See [`Line::rounded_surely`].
+/// Implements [`Line::rounded_surely`].
 ///
 /// Corners are sheared along the direction's largest component, as in the watertight test but without a division:
 /// `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to its distance.
 pub(crate) fn rounded_surely(line: &Line, corners: &Triangle) -> Option<RoundedHit> {
-    // A power of two within the normal range: shifts are scales of scenes, or differences of two.
+    // A power of two within the normal range: `shift` is a scene's scale exponent, or the difference of two.
     let scale = f64::from_bits(((1023 - line.shift) as u64) << 52);
     let axes = axes_along(line.ray.direction);
     let direction = axes.map(|k| f64::from(line.ray.direction[k]));
@@ -50,7 +50,7 @@ pub(crate) fn rounded_surely(line: &Line, corners: &Triangle) -> Option<RoundedH
     })
 }
 
-/// The axes in an order that ends with that of the largest component.
+/// Returns the three axes, the axis of the largest component last.
 fn axes_along(direction: Point) -> [usize; 3] {
     let [x, y, z] = direction.map(f32::abs);
     match () {
@@ -60,7 +60,7 @@ fn axes_along(direction: Point) -> [usize; 3] {
     }
 }
 
-/// `x * dz - dx * z`: differences are rounded once, products too, then the difference.
+/// Returns `x * dz - dx * z`. Differences, products and the final difference are rounded once each.
 fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> Bounded {
     let (x, z) = (p[i] * direction[2], direction[i] * p[2]);
     Bounded {
@@ -69,7 +69,8 @@ fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> Bounded {
     }
 }
 
-/// The edge function `px * qy - py * qx`. Its error includes eight more roundings, those of sums and products that follow.
+/// Returns the edge function `px * qy - py * qx`. Its error includes eight more roundings, for the sums and products
+/// that follow.
 fn edge(p: [Bounded; 2], q: [Bounded; 2]) -> Bounded {
     let product = |a: Bounded, b: Bounded| Bounded {
         value: a.value * b.value,
@@ -82,13 +83,13 @@ fn edge(p: [Bounded; 2], q: [Bounded; 2]) -> Bounded {
     }
 }
 
-/// The float that all possible quotients round to, if there is one.
+/// Returns the float to which all possible quotients round, or `None` if there are several.
 fn quotient(n: Bounded, d: Bounded) -> Option<f32> {
     let q = n.value / d.value;
     let least = d.value.abs() - d.error;
     let error = (n.error + q.abs() * d.error) / least * 1.01 + ROUNDING * q.abs();
     let (low, high) = ((q - error) as f32, (q + error) as f32);
-    // Not true of a NaN either.
+    // Also false if a value is NaN.
     (least > 0.0 && low == high).then_some(low + 0.0)
 }
 
@@ -139,7 +140,7 @@ mod tests {
             corners in [point(), point(), point()], from in point(), weights in [0.0_f32..1.0, 0.0_f32..1.0],
             thin in 0_i32..20, far in -10_i32..40, size in -60_i32..60, e in -60_i32..60, shift in -3_i32..4,
         ) {
-            // Of any shape and size, from near and far.
+            // Triangles of any shape and size, seen from near and far.
             let [a, b, c] = corners;
             let c = std::array::from_fn(|i| a[i] + (c[i] - a[i]) * (-thin as f32).exp2());
             let corners = [a, b, c].map(|p| p.map(|x| x * (size as f32).exp2()));

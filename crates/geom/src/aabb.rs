@@ -3,7 +3,7 @@
 use crate::{Point, Triangle};
 use bytemuck::{Pod, Zeroable};
 
-/// Axis-aligned box, closed on every side. Empty when any `min > max`.
+/// Axis-aligned box that includes its boundary. Empty when any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Aabb {
@@ -20,13 +20,13 @@ impl Default for Aabb {
 }
 
 impl Aabb {
-    /// Holds no point; the neutral element of [`Aabb::union`].
+    /// Empty box: the neutral element of [`Aabb::union`].
     pub const EMPTY: Self = Self {
         min: [f32::INFINITY; 3],
         max: [f32::NEG_INFINITY; 3],
     };
 
-    /// The least box that holds the three corners, which must be finite.
+    /// Returns the smallest box that contains the three corners, which must be finite.
     #[must_use]
     #[inline]
     pub fn of_triangle(corners: &Triangle) -> Self {
@@ -37,7 +37,7 @@ impl Aabb {
         }
     }
 
-    /// The least box that holds both.
+    /// Returns the smallest box that contains both boxes.
     #[inline]
     pub fn union(self, other: Self) -> Self {
         Self {
@@ -46,25 +46,25 @@ impl Aabb {
         }
     }
 
-    /// The least box that holds `self` and a finite point.
+    /// Returns the smallest box that contains `self` and a finite point.
     #[inline]
     pub fn with_point(self, p: Point) -> Self {
         self.union(Self { min: p, max: p })
     }
 
-    /// Its eight corners.
+    /// Returns the eight corners.
     pub fn corners(&self) -> [Point; 8] {
         let ends = [self.min, self.max];
         std::array::from_fn(|i| std::array::from_fn(|axis| ends[i >> axis & 1][axis]))
     }
 
-    /// Whether no point lies inside.
+    /// Returns whether the box contains no point.
     #[inline]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|i| self.min[i] > self.max[i])
     }
 
-    /// The length of the diagonal; 0 when empty.
+    /// Returns the length of the diagonal; 0 if the box is empty.
     pub fn diagonal(&self) -> f64 {
         let [x, y, z] = self.edges();
         (x.powi(2) + y.powi(2) + z.powi(2)).sqrt()
@@ -78,7 +78,7 @@ impl Aabb {
         std::array::from_fn(|i| f64::from(self.max[i]) - f64::from(self.min[i]))
     }
 
-    /// Lengths of the edges; zeros when empty.
+    /// Returns the edge lengths; zeros if the box is empty.
     #[inline]
     pub fn extent(&self) -> [f32; 3] {
         if self.is_empty() {
@@ -87,7 +87,7 @@ impl Aabb {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
-    /// Half the surface area, in double precision so that sums over large trees keep their digits.
+    /// Returns half the surface area, in double precision so that sums over large trees keep their digits.
     #[inline]
     pub fn half_area(&self) -> f64 {
         let [x, y, z] = self.edges();

@@ -1,4 +1,4 @@
-//! Key-framed triangles: the part of a scene that decides what rays hit.
+//! Key-framed triangles: the part of a scene that determines hits.
 
 use crate::key_frames::{KeyFrames, check_key, read_key};
 use crate::key_window::KeyWindow;
@@ -12,10 +12,10 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// N >= 1 key frames over one list of triangles.
+/// One or more key frames over one list of triangles.
 #[derive(Clone, Debug)]
 pub struct Animation {
-    /// Always held.
+    /// First key frame, which always stays in memory.
     first: KeyFrame,
     pub(crate) keys: KeyFrames,
     pub(crate) triangles: Vec<[u32; 3]>,
@@ -23,7 +23,7 @@ pub struct Animation {
     times: Option<Times>,
 }
 
-/// Where key frames stand in time, if not at 0, 1, 2 and so on.
+/// Times of the key frames, if they differ from 0, 1, 2 and so on.
 #[derive(Clone, Debug)]
 struct Times {
     keys: Vec<f64>,
@@ -31,14 +31,16 @@ struct Times {
 }
 
 impl Animation {
-    /// The most triangles one animation may have: a tree of them has fewer than 2^31 nodes.
+    /// Maximum number of triangles. A tree over this many has fewer than 2^31 nodes.
     pub const MAX_TRIANGLES: usize = 1 << 30;
 
-    /// An animation that holds all its key frames. Checks that the parts fit together and finds triangles that come and go.
+    /// Creates an animation that holds all its key frames in memory.
+    ///
+    /// Checks that the parts are consistent, and finds triangles that are inactive in some key frames.
     ///
     /// # Errors
-    /// There is no key frame, they differ in their numbers of vertices, or a triangle names a vertex that does not exist; or
-    /// there are more triangles than [`Self::MAX_TRIANGLES`].
+    /// There is no key frame, or key frames have different numbers of vertices. A triangle names a vertex that does not
+    /// exist, or there are more triangles than [`Self::MAX_TRIANGLES`].
     pub fn new(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>) -> Result<Self, KeyFrameError> {
         let keys: Vec<KeyFrame> = keys.into_iter().map(|k| Arc::new(k.into())).collect();
         let Some(first) = keys.first() else {
@@ -50,8 +52,10 @@ impl Animation {
         Self::over(Arc::clone(first), KeyFrames::Held(keys), triangles)
     }
 
-    /// An animation of so many key frames that holds a window of so many of them and reads the others while it is
-    /// played. Reads each once, to learn what holds for all.
+    /// Creates an animation of `keys` key frames that reads them during playback.
+    ///
+    /// At most `window` key frames are in memory, but at least four, in addition to the first. Reads every key frame
+    /// once, to find the facts that hold for all.
     ///
     /// # Errors
     /// Those of [`Self::new`], or a key frame cannot be read.
@@ -82,11 +86,14 @@ impl Animation {
         Ok(animation)
     }
 
-    /// Plays key frames at times of their own, from 0 to `end`: as what is left of an animation with more of them, in whose
-    /// key frames time is still measured. Before the first and after the last of them nothing moves.
+    /// Assigns a time to each key frame, in the range from 0 to `end`.
+    ///
+    /// Use it after key frames were removed: times are still counted in the original key frames. Nothing moves before
+    /// the first key frame or after the last.
     ///
     /// # Errors
-    /// There is not one time a key frame, or they do not rise from 0 to `end`.
+    /// The number of times differs from the number of key frames, or `end` is not finite. Times do not increase, or are
+    /// outside `0..=end`.
     pub fn timed(self, keys: Vec<f64>, end: f64) -> Result<Self, KeyFrameError> {
         let rising = keys.is_sorted_by(|a, b| a < b);
         let within = keys.iter().all(|t| (0.0..=end).contains(t));
@@ -99,17 +106,18 @@ impl Animation {
         Ok(Self { times, ..self })
     }
 
-    /// The times of key frames, if they are not 0, 1, 2 and so on.
+    /// Returns the times of the key frames, or `None` if they are 0, 1, 2 and so on.
     pub fn times(&self) -> Option<&[f64]> {
         self.times.as_ref().map(|t| &t.keys[..])
     }
 
-    /// Whole times from 0 to the end: as many as there are key frames, unless these have times of their own.
+    /// Returns the number of integer times from 0 to the end. This is the number of key frames unless [`Self::timed`]
+    /// was used.
     pub fn whole_times(&self) -> usize {
         self.end() as usize + 1
     }
 
-    /// How many key frames there are.
+    /// Returns the number of key frames.
     pub fn key_count(&self) -> usize {
         match &self.keys {
             KeyFrames::Held(all) => all.len(),
@@ -118,18 +126,18 @@ impl Animation {
         }
     }
 
-    /// The first key frame, which is always held.
+    /// Returns the first key frame, which is always in memory.
     pub fn first(&self) -> &[Point] {
         &self.first
     }
 
-    /// One key frame, counted from 0. Waits for it where it has to be read.
+    /// Returns key frame `key`, counted from 0. Blocks while the key frame is read.
     ///
     /// # Errors
-    /// It cannot be read: of held key frames none.
+    /// The key frame cannot be read. Key frames held in memory never fail.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If all key frames are in memory and `key` is not less than their number.
     pub fn key(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         match &self.keys {
             KeyFrames::Held(all) => Ok(Arc::clone(&all[key])),
@@ -138,7 +146,7 @@ impl Animation {
         }
     }
 
-    /// All key frames, if they are held.
+    /// Returns all key frames, or `None` if they are not all in memory.
     pub fn held_keys(&self) -> Option<&[KeyFrame]> {
         match &self.keys {
             KeyFrames::Held(all) => Some(all),
@@ -146,12 +154,15 @@ impl Animation {
         }
     }
 
-    /// All key frames, also those that are not held, if each can be read.
+    /// Returns all key frames, and reads those that are not in memory.
+    ///
+    /// # Errors
+    /// A key frame cannot be read.
     pub fn all_keys(&self) -> Result<Vec<KeyFrame>, KeyFrameError> {
         (0..self.key_count()).map(|key| self.key(key)).collect()
     }
 
-    /// Key frames that are kept at a time, where not all are held.
+    /// Returns the number of key frames in memory at a time, or `None` if all are.
     pub fn window(&self) -> Option<usize> {
         match &self.keys {
             KeyFrames::Held(_) => None,
@@ -160,15 +171,16 @@ impl Animation {
         }
     }
 
-    /// Says which moments will be played next, so that their key frames are read beside other work. Never waits.
+    /// Announces the times that will be played next, so that their key frames are read in the background. Never blocks.
     pub fn look_ahead(&self, times: impl IntoIterator<Item = f64>) {
         if let KeyFrames::Streamed(window) = &self.keys {
             window.look_ahead(times.into_iter().flat_map(|time| self.pose(time).keys()));
         }
     }
 
-    /// The first `most` key frames that will be played next, with their numbers, as far as they are there: what a device
-    /// may copy ahead. None where all are held.
+    /// Returns up to `most` key frames that will be played next, with their numbers, for a device to upload early.
+    ///
+    /// Stops at the first key frame that is not read yet. Empty unless the animation is [streamed](Self::streamed).
     pub fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         match &self.keys {
             KeyFrames::Held(_) | KeyFrames::Live(_) => Vec::new(),
@@ -176,7 +188,7 @@ impl Animation {
         }
     }
 
-    /// What stands at `pose`. Waits for its key frames where they have to be read.
+    /// Returns the positions at `pose`. Blocks while key frames are read.
     ///
     /// # Errors
     /// Those of [`Self::key`].
@@ -189,53 +201,58 @@ impl Animation {
         Ok(Moment::new(self, pose, [earlier, later]))
     }
 
-    /// Likewise, at a time in key frames.
+    /// Returns the positions at `time`, measured in key frames. Blocks while key frames are read.
+    ///
+    /// # Errors
+    /// Those of [`Self::key`].
     pub fn at(&self, time: f64) -> Result<Moment<'_>, KeyFrameError> {
         self.moment(self.pose(time))
     }
 
-    /// Three vertices a triangle.
+    /// Returns the vertex indices of all triangles.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Vertices in each key frame.
+    /// Returns the number of vertices in each key frame.
     pub fn vertex_count(&self) -> usize {
         self.first().len()
     }
 
-    /// Triangles, inactive ones included.
+    /// Returns the number of triangles, including inactive ones.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
-    /// Triangles that are active in at least one key frame. A tree holds exactly these.
+    /// Returns the number of triangles that are active in at least one key frame. A tree contains exactly these.
     pub fn live_count(&self) -> usize {
         self.triangles.len() - self.survey.never_active as usize
     }
 
-    /// What never moves.
+    /// Returns the vertices and triangles that never move.
     pub fn static_parts(&self) -> &StaticParts {
         &self.survey.static_parts
     }
 
-    /// Live triangles that move: those whose leaves every frame must preprocess.
+    /// Returns the number of live triangles that move, whose leaves every frame must preprocess.
     pub fn moving_count(&self) -> usize {
         match &self.keys {
             KeyFrames::Held(_) | KeyFrames::Streamed(_) if self.key_count() == 1 => 0,
-            // A static triangle is finite in all key frames, and so live.
+            // Static triangles are finite in all key frames, and therefore live.
             _ => self.live_count() - self.static_parts().triangle_count(),
         }
     }
 
-    /// The last time there is, in key frames.
+    /// Returns the last time, in key frames.
     pub fn end(&self) -> f64 {
         let equal = (self.key_count() - 1) as f64;
         self.times.as_ref().map_or(equal, |t| t.end)
     }
 
-    /// The pose at `time`; see [`Pose::at`] and [`Pose::among`]. After the last key frame of a [live](Self::live) animation it
-    /// goes on as from the one before: that is for trees to come, and is not traced.
+    /// Returns the pose at `time`; see [`Pose::at`] and [`Pose::among`].
+    ///
+    /// After the last key frame of a [live](Self::live) animation, the pose extrapolates the last two key frames. Such
+    /// poses are for tree builds only and are not traced.
     pub fn pose(&self, time: f64) -> Pose {
         let last = self.key_count() - 1;
         match (&self.times, &self.keys) {
@@ -247,11 +264,10 @@ impl Animation {
         }
     }
 
-    /// The box that stands for `triangle` in a tree while it is inactive: where it is in the first key frame that has
-    /// it active. [`Aabb::EMPTY`] if no key frame has it active.
+    /// Returns the box that a tree uses for `triangle` while the triangle is inactive.
     ///
-    /// Inactive triangles are left out of what rays see, not out of the tree:
-    /// whoever comes back must already have a leaf.
+    /// This is its box in the first key frame that has it active, or [`Aabb::EMPTY`] if no key frame has. Rays never
+    /// hit an inactive triangle, but the tree needs a leaf for the time when the triangle is active again.
     pub fn fallback_corner(&self, triangle: u32) -> Aabb {
         let others = &self.survey.fallback_corners;
         if let Ok(i) = others.binary_search_by_key(&triangle, |s| s.0) {
@@ -261,13 +277,14 @@ impl Animation {
         active_box(&corners(self.first(), own)).unwrap_or(Aabb::EMPTY)
     }
 
-    /// Whether a tree must hold `triangle`: some key frame has it active.
+    /// Returns whether a tree must contain `triangle`, because it is active in some key frame.
     pub fn is_live(&self, triangle: u32) -> bool {
         self.survey.never_active == 0 || !self.fallback_corner(triangle).is_empty()
     }
 
-    /// The box a tree is built over for `triangle`, given all vertices at the moment of building: its own, its stand-in
-    /// while it is inactive, or [`Aabb::EMPTY`] if it is never active.
+    /// Returns the box of `triangle` for a tree build over vertices at `positions`.
+    ///
+    /// This is the triangle's own box, or [`Self::fallback_corner`] if the triangle is inactive at `positions`.
     #[inline]
     pub fn build_box(&self, positions: &[Point], triangle: u32) -> Aabb {
         let own = self.triangles[triangle as usize];
@@ -279,14 +296,16 @@ impl Animation {
         active_box(corners).unwrap_or_else(|| self.fallback_corner(triangle))
     }
 
-    /// `k`, such that `2^-k` brings the scene to a size whose products neither overflow nor underflow: 0 unless the
-    /// largest finite `|coordinate|` of all key frames lies outside `[2^-10, 2^30]`, else its exponent, within
-    /// `-126..=126`; 0 also if some key frame is [extreme](Range::extreme) by itself.
+    /// Returns the exponent `k` for which scaling by `2^-k` keeps products from overflow and underflow.
+    ///
+    /// `k` is 0 if the largest finite `|coordinate|` of all key frames is within `[2^-10, 2^30]`, and else that
+    /// coordinate's exponent, clamped to `-126..=126`. `k` is also 0 if some key frame has coordinates far beyond its
+    /// typical size.
     pub fn scale_exponent(&self) -> i32 {
         self.survey.scale_exponent
     }
 
-    /// How far coordinates reach at `pose`.
+    /// Returns the range of coordinates at `pose`.
     pub fn range(&self, pose: Pose) -> Range {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => {
@@ -297,7 +316,8 @@ impl Animation {
         }
     }
 
-    /// Likewise; `None` of a key frame that [arrived](Self::push) while nobody asked so far.
+    /// Returns the range of coordinates at `pose`, or `None` if it is not known yet for a key frame that
+    /// [arrived](Self::push).
     pub fn known_range(&self, pose: Pose) -> Option<Range> {
         match &self.keys {
             KeyFrames::Live(live) if pose.key > 0 => live.known_range(pose.key as usize),
@@ -305,7 +325,9 @@ impl Animation {
         }
     }
 
-    /// Has [`Self::range`] go by these vertices, for a key frame that [arrived](Self::push) without all of them.
+    /// Sets [`Self::range`] from `vertices`, for a key frame that [arrived](Self::push) without all its vertices.
+    ///
+    /// A range that is already known stays.
     pub fn measure(&self, pose: Pose, vertices: &[Point]) {
         if let KeyFrames::Live(live) = &self.keys {
             let range = Range::of(&Sizes::of(vertices), self.scale_exponent());
@@ -313,17 +335,17 @@ impl Animation {
         }
     }
 
-    /// The largest `|coordinate|` of all key frames; infinite if one is not finite.
+    /// Returns the largest `|coordinate|` of all key frames; infinite if some coordinate is not finite.
     pub fn magnitude(&self) -> f32 {
         self.survey.magnitude
     }
 
-    /// For each key frame the least box that holds its finite vertices.
+    /// Returns, for each key frame, the smallest box that contains its finite vertices.
     pub fn key_bounds(&self) -> &[Aabb] {
         &self.survey.bounds
     }
 
-    /// The least box that holds every finite vertex of every key frame.
+    /// Returns the smallest box that contains every finite vertex of every key frame.
     pub fn bounds(&self) -> Aabb {
         let all = self.key_bounds().iter();
         all.fold(Aabb::EMPTY, |a, &b| a.union(b))

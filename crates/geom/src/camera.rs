@@ -1,38 +1,40 @@
-//! A pinhole camera whose rays every backend can repeat bit for bit.
+//! A pinhole camera whose rays every backend reproduces bit for bit.
 
 use crate::{Point, Ray};
 use bytemuck::{Pod, Zeroable};
 
-/// A pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
+/// Pinhole camera: ray (x, y) has direction `corner + (x + 0.5) * across + (y + 0.5) * down`.
 ///
-/// Row 0 is the top of the picture. Directions are not normalised, so that no
-/// square root or division takes part in what a ray hits.
+/// Row 0 is the top of the image. Directions are not normalised, so that no square root or division influences a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Camera {
-    /// Where every ray starts.
+    /// Origin of every ray.
     pub eye: Point,
-    /// Width of the picture in pixels.
+    /// Width of the image in pixels.
     pub width: u32,
-    /// From the eye to the picture's upper left corner.
+    /// Vector from the eye to the upper left corner of the image.
     pub corner: Point,
-    /// Height of the picture in pixels.
+    /// Height of the image in pixels.
     pub height: u32,
-    /// From one column to the next.
+    /// Vector from one column to the next.
     pub across: Point,
-    /// Keeps the layout of 16-byte rows; zero.
+    /// Padding to 16 bytes; zero.
     pub pad0: u32,
-    /// From one row to the next.
+    /// Vector from one row to the next.
     pub down: Point,
-    /// Keeps the layout of 16-byte rows; zero.
+    /// Padding to 16 bytes; zero.
     pub pad1: u32,
 }
 
 impl Camera {
-    /// A camera at `eye` that looks at `target`. `fov_degrees` is the vertical field of view.
+    /// Creates a camera at `eye` that looks at `target`. `fov_degrees` is the vertical field of view.
     ///
-    /// Returns `None` where no picture is defined: eye at target, `up` along
-    /// the line of sight, a field of view outside `0..180`, a number not finite.
+    /// Returns `None` if no image is defined:
+    ///
+    /// - `eye` equals `target`, or `up` is parallel to the line of sight;
+    /// - the field of view is outside `0..180`, or the image has no pixels;
+    /// - a number is not finite.
     #[must_use]
     pub fn look_at(
         eye: Point,
@@ -64,9 +66,9 @@ impl Camera {
         })
     }
 
-    /// The ray through the middle of pixel (x, y).
+    /// Returns the ray through the centre of pixel (x, y).
     ///
-    /// `(corner + (x + 0.5) * across) + (y + 0.5) * down`, each operation rounded once.
+    /// The direction is `(corner + (x + 0.5) * across) + (y + 0.5) * down`, with each operation rounded once.
     #[inline]
     pub fn ray(&self, x: u32, y: u32) -> Ray {
         let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
@@ -75,19 +77,19 @@ impl Camera {
         Ray::new(self.eye, direction)
     }
 
-    /// The rays through all pixels, row by row.
+    /// Returns the rays through all pixels, row by row.
     pub fn rays(&self) -> impl Iterator<Item = Ray> + Clone + '_ {
         let row = move |y| (0..self.width).map(move |x| self.ray(x, y));
         (0..self.height).flat_map(row)
     }
 
-    /// Pixels in the picture.
+    /// Returns the number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
 }
 
-/// To f32; what is below `2^-60` of a unit becomes zero, so that no sum of products is subnormal.
+/// Rounds to `f32`. Values below `2^-60` become zero, so that no sum of products is subnormal.
 fn rounded(x: f64) -> f32 {
     if x.abs() < (-60_f64).exp2() {
         0.0

@@ -1,4 +1,4 @@
-//! Key frames, all of them held in memory or read while they are played; and moments, which blend two.
+//! Key frames, either held in memory or read during playback, and moments, which blend two key frames.
 
 use crate::key_window::KeyWindow;
 use crate::live_keys::LiveKeys;
@@ -9,19 +9,19 @@ use std::ops::{Deref, DerefMut};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Memory of the host that a device reads by itself, so that nothing is copied for it.
+/// Host memory that a device reads directly, without a copy.
 pub trait SharedMemory: DerefMut<Target = [Point]> + Any + Send + Sync {}
 
-/// Positions in memory of the host.
+/// Positions in host memory.
 pub enum PointBuffer {
-    /// Nobody else reads it.
+    /// Memory that only the host reads.
     List(Vec<Point>),
-    /// A device does, too.
+    /// Memory that a device reads too.
     Shared(Box<dyn SharedMemory>),
 }
 
 impl PointBuffer {
-    /// The memory, if it is of that kind.
+    /// Returns the shared memory if its type is `M`.
     pub fn shared<M: SharedMemory>(&self) -> Option<&M> {
         match self {
             Self::List(_) => None,
@@ -68,22 +68,26 @@ impl fmt::Debug for PointBuffer {
     }
 }
 
-/// One position a vertex, shared by all who read it.
+/// One position per vertex, shared by all readers.
 pub type KeyFrame = Arc<PointBuffer>;
 
-/// Why key frames cannot be had, or do not make an animation: one line that names the cause, and the file if there is one.
+/// Failure to read key frames or to create an animation from them.
+///
+/// One line that names the cause, and the file if there is one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct KeyFrameError(pub String);
 
-/// Reads a key frame that is not held, counted from 0: one position a vertex, the same bits each time. Several threads ask at
-/// a time. An error says that it cannot be read, or is no longer what it was.
+/// Reads a key frame that is not in memory, counted from 0.
+///
+/// Returns one position per vertex, with the same bits on every call. Several threads may call it at the same time. It
+/// fails if the key frame cannot be read, or changed since it was first read.
 pub type KeySource = dyn Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync;
 
-/// Reads a key frame. A reader that panics is one that fails: what it leaves behind is its own concern.
+/// Reads a key frame. A panic of `source` is treated as an error; `source` must keep its own state consistent.
 ///
 /// # Errors
-/// The reader's.
+/// The error of `source`, or its panic.
 pub fn read_key(source: &KeySource, key: usize) -> Result<Vec<Point>, KeyFrameError> {
     let read = catch_unwind(AssertUnwindSafe(|| source(key)));
     let panicked = |_| {
@@ -94,7 +98,7 @@ pub fn read_key(source: &KeySource, key: usize) -> Result<Vec<Point>, KeyFrameEr
     read.unwrap_or_else(panicked)
 }
 
-/// All key frames have as many vertices as the first.
+/// Checks that a key frame has as many vertices as the first.
 pub(crate) fn check_key(key: usize, found: usize, first: usize) -> Result<(), KeyFrameError> {
     match found == first {
         true => Ok(()),
@@ -106,25 +110,26 @@ pub(crate) fn check_key(key: usize, found: usize, first: usize) -> Result<(), Ke
 
 #[derive(Clone, Debug)]
 pub(crate) enum KeyFrames {
-    /// One at least.
+    /// At least one key frame.
     Held(Vec<KeyFrame>),
     Streamed(Arc<KeyWindow>),
     Live(Arc<LiveKeys>),
 }
 
-/// One moment. It keeps its key frames alive.
+/// Positions at one pose of an animation. Keeps its key frames alive.
 #[derive(Clone, Debug)]
 pub struct Moment<'a> {
     animation: &'a Animation,
     pose: Pose,
     earlier: KeyFrame,
-    /// The earlier one where it is not read.
+    /// Same as `earlier` if the pose does not read the later key frame.
     later: KeyFrame,
 }
 
 impl<'a> Moment<'a> {
-    /// What stands between two frames or beyond them, by the pose's weight alone. They need not be the animation's own, but
-    /// have as many vertices.
+    /// Creates the blend of two key frames at `pose`. A weight above 1 extrapolates.
+    ///
+    /// The key frames need not belong to the animation, but must have as many vertices.
     pub fn new(animation: &'a Animation, pose: Pose, [earlier, later]: [KeyFrame; 2]) -> Self {
         Self {
             animation,
@@ -134,35 +139,35 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// The animation.
+    /// Returns the animation.
     pub fn animation(&self) -> &'a Animation {
         self.animation
     }
 
-    /// Where it stands.
+    /// Returns the pose.
     pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// The key frames that are blended. At a weight of 0 the later one is not read.
+    /// Returns the two blended key frames. At a weight of 0 the later one is not read.
     pub fn key_frames(&self) -> [&[Point]; 2] {
         [&self.earlier, &self.later]
     }
 
-    /// One vertex: the same bits as every backend's.
+    /// Returns the position of one vertex, with the same bits as on every backend.
     #[inline]
     pub fn vertex(&self, vertex: u32) -> Point {
         let v = vertex as usize;
         self.pose.blend(self.earlier[v], self.later[v])
     }
 
-    /// One triangle's corners.
+    /// Returns the corners of one triangle.
     #[inline]
     pub fn corners(&self, triangle: u32) -> Triangle {
         self.animation.triangles()[triangle as usize].map(|v| self.vertex(v))
     }
 
-    /// [`Animation::build_box`] of what is blended here.
+    /// Returns the [`Animation::build_box`] of one triangle at this pose.
     #[inline]
     pub fn build_box(&self, triangle: u32) -> Aabb {
         self.animation.box_of(&self.corners(triangle), triangle)

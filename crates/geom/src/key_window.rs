@@ -1,4 +1,4 @@
-//! The key frames that are wanted now or soon, read on threads of their own.
+//! A window of key frames around the playback position, read on its own threads.
 
 use crate::key_frames::{check_key, read_key};
 use crate::{KeyFrame, KeyFrameError, KeySource, lock, parallelism};
@@ -6,18 +6,18 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Key frames that others may take while those to come are read.
+/// Capacity reserved for key frames that are requested outside the look-ahead.
 const SPARE: usize = 2;
 
-/// A part of a sequence of key frames, which follows whoever plays it.
+/// A window over a sequence of key frames, which follows playback.
 ///
-/// Readers have a pool of their own, with half as many threads as parallel work has: trees are built meanwhile.
-/// That pool counts as the program's, because readers are its code and may call the library.
+/// Readers have their own pool, with half as many threads as parallel work, because trees are built at the same time.
+/// The pool is not marked as the library's: readers are code of the program and may call the library.
 pub(crate) struct KeyWindow {
-    /// How many key frames the whole sequence has.
+    /// Number of key frames in the whole sequence.
     pub(crate) keys: usize,
     pub(crate) capacity: usize,
-    /// Always held, beside the others.
+    /// First key frame, held in addition to the window.
     pub(crate) first: KeyFrame,
     shared: Arc<Shared>,
     pool: rayon::ThreadPool,
@@ -32,21 +32,24 @@ struct Shared {
 #[derive(Default)]
 struct State {
     entries: BTreeMap<usize, Entry>,
-    /// Rises with each use.
+    /// Counter that increases with each use.
     clock: u64,
-    /// Key frames to come, the next one first and none twice.
+    /// Key frames to be played, in order and without duplicates.
     upcoming: Vec<usize>,
 }
 
 #[derive(Default)]
 struct Entry {
-    /// Nothing while it is read.
+    /// `None` while the key frame is read.
     read: Option<Result<KeyFrame, KeyFrameError>>,
     used: u64,
 }
 
 impl KeyWindow {
-    /// Of a part of so many key frames, at least four of them; if threads can be had.
+    /// Creates a window of `capacity` key frames, but at least four.
+    ///
+    /// # Errors
+    /// The system refuses to start threads.
     pub(crate) fn new(
         source: Arc<KeySource>,
         first: KeyFrame,
@@ -71,7 +74,7 @@ impl KeyWindow {
         })
     }
 
-    /// Waits for a key frame. One that could not be read is read again when it is wanted again.
+    /// Returns a key frame, and blocks until it is read. A read that failed is retried on the next call.
     pub(crate) fn get(&self, key: usize) -> Result<KeyFrame, KeyFrameError> {
         let mut state = lock(&self.shared.state);
         loop {
@@ -87,7 +90,7 @@ impl KeyWindow {
         }
     }
 
-    /// Has key frames be read, the first one first, as far as there is room for them.
+    /// Starts to read key frames in the given order, as far as the capacity allows.
     pub(crate) fn look_ahead(&self, keys: impl IntoIterator<Item = usize>) {
         let mut upcoming = Vec::new();
         for key in keys {
@@ -107,7 +110,7 @@ impl KeyWindow {
         state.upcoming = upcoming;
     }
 
-    /// The first `most` key frames to come, with their numbers, as far as they are there.
+    /// Returns the key frames to be played, with their numbers: up to `most`, and up to the first that is not read yet.
     pub(crate) fn upcoming(&self, most: usize) -> Vec<(usize, KeyFrame)> {
         let mut state = lock(&self.shared.state);
         let keys: Vec<usize> = state.upcoming.iter().copied().take(most).collect();
@@ -115,7 +118,7 @@ impl KeyWindow {
         keys.into_iter().map_while(there).collect()
     }
 
-    /// Has a key frame be read, unless somebody reads it already.
+    /// Starts to read a key frame, unless a read has started already.
     fn read(&self, state: &mut State, key: usize) {
         if state.entries.contains_key(&key) {
             return;
@@ -138,7 +141,7 @@ impl KeyWindow {
         });
     }
 
-    /// What came of reading a key frame; nothing if it is not there yet.
+    /// Returns the result of reading a key frame, or `None` if the read has not finished.
     fn take(&self, state: &mut State, key: usize) -> Option<Result<KeyFrame, KeyFrameError>> {
         if key == 0 {
             return Some(Ok(Arc::clone(&self.first)));
@@ -151,7 +154,7 @@ impl KeyWindow {
 }
 
 impl State {
-    /// Drops what was used longest ago.
+    /// Drops the least recently used key frames beyond `capacity`.
     fn forget_beyond(&mut self, capacity: usize) {
         let ready = |(&key, entry): (&usize, &Entry)| match &entry.read {
             Some(Ok(_)) => Some((entry.used, key)),
@@ -178,7 +181,8 @@ mod tests {
 
     const FEW: usize = 8;
 
-    /// Key frames of one vertex that stands at the key's number, and how many were read; those from 90 on cannot be.
+    /// Returns a window over key frames of one vertex whose coordinates equal the key's number, and a counter of reads.
+    /// Key frames from 90 on cannot be read.
     fn window() -> (Arc<AtomicUsize>, KeyWindow) {
         let reads = Arc::<AtomicUsize>::default();
         let counted = Arc::clone(&reads);

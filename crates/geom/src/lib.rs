@@ -1,7 +1,7 @@
-//! The words that every crate speaks: boxes, rays, hits, poses, cameras, animations.
+//! Basic types of every crate: boxes, rays, hits, poses, cameras, animations.
 //!
-//! Plain data and the few formulas whose rounding is part of the program's promise, so that every backend can repeat
-//! them bit for bit. Nothing here knows a tree, a device or a file.
+//! Contains plain data and the few formulas whose rounding is specified, so that every backend reproduces them bit for
+//! bit. Contains no code for trees, devices or files.
 
 mod aabb;
 mod animation;

@@ -1,4 +1,4 @@
-//! Key frames that arrive while they are played.
+//! Key frames that arrive during playback.
 
 use crate::key_frames::KeyFrames;
 use crate::{Animation, KeyFrame, KeyFrameError, Point, PointBuffer, Range, lock};
@@ -13,23 +13,23 @@ pub(crate) struct LiveKeys {
 
 #[derive(Debug, Default)]
 struct Recent {
-    /// The number of the newest.
+    /// Number of the newest key frame.
     last: usize,
-    /// From the oldest that is kept to the newest, without the very first.
+    /// The most recent key frames, oldest first, without key frame 0.
     kept: VecDeque<LiveKey>,
-    /// Dropped, but not yet by all who read them.
+    /// Dropped key frames, which readers may still use.
     dropped: Vec<KeyFrame>,
 }
 
 #[derive(Debug)]
 struct LiveKey {
     frame: KeyFrame,
-    /// Once somebody asked.
+    /// Range of coordinates, once it was requested.
     range: Option<Range>,
 }
 
 impl LiveKeys {
-    /// Key frames that are kept.
+    /// Number of recent key frames that are kept.
     pub(crate) const KEPT: usize = 4;
 
     pub(crate) fn new(first: KeyFrame) -> Self {
@@ -43,7 +43,7 @@ impl LiveKeys {
         lock(&self.state).last + 1
     }
 
-    /// Takes the next key frame; its number.
+    /// Appends the next key frame and returns its number.
     pub(crate) fn push(&self, frame: KeyFrame) -> usize {
         let mut state = lock(&self.state);
         state.last += 1;
@@ -66,7 +66,8 @@ impl LiveKeys {
         Arc::into_inner(dropped.swap_remove(free))
     }
 
-    /// A key frame, or in the place of one that was dropped the oldest kept: only trees to come may ask so late.
+    /// Returns a key frame. If it was dropped, returns the oldest that is kept: only tree builds request key frames so
+    /// late.
     pub(crate) fn get(&self, key: usize) -> KeyFrame {
         let found = lock(&self.state)
             .find(key)
@@ -74,12 +75,12 @@ impl LiveKeys {
         found.unwrap_or_else(|| Arc::clone(&self.first))
     }
 
-    /// How far the coordinates of a key frame that was pushed reach, if somebody looked.
+    /// Returns the range of coordinates of a key frame that was pushed, if it was computed before.
     pub(crate) fn known_range(&self, key: usize) -> Option<Range> {
         lock(&self.state).find(key)?.range
     }
 
-    /// Likewise, by looking if need be.
+    /// Returns the range of coordinates of a key frame, and computes it by `look` if necessary.
     pub(crate) fn range(&self, key: usize, look: impl FnOnce(&KeyFrame) -> Range) -> Range {
         self.known_range(key).unwrap_or_else(|| {
             let range = look(&self.get(key));
@@ -92,7 +93,7 @@ impl LiveKeys {
 }
 
 impl Recent {
-    /// A key frame among those that are kept, or the oldest of them if it was dropped; `None` for the very first.
+    /// Returns a key frame, or the oldest that is kept if it was dropped. Returns `None` for key frame 0.
     fn find(&mut self, key: usize) -> Option<&mut LiveKey> {
         let back = self.last.saturating_sub(key);
         let at = self.kept.len().saturating_sub(back + 1);
@@ -101,11 +102,12 @@ impl Recent {
 }
 
 impl Animation {
-    /// An animation whose key frames [arrive](Self::push) while it is played. It begins with its first; vertices that are
-    /// `fixed` have the same bits in all, the others may go anywhere.
+    /// Creates an animation whose key frames [arrive](Self::push) during playback, after `first`.
+    ///
+    /// Vertices marked `fixed` have the same bits in all key frames. The others may move anywhere.
     ///
     /// # Errors
-    /// Those of [`Self::new`], or there is not one mark a vertex.
+    /// Those of [`Self::new`], or `fixed` does not have one mark per vertex.
     pub fn live(
         first: Vec<Point>,
         fixed: &[bool],
@@ -123,11 +125,12 @@ impl Animation {
         Ok(live)
     }
 
-    /// Takes the next key frame of a [live](Self::live) animation; its time. It is played before many others follow: the last few
-    /// are kept.
+    /// Appends the next key frame of a [live](Self::live) animation and returns its time.
+    ///
+    /// Only the last [`Self::KEPT`] key frames are kept, so each must be played before many others are pushed.
     ///
     /// # Errors
-    /// It has another number of vertices, or the animation is not live.
+    /// The number of vertices differs, or the animation is not live.
     pub fn push(&self, frame: impl Into<PointBuffer>) -> Result<f64, KeyFrameError> {
         let KeyFrames::Live(live) = &self.keys else {
             let cause = "all key frames of this animation are known";
@@ -138,10 +141,12 @@ impl Animation {
         Ok(live.push(frame) as f64)
     }
 
-    /// Key frames that are kept of a [live](Self::live) animation.
+    /// Number of recent key frames that a [live](Self::live) animation keeps.
     pub const KEPT: usize = LiveKeys::KEPT;
 
-    /// Takes memory for a key frame to come, where they [arrive](Self::push) and it has as many vertices.
+    /// Adds memory for a future key frame, which [`Self::spare_frame`] returns.
+    ///
+    /// Ignored if the animation is not [live](Self::live), or if the number of vertices differs.
     pub fn add_spare_frame(&self, frame: PointBuffer) {
         if let KeyFrames::Live(live) = &self.keys
             && frame.len() == self.vertex_count()
@@ -150,12 +155,12 @@ impl Animation {
         }
     }
 
-    /// Whether key frames [arrive](Self::push).
+    /// Returns whether key frames [arrive](Self::push) during playback.
     pub fn is_arriving(&self) -> bool {
         matches!(self.keys, KeyFrames::Live(_))
     }
 
-    /// Memory of a key frame that was dropped, for the next one to [push](Self::push).
+    /// Returns memory of a dropped key frame, to fill and [push](Self::push) as the next one.
     pub fn spare_frame(&self) -> Option<PointBuffer> {
         match &self.keys {
             KeyFrames::Live(live) => live.spare(),
@@ -195,7 +200,7 @@ mod tests {
             let beyond = live.at(time + 1.5).unwrap();
             assert_eq!(beyond.vertex(0)[0], step as f32 + 1.5);
         }
-        // Long gone, so a tree is built of what is left.
+        // Key frame 2 was dropped, so the blend uses the oldest that is kept.
         let (key, alpha) = (2, 1.25);
         let late = live.moment(Pose { key, alpha }).unwrap();
         assert_eq!(late.vertex(0)[0], 16.0);

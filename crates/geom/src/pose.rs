@@ -1,21 +1,21 @@
-//! A moment of an animation, and the one formula that blends two key frames.
+//! A pose of an animation, and the formula that blends two key frames.
 
 use crate::Point;
 
-/// The blend of key frames `key` and `key + 1` that stands for one moment.
+/// Blend of key frames `key` and `key + 1`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Index of the earlier key frame.
     pub key: u32,
-    /// Weight of the later key frame, in `0.0..1.0`. At 0 the later frame is not read.
+    /// Weight of the later key frame, in `0.0..1.0`, or above 1 to extrapolate. At 0 the later frame is not read.
     pub alpha: f32,
 }
 
 impl Pose {
-    /// The pose at `time`, measured in key frames and clamped to `0.0..=keys - 1`.
+    /// Returns the pose at `time`, measured in key frames and clamped to `0.0..=keys - 1`.
     ///
     /// # Panics
-    /// If `keys` is 0 or `time` is not a number.
+    /// If `keys` is 0 or `time` is NaN.
     #[must_use]
     pub fn at(time: f64, keys: usize) -> Self {
         assert!(keys > 0, "an animation has at least one key frame");
@@ -25,11 +25,12 @@ impl Pose {
         Self::between(time.floor() as usize, time.fract())
     }
 
-    /// The pose at `time` of key frames that stand at `times`, which rise: the blend of the two around it, with the
-    /// share of the way from one to the other for a weight, found in double precision and rounded once.
+    /// Returns the pose at `time` of key frames at increasing `times`.
+    ///
+    /// Blends the two key frames around `time`. The weight is computed in double precision and rounded once.
     ///
     /// # Panics
-    /// If there are no `times` or `time` is not a number.
+    /// If `times` is empty or `time` is NaN.
     #[must_use]
     pub fn among(time: f64, times: &[f64]) -> Self {
         assert!(!times.is_empty(), "an animation has at least one key frame");
@@ -43,7 +44,7 @@ impl Pose {
         Self::between(key, alpha)
     }
 
-    /// A pose after the last of two key frames or more: on along the line from the one before, so the weight is above 1.
+    /// Returns a pose after the last of at least two key frames. It extrapolates the last two by a weight above 1.
     pub(crate) fn beyond(time: f64, last: usize) -> Self {
         Self {
             key: last as u32 - 1,
@@ -51,7 +52,7 @@ impl Pose {
         }
     }
 
-    /// Rounds a weight, which may make it 1.
+    /// Rounds the weight to `f32`. If the result is 1, returns the next key frame instead.
     fn between(key: usize, alpha: f64) -> Self {
         let (key, alpha) = (key as u32, alpha as f32);
         match alpha < 1.0 {
@@ -63,17 +64,17 @@ impl Pose {
         }
     }
 
-    /// Indices of the key frames that are read: one, or two.
+    /// Returns the indices of the one or two key frames that are read.
     pub fn keys(self) -> impl Iterator<Item = usize> {
         let later = (self.alpha != 0.0).then_some(self.key as usize + 1);
         std::iter::once(self.key as usize).chain(later)
     }
 
-    /// The position of a vertex that stands at `a` in frame `key` and at `b` in frame `key + 1`.
+    /// Returns the position of a vertex at `a` in key frame `key` and at `b` in key frame `key + 1`.
     ///
-    /// `a + (b - a) * alpha`, each operation rounded once (never fused), and `a` itself, bit for bit, when `alpha` is
-    /// 0. A vertex that stands still keeps its bits (but for a zero's sign, which becomes positive); one that is not
-    /// finite in a frame read stays not finite.
+    /// The position is `a + (b - a) * alpha`, with each operation rounded once and never fused. If `alpha` is 0, it is `a`,
+    /// bit for bit. A static vertex keeps its bits, except that a negative zero becomes positive. The result is not finite
+    /// if the vertex is not finite in a frame that is read.
     #[inline]
     pub fn blend(self, a: Point, b: Point) -> Point {
         if self.alpha == 0.0 {
@@ -115,7 +116,7 @@ mod tests {
         assert_eq!(at(9.0), (3, 0.0));
         assert_eq!(at(3.0 - 1e-12), (1, 0.0));
         assert_eq!(Pose::among(1.0, &[2.0, 3.0]), Pose { key: 0, alpha: 0.0 });
-        // Equal spacing is no exception.
+        // Equal spacing is no special case.
         for time in [0.0, 0.3, 1.0, 1.999, 2.0, 7.0] {
             assert_eq!(Pose::among(time, &[0.0, 1.0, 2.0]), Pose::at(time, 3));
         }

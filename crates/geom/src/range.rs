@@ -1,35 +1,36 @@
-//! How far coordinates reach, and which moments that takes beyond what rounded tests of rays can tell.
+//! Ranges of coordinates, which determine where rounded ray tests do not suffice.
 
 use crate::sizes::{Sizes, size};
 use crate::{Point, Pose};
 
-/// A scene keeps its own units if the farthest coordinate of a key frame exceeds this multiple of the typical size.
+/// If the largest coordinate of a key frame exceeds this multiple of its typical size, the scene is not scaled.
 const OUTLYING: f32 = 65_536.0;
-/// A key frame is spread if its farthest coordinate exceeds this multiple of its typical size.
+/// A key frame is spread if its largest coordinate exceeds this multiple of its typical size.
 ///
-/// Boxes that are padded by the size of the whole scene are then `17 * 2^-14` of the typical size too large.
+/// At this limit, boxes padded by the size of the whole scene are `17 * 2^-14` of the typical size too large.
 const SPREAD: f32 = 1024.0;
-/// Shadow rays are offset by the extent of the scene, but at most by so many times its typical size.
+/// Upper bound of the extent from which shadow ray offsets are computed, as a multiple of the typical size.
 const CLEARANCE: f32 = 256.0;
-/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`. It then has two such vertices that are not the
-/// origin.
+/// A triangle is tiny if all its scaled coordinates are below this, `2^-32`. At least two vertices of a tiny triangle
+/// with an area differ from the origin.
 const TINY: f32 = 1.0 / 4_294_967_296.0;
 
-/// The coordinates of one moment.
+/// Range of the coordinates of one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Whether some lie so far away that `watertight` and `exact` answer every ray in exact arithmetic.
+    /// True if some coordinates are so large that `watertight` and `exact` test every ray in exact arithmetic.
     pub extreme: bool,
-    /// Whether there may be triangles so near the origin that rays from there need exact arithmetic.
+    /// True if some triangles may be so close to the origin that rays from there need exact arithmetic.
     pub tiny: bool,
-    /// Whether sizes differ so much that boxes of inner nodes are padded by their own distance. It changes no hit.
+    /// True if sizes differ so much that inner boxes are padded by their own distance, not by the scene's size. Does
+    /// not change any hit.
     pub spread: bool,
-    /// The largest extent of the scene that offsets of shadow rays take into account, in the scene's units.
+    /// Largest extent of the scene that shadow ray offsets take into account, in scene units.
     pub clearance: f32,
 }
 
 impl Range {
-    /// Coordinates of which nothing special is known.
+    /// Range without extreme coordinates.
     pub const ORDINARY: Self = Self {
         extreme: false,
         tiny: false,
@@ -37,12 +38,13 @@ impl Range {
         clearance: f32::INFINITY,
     };
 
-    /// Rays from here on, `2^40` scaled units, are extreme. So are moments with coordinates beyond.
+    /// Rays whose origin has a coordinate of at least this, `2^40` scaled units, are extreme. So are moments with
+    /// coordinates beyond.
     pub const FAR: f32 = 1_099_511_627_776.0;
-    /// Rays from nearer to the origin than this, `2^-24` scaled units, are extreme where there are tiny triangles.
+    /// If there are tiny triangles, rays whose origin is closer to 0 than this, `2^-24` scaled units, are extreme.
     pub const NEAR: f32 = 1.0 / 16_777_216.0;
 
-    /// Whether a ray from `origin`, in scaled units, is answered in exact arithmetic.
+    /// Returns whether a ray from `origin`, in scaled units, is tested in exact arithmetic.
     #[inline]
     pub fn is_extreme(&self, origin: Point) -> bool {
         let farthest = size(origin);
@@ -50,15 +52,15 @@ impl Range {
         self.extreme || farthest.is_nan() || farthest >= Self::FAR || is_near
     }
 
-    /// Vertices of a key frame from which its typical size is found, at most.
+    /// Maximum number of vertices from which the typical size of a key frame is estimated.
     pub const SAMPLES: usize = 4096;
 
-    /// Of so many vertices, every how manieth that is.
+    /// Returns the stride at which at most [`Self::SAMPLES`] of `vertices` vertices are sampled.
     pub fn sample_step(vertices: usize) -> usize {
         vertices.div_ceil(Self::SAMPLES).max(1)
     }
 
-    /// Of a key frame of these sizes, in a scene of this scale.
+    /// Returns the range of a key frame with these sizes, in a scene with this scale.
     pub(crate) fn of(sizes: &Sizes, scale_exponent: i32) -> Self {
         Self {
             extreme: sizes.largest > scaled(Self::FAR, scale_exponent),
@@ -68,10 +70,10 @@ impl Range {
         }
     }
 
-    /// The scale of a scene (see [`crate::Animation::scale_exponent`]) whose key frames are of these sizes, and their ranges.
+    /// Returns the [scale exponent](crate::Animation::scale_exponent) of a scene and the ranges of its key frames.
     pub(crate) fn of_keys(sizes: &[Sizes]) -> (i32, Vec<Self>) {
         let largest = sizes.iter().fold(0.0_f32, |m, s| m.max(s.largest));
-        // A few far vertices do not scale the others.
+        // A few distant vertices must not scale the others.
         let scale_exponent = if sizes.iter().any(is_outlying) {
             0
         } else {
@@ -81,7 +83,7 @@ impl Range {
         (scale_exponent, ranges.collect())
     }
 
-    /// Of the moment at `pose` of key frames of these ranges.
+    /// Returns the range at `pose`, from the ranges of the key frames.
     pub(crate) fn at(keys: &[Self], pose: Pose) -> Self {
         let own = keys[pose.key as usize];
         match keys.get(pose.key as usize + 1) {
@@ -100,17 +102,17 @@ fn is_outlying(sizes: &Sizes) -> bool {
     sizes.largest > sizes.typical * OUTLYING
 }
 
-/// 0 if the largest coordinate lies within `[2^-10, 2^30]`, else its exponent, within `-126..=126`.
+/// Returns 0 if `largest` is within `[2^-10, 2^30]`, else its exponent, clamped to `-126..=126`.
 fn exponent_for(largest: f32) -> i32 {
     if largest == 0.0 || (2.0_f32.powi(-10)..=2.0_f32.powi(30)).contains(&largest) {
         return 0;
     }
-    // The exponent field of a double holds every f32's exponent, subnormal ones included.
+    // The exponent field of a double represents the exponent of every `f32`, including subnormal numbers.
     let exponent = (f64::from(largest).to_bits() >> 52) as i32 - 1023;
     exponent.clamp(-126, 126)
 }
 
-/// A size in scaled units in the scene's.
+/// Converts a size from scaled units to scene units.
 fn scaled(size: f32, exponent: i32) -> f32 {
     (f64::from(size) * f64::from(exponent).exp2()) as f32
 }
@@ -120,7 +122,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::Animation;
 
-    /// A cloud of unit size in which one vertex lies at `far`.
+    /// Returns a point cloud of about unit size, with one vertex at `far`.
     pub(crate) fn cloud(far: f32) -> Vec<Point> {
         let mut points: Vec<Point> = (1..=20).map(|i| [i as f32 * 0.1, 0.3, -0.2]).collect();
         points[7] = [far, 0.0, 0.0];

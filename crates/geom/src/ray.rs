@@ -1,26 +1,26 @@
-//! Rays, and what they met.
+//! Rays and hits.
 
 use crate::Point;
 use bytemuck::{Pod, Zeroable};
 
-/// A ray `origin + t * direction` with the open interval `(t_min, t_max)`.
+/// Ray `origin + t * direction` with the open interval `(t_min, t_max)`.
 ///
-/// The direction may have any length but zero; `t` is in units of it.
+/// The direction may have any length except zero. `t` counts multiples of the direction.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {
     /// Start point.
     pub origin: Point,
-    /// Hits lie strictly beyond.
+    /// Exclusive lower bound of `t`.
     pub t_min: f32,
-    /// Direction of any length but zero.
+    /// Direction of any length except zero.
     pub direction: Point,
-    /// Hits lie strictly before; may be infinite.
+    /// Exclusive upper bound of `t`; may be infinite.
     pub t_max: f32,
 }
 
 impl Ray {
-    /// A ray that hits nothing, as its direction of zero says.
+    /// Ray that hits nothing, because its direction is zero.
     pub const VOID: Self = Self {
         origin: [0.0; 3],
         t_min: 0.0,
@@ -28,7 +28,7 @@ impl Ray {
         t_max: f32::INFINITY,
     };
 
-    /// A ray over `(0, inf)`.
+    /// Creates a ray over `(0, inf)`.
     #[must_use]
     pub fn new(origin: Point, direction: Point) -> Self {
         Self {
@@ -39,8 +39,10 @@ impl Ray {
         }
     }
 
-    /// Whether the ray can hit anything: finite origin, finite non-zero
-    /// direction, and an interval that is not empty. Every other ray misses.
+    /// Returns whether the ray can hit anything.
+    ///
+    /// A valid ray has a finite origin, a finite non-zero direction, and an interval that is not empty. Every other ray
+    /// misses.
     pub fn is_valid(&self) -> bool {
         self.origin.iter().all(|x| x.is_finite())
             && self.direction.iter().all(|x| x.is_finite())
@@ -49,11 +51,11 @@ impl Ray {
     }
 }
 
-/// The closest hit of one ray, or [`Hit::MISS`]. 16 bytes.
+/// Closest hit of one ray, or [`Hit::MISS`]. 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Hit {
-    /// Distance in units of the ray's direction.
+    /// Distance in multiples of the ray's direction.
     pub t: f32,
     /// Weight of the triangle's second vertex.
     pub u: f32,
@@ -64,7 +66,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// No triangle was met.
+    /// Result of a ray that hits no triangle.
     pub const MISS: Self = Self {
         t: f32::INFINITY,
         u: 0.0,
@@ -72,13 +74,14 @@ impl Hit {
         triangle: u32::MAX,
     };
 
-    /// Whether a triangle was met.
+    /// Returns whether a triangle was hit.
     #[inline]
     pub fn is_hit(&self) -> bool {
         self.triangle != u32::MAX
     }
 
-    /// The order that makes the answer independent of any tree: least `t`, then least index.
+    /// Returns whether `self` precedes `other`: smaller `t`, then smaller index. This order makes the result
+    /// independent of the tree.
     #[inline]
     pub fn is_before(&self, other: &Self) -> bool {
         self.t < other.t || (self.t == other.t && self.triangle < other.triangle)

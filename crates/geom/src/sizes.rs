@@ -1,19 +1,19 @@
-//! How large a key frame's coordinates are, found fast enough to be done for each frame that arrives.
+//! Sizes of a key frame's coordinates, computed fast enough to do it for every frame that arrives.
 
 use crate::{Point, Range, in_parallel};
 use rayon::prelude::*;
 
-/// Vertices that one task looks at.
+/// Number of vertices per parallel task.
 const RUN: usize = 1 << 15;
 
-/// Sizes of a key frame's finite coordinates.
+/// Sizes of a key frame's finite coordinates. The size of a vertex is its largest `|coordinate|`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sizes {
     pub(crate) largest: f32,
-    /// The second least of the largest coordinates of vertices that are not the origin. Every triangle with an area has a
-    /// coordinate of this size or more.
+    /// Second smallest size of a vertex that is not the origin. Every triangle with an area has a coordinate of at
+    /// least this size.
     pub(crate) second: f32,
-    /// The lower quartile of the largest coordinates of vertices.
+    /// Lower quartile of the sizes of sampled vertices.
     pub(crate) typical: f32,
 }
 
@@ -27,7 +27,7 @@ impl Sizes {
             }),
         };
         let samples = key.iter().step_by(Range::sample_step(key.len()));
-        // Those that say something.
+        // Vertices that are zero or not finite do not count.
         let samples = samples.map(|&p| size(p));
         let mut samples: Vec<f32> = samples.filter(|x| x.is_finite() && *x > 0.0).collect();
         let quartile = samples.len() / 4;
@@ -43,23 +43,23 @@ impl Sizes {
     }
 }
 
-/// The farthest and the nearest of some vertices.
+/// Largest coordinate and smallest sizes of a set of vertices.
 #[derive(Clone, Copy, Debug)]
 struct Extremes {
     /// The largest finite `|coordinate|`.
     largest: f32,
-    /// The sizes of the two vertices that are nearest to the origin without being it, in order.
+    /// Sizes of the two vertices closest to the origin but not at it, in ascending order.
     least: [f32; 2],
 }
 
 impl Extremes {
-    /// Of no vertices.
+    /// Extremes of an empty set.
     const NONE: Self = Self {
         largest: 0.0,
         least: [f32::INFINITY; 2],
     };
 
-    /// Looks at groups, most of which have nothing new.
+    /// Scans vertices in groups, because most groups change nothing and can be skipped quickly.
     fn of(points: &[Point]) -> Self {
         const GROUP: usize = 16;
         points.chunks(GROUP).fold(Self::NONE, |found, group| {
@@ -90,7 +90,7 @@ impl Extremes {
     }
 }
 
-/// The two least of three sizes, the first two in order. A new size of zero does not count.
+/// Returns the two smallest of three sizes, where `a` and `b` are sorted. A new size of zero is ignored.
 fn insert([a, b]: [f32; 2], new: f32) -> [f32; 2] {
     match new {
         0.0 => [a, b],
@@ -100,7 +100,7 @@ fn insert([a, b]: [f32; 2], new: f32) -> [f32; 2] {
     }
 }
 
-/// The largest `|coordinate|`; a NaN if one is.
+/// Returns the largest `|coordinate|`, or NaN if a coordinate is NaN.
 pub(crate) fn size(p: Point) -> f32 {
     let [x, y, z] = p.map(f32::abs);
     let sum = x + y + z;

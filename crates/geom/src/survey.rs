@@ -1,4 +1,4 @@
-//! What all key frames of an animation tell together, seen one after another; and which parts never move.
+//! Facts about all key frames of an animation, collected one key frame after another, and the parts that never move.
 
 use crate::sizes::Sizes;
 use crate::triangle::corners;
@@ -6,33 +6,34 @@ use crate::{Aabb, Animation, KeyFrameError, Point, Range, in_parallel, is_active
 use rayon::prelude::*;
 use std::ops;
 
-/// Facts that hold for the whole motion.
+/// Facts that hold for the whole animation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
-    /// Triangles that are inactive in the first key frame, and their boxes in the first that has them active.
+    /// Triangles that are inactive in the first key frame, with their boxes in the first key frame that has them
+    /// active.
     pub(crate) fallback_corners: Vec<(u32, Aabb)>,
     pub(crate) never_active: u32,
     pub(crate) static_parts: StaticParts,
     pub(crate) scale_exponent: i32,
-    /// Of each key frame.
+    /// Range of each key frame.
     pub(crate) ranges: Vec<Range>,
-    /// Of each key frame's finite vertices.
+    /// Bounds of the finite vertices of each key frame.
     pub(crate) bounds: Vec<Aabb>,
-    /// The largest `|coordinate|`; infinite if one is not finite.
+    /// Largest `|coordinate|`; infinite if some coordinate is not finite.
     pub(crate) magnitude: f32,
 }
 
-/// Vertices that one task looks at.
+/// Number of vertices per parallel task.
 const RUN: usize = 1 << 16;
 
 impl Survey {
-    /// Of all key frames, one after another; several are read at a time.
+    /// Collects the facts from all key frames in order. Several key frames are read at a time.
     pub(crate) fn of(animation: &Animation) -> Result<Self, KeyFrameError> {
         let (first, triangles) = (animation.first(), animation.triangles());
         let (mut sizes, mut boxes) = (vec![Sizes::of(first)], vec![bounds(first)]);
         let mut is_static = vec![true; first.len()];
         let mut fallback_corners = Vec::new();
-        // Triangles that no key frame has had active so far.
+        // Triangles that are inactive in all key frames so far.
         let mut inactive: Vec<u32> = Vec::new();
         if !boxes[0].1 {
             let all = 0..triangles.len() as u32;
@@ -80,8 +81,10 @@ impl Survey {
         })
     }
 
-    /// Prepares what the first key frame tells for others to come, in which only the vertices that are not `fixed` may
-    /// move, anywhere. Any triangle may become active: one that is not yet is built over a point.
+    /// Adapts the facts of the first key frame to future key frames, in which vertices that are not `fixed` may move
+    /// anywhere.
+    ///
+    /// Any triangle may become active. Triangles that are still inactive get a point as their box.
     pub(crate) fn expect_others(
         &mut self,
         first: &[Point],
@@ -90,7 +93,7 @@ impl Survey {
     ) {
         let somewhere = first.iter().find(|p| p.iter().all(|x| x.is_finite()));
         let point = Aabb::EMPTY.with_point(*somewhere.unwrap_or(&[0.0; 3]));
-        // Mostly there are none to look for.
+        // Usually no triangle is inactive. The search stops after `never_active` triangles.
         let absent = triangles.iter().zip(0..);
         let absent = absent.filter(|&(&t, _)| !is_active(&corners(first, t)));
         let absent = absent.take(self.never_active as usize);
@@ -102,7 +105,7 @@ impl Survey {
     }
 }
 
-/// The box of a key frame's finite vertices, and whether all are.
+/// Returns the box of a key frame's finite vertices, and whether all vertices are finite.
 fn bounds(frame: &[Point]) -> (Aabb, bool) {
     let none = || (Aabb::EMPTY, true);
     let add = |(bounds, all): (Aabb, bool), &p: &Point| match p.iter().all(|x| x.is_finite()) {
@@ -115,7 +118,7 @@ fn bounds(frame: &[Point]) -> (Aabb, bool) {
     })
 }
 
-/// Every triangle must name vertices that exist, and there may not be too many.
+/// Checks that every triangle names existing vertices, and that there are not too many triangles.
 pub(crate) fn check_triangles(
     triangles: &[[u32; 3]],
     vertices: usize,
@@ -138,23 +141,23 @@ pub(crate) fn check_triangles(
     }
 }
 
-/// Two classes of motion: what stands at the same bits at every pose, and the rest.
+/// Partition of vertices and triangles into static ones and moving ones.
 ///
-/// A vertex is *static* if it has the same bits in all key frames and blending gives those bits back. Where there are
-/// several key frames, that leaves out vertices with a coordinate of `-0` (between key frames it is `+0`) and those
-/// that are not finite (an infinity becomes a NaN). What is not static *moves*.
+/// A vertex is *static* if it has the same bits in all key frames and blending returns those bits. All other vertices
+/// *move*. If there are several key frames, two kinds of vertices move although their bits are equal. A coordinate of
+/// `-0` becomes `+0` between key frames, and an infinite one becomes NaN.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StaticParts {
-    /// For each vertex, whether it is static.
+    /// For each vertex, true if it is static.
     pub vertices: Vec<bool>,
-    /// For each triangle, whether all three of its vertices are static. Its box, its area and what rays find of it are, too.
+    /// For each triangle, true if all three vertices are static. Then its box, its area and its hits are static too.
     pub triangles: Vec<bool>,
-    /// Static triangles that are active and of zero area, in order.
+    /// Static triangles that are active and have zero area, in ascending order.
     pub degenerate: Vec<u32>,
 }
 
 impl StaticParts {
-    /// What follows from static `vertices`, which stand where they do in the `first` key frame.
+    /// Derives the static triangles from the static `vertices`, which are at their positions in the `first` key frame.
     pub(crate) fn of(vertices: Vec<bool>, first: &[Point], triangles: &[[u32; 3]]) -> Self {
         let is_static = |t: &[u32; 3]| t.iter().all(|&v| vertices[v as usize]);
         let triangles_are: Vec<bool> =
@@ -172,18 +175,19 @@ impl StaticParts {
         }
     }
 
-    /// How many vertices are static.
+    /// Returns the number of static vertices.
     pub fn vertex_count(&self) -> usize {
         self.vertices.iter().filter(|&&s| s).count()
     }
 
-    /// How many triangles are static.
+    /// Returns the number of static triangles.
     pub fn triangle_count(&self) -> usize {
         self.triangles.iter().filter(|&&s| s).count()
     }
 
-    /// Runs of vertices that hold all that move, in order. Static vertices
-    /// between two runs are at least `gap`; where they are fewer, one run holds both.
+    /// Returns runs of vertices that contain all moving vertices, in ascending order.
+    ///
+    /// Runs separated by fewer than `gap` static vertices are merged.
     pub fn moving_runs(&self, gap: usize) -> Vec<ops::Range<usize>> {
         let mut runs: Vec<ops::Range<usize>> = Vec::new();
         let moving = self.vertices.iter().enumerate().filter(|(_, s)| !**s);
@@ -196,10 +200,10 @@ impl StaticParts {
         runs
     }
 
-    /// Whether it is worth while to list what moves and to pass over the rest.
+    /// Returns whether listing the moving elements is cheaper than processing all.
     ///
-    /// An entry of a list is four bytes more to carry and a read that others wait for; so up to one half of all things
-    /// may be listed, which never costs more than it saves.
+    /// Each list entry adds four bytes to transfer and a dependent read. With at most half of all elements listed, the
+    /// list never costs more than it saves.
     #[must_use]
     pub fn pays(moving: usize, all: usize) -> bool {
         moving <= all / 2
@@ -210,7 +214,7 @@ fn bits(p: &Point) -> [u32; 3] {
     p.map(f32::to_bits)
 }
 
-/// Whether a vertex that stands still has its own bits between key frames: see [`crate::Pose::blend`].
+/// Returns whether blending a vertex with itself returns its bits: see [`crate::Pose::blend`].
 fn keeps_its_bits(p: &Point) -> bool {
     p.iter()
         .all(|x| x.is_finite() && x.to_bits() != (-0.0_f32).to_bits())

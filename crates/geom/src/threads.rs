@@ -1,8 +1,9 @@
-//! Thread pools of the library, kept apart from those of the program.
+//! Thread pools of the library, separate from those of the program.
 //!
-//! A rayon worker that waits for other threads runs queued tasks of its own pool meanwhile. If the program calls the library
-//! from such a task, these are tasks of the program: they may need a lock that the first task holds, or nest until the stack
-//! overflows. So the library never waits for parallel work on a worker of the program's, nor in a pool that the program fills.
+//! While a rayon worker waits for other threads, it runs queued tasks of its own pool. If the program calls the library
+//! from such a task, these are tasks of the program. They may need a lock that the first task holds, or nest until the
+//! stack overflows. Therefore the library never waits for parallel work on a worker of the program, nor in a pool that
+//! runs tasks of the program.
 
 use rayon::prelude::*;
 use rayon::{Scope, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -12,26 +13,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 
-/// The lock, also after a thread panicked that held it.
+/// Locks `mutex`, and ignores poisoning by a thread that panicked.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 thread_local! {
-    /// Whether this thread is a worker of one of the library's pools.
+    /// True if this thread is a worker of one of the library's pools.
     static IS_OWN_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether rayon's global pool belongs to the library: see [`use_global_pool`].
+/// True if rayon's global pool belongs to the library: see [`use_global_pool`].
 static GLOBAL_IS_OWN: AtomicBool = AtomicBool::new(false);
 
-/// Has the library work in rayon's global pool. A program that gives that pool no work of its own thereby decides the number
-/// of threads.
+/// Makes the library work in rayon's global pool, so that the program controls the number of threads.
+///
+/// The program must not run its own tasks in that pool.
 pub fn use_global_pool() {
     GLOBAL_IS_OWN.store(true, Ordering::Relaxed);
 }
 
-/// Starts a pool of the library's, in which parallel work stays.
+/// Starts a pool of the library. Parallel work that starts in it stays in it.
 ///
 /// # Errors
 /// The system refuses to start the threads.
@@ -51,8 +53,9 @@ pub fn run_in<T: Send>(pool: &ThreadPool, work: impl FnOnce() -> T + Send) -> T 
     }
 }
 
-/// Runs parallel `work` in the library's pool that the calling thread belongs to, else in one that all share. It must never
-/// wait for code of the program's, which may need the shared pool itself.
+/// Runs parallel `work` in the library pool of the calling thread, or else in the shared pool, and returns the result.
+///
+/// `work` must never wait for code of the program, which may need the shared pool itself.
 ///
 /// # Panics
 /// If `work` panics.
@@ -63,7 +66,7 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// As [`in_parallel`], where the calling thread takes part in the work that it spawns.
+/// Runs parallel `work` like [`in_parallel`], but the calling thread takes part in the tasks that it spawns.
 ///
 /// # Panics
 /// If `work` panics.
@@ -82,7 +85,7 @@ pub fn parallelism() -> usize {
     }
 }
 
-/// Returns the shared pool, unless the calling thread is in a pool of the library's already.
+/// Returns the shared pool, or `None` if the calling thread is already in a pool of the library.
 fn foreign_pool() -> Option<&'static ThreadPool> {
     static SHARED: OnceLock<Option<ThreadPool>> = OnceLock::new();
     if IS_OWN_WORKER.get() || GLOBAL_IS_OWN.load(Ordering::Relaxed) {
@@ -92,12 +95,12 @@ fn foreign_pool() -> Option<&'static ThreadPool> {
         let builder = ThreadPoolBuilder::new().num_threads(threads);
         own_pool(builder.thread_name(|i| format!("abvh-shared-{i}"))).ok()
     };
-    // A system that refuses as many threads as cores may grant one.
+    // If the system refuses one thread per core, it may still grant one.
     let shared = SHARED.get_or_init(|| start(0).or_else(|| start(1)));
     shared.as_ref()
 }
 
-/// Runs `work` where the calling thread can wait without running tasks of the program's: here, unless this is a rayon worker.
+/// Runs `work` on a thread that can wait without running tasks of the program: a new thread if this is a rayon worker.
 fn off_worker<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_none() {
         return work();
@@ -115,10 +118,10 @@ fn off_worker<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Values that the calling thread sets by itself, before other threads would wake.
+/// Number of values that the calling thread sets faster alone than with other threads, which must wake first.
 const FEW: usize = 1 << 13;
 
-/// Sets each value by its index, in parallel where there are many.
+/// Sets each value from its index, in parallel if there are many.
 pub fn set_each<T: Send>(to: &mut [T], of: impl Fn(usize) -> T + Sync) {
     let set = |(i, to): (usize, &mut T)| *to = of(i);
     if to.len() <= FEW {

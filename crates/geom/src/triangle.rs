@@ -1,9 +1,9 @@
-//! What makes a triangle take part at all.
+//! Predicates that determine whether a ray can hit a triangle.
 
 use crate::Point;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-/// Three corners.
+/// Three corners of a triangle.
 pub type Triangle = [Point; 3];
 
 #[inline]
@@ -11,24 +11,24 @@ pub(crate) fn corners(frame: &[Point], triangle: [u32; 3]) -> Triangle {
     triangle.map(|v| frame[v as usize])
 }
 
-/// Whether every corner is finite. An inactive triangle is never hit.
+/// Returns whether every corner is finite. An inactive triangle is never hit.
 #[must_use]
 #[inline]
 pub fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())
 }
 
-/// Whether the area of an active triangle is exactly zero: a degenerate triangle is never hit.
+/// Returns whether the area of an active triangle is exactly zero. A degenerate triangle is never hit.
 ///
-/// The double-precision cross product decides whenever it stands clear of its
-/// rounding error; Shewchuk's adaptive predicates (1997) settle the rest.
+/// The double-precision cross product decides if it exceeds its rounding error. Otherwise Shewchuk's adaptive
+/// predicates (1997) decide.
 #[must_use]
 pub fn is_degenerate(corners: &Triangle) -> bool {
     let [a, b, c] = corners.map(|p| p.map(f64::from));
     let e = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     let f = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
-    // Each product carries three roundings (two differences, one product) and
-    // the difference one more: 8 units cover both with room.
+    // Each product carries three roundings (two differences, one product), and the difference of products one more. 8
+    // units exceed both.
     let stands_clear = |i: usize, j: usize| {
         let (p, q) = (e[i] * f[j], e[j] * f[i]);
         (p - q).abs() > 8.0 * f64::EPSILON * (p.abs() + q.abs())
@@ -43,7 +43,7 @@ pub fn is_degenerate(corners: &Triangle) -> bool {
     collinear_in(0, 1) && collinear_in(1, 2) && collinear_in(2, 0)
 }
 
-/// The exact signs of the components of the normal `(b - a) x (c - a)` of an active triangle.
+/// Returns the exact signs of the components of the normal `(b - a) x (c - a)` of an active triangle.
 #[must_use]
 pub fn normal_signs(corners: &Triangle) -> [i32; 3] {
     let [a, b, c] = corners.map(|p| p.map(f64::from));
@@ -54,8 +54,9 @@ pub fn normal_signs(corners: &Triangle) -> [i32; 3] {
     })
 }
 
-/// On which side of an active triangle's plane a finite point lies, exactly: 1 where the normal
-/// `(b - a) x (c - a)` points to, -1 on the other side, 0 in the plane.
+/// Returns the exact side of an active triangle's plane for a finite point.
+///
+/// The result is 1 on the side of the normal `(b - a) x (c - a)`, -1 on the other side, and 0 in the plane.
 #[must_use]
 pub fn side_of(corners: &Triangle, point: Point) -> i32 {
     let at = |p: Point| {
@@ -63,7 +64,7 @@ pub fn side_of(corners: &Triangle, point: Point) -> i32 {
         Coord3D { x, y, z }
     };
     let [a, b, c] = corners.map(at);
-    // Shewchuk's sign is positive below the plane, from where the corners are seen clockwise.
+    // Shewchuk's sign is positive below the plane, from where the corners appear clockwise.
     -sign(orient3d(a, b, c, at(point)))
 }
 

@@ -1,11 +1,11 @@
-//! Buffers found by their names, and parts of what lies in them.
+//! Buffers by name, and arithmetic on ranges.
 
 use crate::{GpuDevice, with_slack};
 use backend::{BackendError, Result};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Runs in order but for what others, in order too, have of them.
+/// Returns the parts of `runs` that `others` does not cover. Both lists must be sorted.
 #[must_use]
 pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usize>> {
     let rest = runs.iter().flat_map(|run| {
@@ -19,7 +19,7 @@ pub fn without(runs: &[Range<usize>], others: &[Range<usize>]) -> Vec<Range<usiz
     rest.filter(|run| !run.is_empty()).collect()
 }
 
-/// Refuses a need above a limit.
+/// Returns an error if a need exceeds a limit.
 pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Result<()> {
     if need <= limit {
         return Ok(());
@@ -28,18 +28,18 @@ pub fn refuse_above(what: impl FnOnce() -> String, need: u64, limit: u64) -> Res
     Err(BackendError::Limit { what, need, limit })
 }
 
-/// A few buffers, each found by its name.
+/// A few buffers, looked up by name.
 pub(crate) struct BufferTable<D: GpuDevice>(Vec<(BufferName, D::Buffer)>);
 
 impl<D: GpuDevice> BufferTable<D> {
-    /// Buffers of these sizes.
+    /// Creates buffers of these sizes.
     pub(crate) fn new(gpu: &D, sizes: impl IntoIterator<Item = (BufferName, u64)>) -> Result<Self> {
         let make = |(name, bytes)| Ok((name, gpu.buffer(name, bytes)?));
         let made = sizes.into_iter().map(make);
         made.collect::<Result<_>>().map(Self)
     }
 
-    /// Buffers of these contents.
+    /// Creates buffers with these contents.
     pub(crate) fn filled(gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<Self> {
         let sizes = contents.iter().map(|&(name, c)| (name, c.len() as u64));
         let made = Self::new(gpu, sizes)?;
@@ -47,20 +47,21 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(made)
     }
 
-    /// Fills some of them from their beginning.
+    /// Fills some of the buffers from their beginning.
     pub(crate) fn fill(&self, gpu: &mut D, contents: &[(BufferName, &[u8])]) -> Result<()> {
         let buffer = |name| self.get(name).expect("what is filled is there");
         let all = contents.iter().map(|&(name, c)| (c, buffer(name)));
         gpu.upload(&all.collect::<Vec<_>>())
     }
 
-    /// The buffer of that name, where there is one.
+    /// Returns the buffer of this name, if there is one.
     pub(crate) fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let found = self.0.iter().find(|(n, _)| *n == name);
         found.map(|(_, buffer)| buffer)
     }
 
-    /// A buffer of that name of at least so many bytes, which takes the place of a smaller one. Nothing under way uses that.
+    /// Returns the buffer of this name with at least `bytes`. Replaces a smaller buffer, which no unfinished submission
+    /// may use.
     pub(crate) fn fit(&mut self, gpu: &D, name: BufferName, bytes: u64) -> Result<&mut D::Buffer> {
         let mut all = self.0.iter();
         let fits = all.position(|(n, buffer)| *n == name && D::size(buffer) >= bytes);
@@ -72,7 +73,7 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(&mut self.0[at].1)
     }
 
-    /// Puts a larger buffer, with some to spare, in the place of one that is too small.
+    /// Replaces the buffer of this name by a larger one, with slack, if it is smaller than `bytes`.
     pub(crate) fn grow(&mut self, gpu: &mut D, name: BufferName, bytes: u64) -> Result<()> {
         let mut found = self.0.iter_mut().filter(|(n, _)| *n == name);
         let Some((_, buffer)) = found.next().filter(|(_, b)| D::size(b) < bytes) else {
@@ -83,7 +84,7 @@ impl<D: GpuDevice> BufferTable<D> {
         Ok(())
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         self.0.iter().map(|(_, b)| D::held(b)).sum()
     }

@@ -1,4 +1,4 @@
-//! A file in which a driver's compiled kernels are kept between runs.
+//! A file with a driver's compiled kernels, kept between runs.
 
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -7,20 +7,20 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of a digest.
 const DIGEST: usize = 32;
-/// The most bytes that a file of a cache is believed to have.
+/// Maximum bytes of a cache file. Larger files are ignored.
 const MOST: u64 = 256 << 20;
 
-/// A file of a cache: a SHA-256 digest, then the bytes that it is of. What is missing, damaged or cannot be written is
-/// as if nothing had been kept.
+/// A cache file: a SHA-256 digest followed by the data. A missing or damaged file counts as empty, and write errors are
+/// ignored.
 #[derive(Clone, Debug)]
 pub struct CacheFile {
     path: PathBuf,
-    /// Bytes that were loaded.
+    /// Number of bytes loaded.
     loaded: usize,
 }
 
 impl CacheFile {
-    /// In a folder, under a name that tells device and driver; this program's version is added.
+    /// Creates a cache file in `folder`. `name` identifies device and driver; this program's version is appended.
     #[must_use]
     pub fn new(folder: &Path, name: &str) -> Self {
         let version = env!("CARGO_PKG_VERSION");
@@ -30,7 +30,7 @@ impl CacheFile {
         }
     }
 
-    /// What was stored last, if it is whole.
+    /// Returns the data stored last, or `None` if it is missing or damaged.
     #[must_use]
     pub fn load(&mut self) -> Option<Vec<u8>> {
         let mut bytes = self.read().ok()?;
@@ -53,10 +53,10 @@ impl CacheFile {
         Ok(bytes)
     }
 
-    /// Stores bytes in place of what is there, if they are more than were loaded.
+    /// Stores the data if its size differs from the loaded size.
     pub fn store(&self, data: &[u8]) {
         if data.len() != self.loaded {
-            // A run without its cache is a slower run, no worse one.
+            // Without the cache, a run is only slower.
             let _ = self.try_store(data);
         }
     }

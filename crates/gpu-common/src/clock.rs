@@ -1,4 +1,4 @@
-//! When each stage began and ended, by the device's clock.
+//! Start and end of each stage, by the device's clock.
 
 use backend::StageTimes;
 
@@ -7,11 +7,11 @@ use backend::StageTimes;
 pub enum Stage {
     /// Key frames to positions.
     Interpolate,
-    /// Positions to records and boxes of leaves.
+    /// Positions to triangle records and boxes of leaves.
     Preprocess,
     /// Positions to a tree.
     Rebuild,
-    /// Boxes of leaves to all boxes.
+    /// Boxes of leaves to boxes of inner nodes.
     Refit,
     /// Primary rays.
     TracePrimary,
@@ -33,18 +33,18 @@ impl Stage {
     }
 }
 
-/// Turns ticks, of which only some bits count, into milliseconds since the first submission. Submissions are shown in their
-/// order and oftener than the ticks wrap.
+/// Converts timestamps into milliseconds since the first submission. Only the low bits of a timestamp count.
+/// Submissions must be passed in order, and more often than the clock wraps.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     mask: u64,
     tick_ns: f64,
-    /// The last submission's first mark, and how long after the very first one it was.
+    /// First timestamp of the last submission, and its distance from the very first one.
     last: Option<(u64, u64)>,
 }
 
 impl Clock {
-    /// A clock of so many bits and nanoseconds a tick.
+    /// Creates a clock with `bits` valid bits and `tick_ns` nanoseconds per tick.
     pub fn new(bits: u32, tick_ns: f64) -> Self {
         let mask = 1_u64.checked_shl(bits);
         Self {
@@ -54,8 +54,8 @@ impl Clock {
         }
     }
 
-    /// The times of the next submission from what runs from each mark on. A stage run twice counts twice;
-    /// those that were `idle` took no time.
+    /// Returns the times of the next submission. `marks` names the stage that starts at each timestamp. A stage that
+    /// ran twice counts twice; `idle` stages took no time.
     pub(crate) fn times(
         &mut self,
         marks: &[Option<Stage>],
@@ -89,7 +89,8 @@ impl Clock {
         since
     }
 
-    /// Ticks from one mark to a later one, though they wrapped meanwhile. Those of 64 bits do not.
+    /// Returns the ticks from one timestamp to a later one, even if the clock wrapped in between. 64-bit clocks do not
+    /// wrap.
     fn between(&self, from: u64, to: u64) -> u64 {
         match self.mask {
             u64::MAX => to.saturating_sub(from),
@@ -120,7 +121,7 @@ mod tests {
             assert_eq!(times.trace_primary_ms, Some(0.0));
             (times.begun_ms, times.device_ms)
         };
-        // One after the other, twice the same; then with something between them that is not timed.
+        // First with adjacent stages, one of them twice; then with untimed work between the stages.
         let joined = [interpolate, REFIT, REFIT, None];
         let ticks = [1_000_000, 2_000_000, 5_000_000, 9_000_000, 7, 7];
         assert_eq!(check(&joined, &ticks), (Some(0.0), 4.0));
@@ -148,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_clock_of_64_bits_keeps_every_tick() {
-        // Nanoseconds since 1970 have more bits than an f64.
+        // Nanoseconds since 1970 do not fit into the mantissa of an f64.
         let start = 1_800_000_000_000_000_001_u64;
         let mut clock = Clock::new(64, 1.0);
         clock.times(&[REFIT, None], &[start, start + 1], &[]);

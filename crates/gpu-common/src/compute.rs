@@ -1,4 +1,4 @@
-//! The backend, carried out by kernels.
+//! The backend that runs compute kernels.
 
 mod trace;
 
@@ -16,13 +16,13 @@ use shaders::work;
 use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
-/// The backend that runs the kernels of `shaders` on a device.
+/// The backend that runs the kernels of crate `shaders` on a device.
 pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) engine: Engine<D>,
     pub(crate) tree: Option<TreeBuffers<D>>,
     /// How the scene is traced.
     method: Method,
-    /// How far the coordinates of the moment reach; `None` where only the device knows.
+    /// Range of the coordinates at the current pose; `None` if only the device has measured it.
     range: Option<Range>,
 }
 
@@ -30,16 +30,16 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] with what the device lacks
+    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low
     /// for any scene.
     pub fn new(options: &Options) -> Result<Self> {
         Self::over(D::open(options)?)
     }
 
-    /// Computes on a device that is open already.
+    /// Creates a backend on an open device.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if its arithmetic is wrong.
+    /// [`backend::BackendError::NoDevice`] if the device's arithmetic is wrong.
     pub fn over(gpu: D) -> Result<Self> {
         Engine::new(gpu, [common("arithmetic")]).map(Self::with)
     }
@@ -53,18 +53,18 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn gpu(&self) -> &D {
         &self.engine.gpu
     }
 
-    /// Likewise.
+    /// Returns the device.
     pub fn gpu_mut(&mut self) -> &mut D {
         &mut self.engine.gpu
     }
 
-    /// Forgets submissions whose commands the program dropped, and returns their tickets. The next one has to begin with
-    /// positions.
+    /// Forgets submissions whose command buffers the program dropped, and returns their tickets. The next submission
+    /// must then begin with `interpolate`.
     pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.engine.give_up_dropped();
         if let Some(tree) = self.tree.as_mut().filter(|_| !dropped.is_empty()) {
@@ -81,7 +81,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.tree.as_mut().expect("a scene was loaded")
     }
 
-    /// What all dispatches share.
+    /// Returns the parameters that all dispatches share.
     fn params(&self) -> Params {
         self.params_at(self.engine.pose)
     }
@@ -93,21 +93,21 @@ impl<D: GpuDevice> ComputeBackend<D> {
     fn params_of(&self, shape: &Shape, pose: Pose) -> Params {
         let params = Params {
             alpha: pose.alpha,
-            // A hint, for moments that the host did not measure: it changes no hit.
+            // A hint for poses whose range the host did not measure. It changes no hit.
             spread: self.engine.frames.spread.into(),
             ..Params::of(self.engine.scene().scale_exponent, shape)
         };
         params.at_range(self.range)
     }
 
-    /// Records a stage over the tree in use.
+    /// Records a stage of the current tree.
     fn run(&mut self, stage: Stage, work: &[work::Work]) -> Result<()> {
         let tree = self.tree.as_ref().expect("a scene was loaded");
         self.engine.run(Some(stage), work, |name| tree.get(name))
     }
 
-    /// Records the stages of the tree that is evaluated. They come before those of the current tree, whose `preprocess` then
-    /// counts inactive and degenerate triangles anew.
+    /// Records the stages of the candidate. They precede those of the current tree, whose `preprocess` then counts
+    /// inactive and degenerate triangles again.
     fn record_candidate(&mut self, params: Params) -> Result<()> {
         let (method, engine) = (self.method, &mut self.engine);
         let trees = self.tree.as_mut().expect("a scene was loaded");
@@ -121,7 +121,18 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// Whether the tree in use was made here, of the positions at hand: it has its records and boxes.
+    /// Records the evaluation of a tree that is loaded next to the current one.
+    fn record_evaluation(&mut self, shape: &Shape) -> Result<bool> {
+        let params = self.params_of(shape, self.engine.pose);
+        let recorded = self.record_candidate(params);
+        if recorded.is_err() {
+            self.tree_mut().abandon_candidate();
+        }
+        recorded.map(|()| true)
+    }
+
+    /// Returns whether the current tree was built on the device from the current positions. Such a tree has its records
+    /// and boxes.
     fn is_made_whole(&self) -> bool {
         let made_here = self.tree().made_here;
         let anew = made_here && self.engine.stale < Stale::Fresh;
@@ -129,7 +140,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         made_here
     }
 
-    /// Records a tree's making: see [`shaders::rebuild`].
+    /// Records the build of a tree. See [`shaders::rebuild`].
     fn make_tree(&mut self, generation: Generation) -> Result<()> {
         let animation = Arc::clone(&self.engine.scene().animation);
         let shape = Shape::made_on_device(self.method.layout, animation.live_count() as u32);
@@ -148,7 +159,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         extents.boxes = Some(Extent::Whole);
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
         engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
-        // Leaves go to clusters of the tree to be made, not to nodes.
+        // The build reads leaves as clusters, so they are not written to nodes.
         let clusters = |name| tree.get(instead_of(name, &animation));
         let leaves = work::leaves(self.method, params, &shape);
         engine.run(Some(Stage::Preprocess), &[leaves], clusters)?;
@@ -160,7 +171,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 }
 
-/// What makes trees for a method.
+/// Returns the kernels that build trees with this method.
 fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let makes = move |k: &&Kernel| k.makes_trees() && k.serves(method);
     KERNELS.iter().filter(makes)
@@ -220,12 +231,27 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let Some(shape) = loaded.map(|candidate| candidate.shape.clone()) else {
             return Ok(false);
         };
-        let params = self.params_of(&shape, self.engine.pose);
-        let recorded = self.record_candidate(params);
-        if recorded.is_err() {
-            self.tree_mut().abandon_candidate();
-        }
-        recorded.map(|()| true)
+        self.record_evaluation(&shape)
+    }
+
+    fn evaluate_retained(&mut self) -> Result<bool> {
+        assert!(self.engine.stale >= Stale::Records, "positions come first");
+        let Some(shape) = self
+            .tree_mut()
+            .load_retained()
+            .map(|tree| tree.shape.clone())
+        else {
+            return Ok(false);
+        };
+        self.record_evaluation(&shape)
+    }
+
+    fn adopt_retained(&mut self) -> Result<()> {
+        let recording = self.engine.frames.recording;
+        assert!(!recording, "trees are adopted between submissions");
+        self.tree_mut().adopt_retained()?;
+        self.engine.stale = self.engine.stale.min(Stale::Records);
+        Ok(())
     }
 
     fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {
@@ -314,7 +340,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.trace_one_of(&query, [0, 1])
     }
 
-    /// What `exact` leaves to be settled would share a list.
+    /// `exact` does not support batches, because the queries would share one list of undecided rays.
     fn traces_together(&self, queries: &[Query<'_>]) -> bool {
         let is_simple = |query: &Query<'_>| query.kind.light().is_none();
         self.method.intersector != Intersector::Exact && queries.iter().all(is_simple)

@@ -1,4 +1,4 @@
-//! What a GPU interface has to do.
+//! The operations that a GPU interface implements.
 
 use crate::{Clock, KernelCode, LastUse, Stage};
 use backend::{Device, DeviceBytes, Result, Snapshot, Ticket};
@@ -12,161 +12,164 @@ use std::path::PathBuf;
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// An adapter's index; the first GPU, else the first adapter, if not given.
+    /// Index of an adapter. By default the first GPU, or the first adapter if there is no GPU.
     pub adapter: Option<usize>,
-    /// Folder in which compiled kernels are kept for runs to come, where the device can; nothing is kept without one.
+    /// Folder for compiled kernels, if the device can store them. By default nothing is stored.
     pub cache: Option<PathBuf>,
-    /// Whether to run under the interface's validation layer.
+    /// Use of the interface's validation layer.
     pub validation: Validation,
-    /// Whether kernels go in as WGSL with checks of bounds and loops added, where the interface takes that. Else they are SPIR-V
-    /// where the device takes it, or WGSL without checks.
+    /// Whether to pass kernels as WGSL with checks of bounds and loops, if the interface accepts it. Otherwise they are
+    /// passed as SPIR-V if the device accepts it, or as WGSL without checks.
     pub checks_kernels: bool,
 }
 
-/// Whether to run under a validation layer, with synchronisation validation where the interface has it.
+/// Use of a validation layer, including synchronisation validation if the interface has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
-    /// Without it.
+    /// Without the layer.
     #[default]
     Off,
-    /// With it where it is installed.
+    /// With the layer if it is installed.
     IfInstalled,
-    /// With it, or not at all. wgpu cannot tell whether it is installed.
+    /// With the layer; opening fails if it is not installed. wgpu cannot detect whether it is installed.
     Required,
 }
 
-/// A kernel to be recorded.
+/// A kernel to record.
 pub struct Dispatch<'a, D: GpuDevice> {
-    /// Its parameters, and whether it may run beside the one before it.
+    /// Its parameters, and whether it may run concurrently with the previous kernel.
     pub work: &'a Work,
-    /// What was made of its kernel.
+    /// Pipeline of the kernel.
     pub pipeline: &'a D::Pipeline,
-    /// Workgroups along both axes.
+    /// Number of workgroups along both axes.
     pub groups: [u32; 2],
 }
 
-/// Gives the buffers of a dispatch, but for parameters and counts, which are the slot's.
+/// Returns the buffers of a dispatch by name. The slot owns those of parameters and counts.
 pub type Find<'f, 'a, B> = &'f dyn Fn(BufferName) -> &'a B;
 
-/// What a finished submission left behind.
+/// Output of a finished submission.
 #[derive(Clone, Debug, Default)]
 pub struct Finished {
-    /// What its kernels counted.
+    /// Counts written by its kernels.
     pub counts: Counts,
-    /// For each mark of time what runs from it to the next; `None` where nothing does that is timed.
+    /// For each timestamp, the stage that runs from it to the next; `None` for work that is not timed.
     pub marks: Vec<Option<Stage>>,
-    /// When each mark was passed, in ticks of [`GpuDevice::clock`]; `None` without a clock.
+    /// Value of each timestamp, in ticks of [`GpuDevice::clock`]; `None` without a clock.
     pub ticks: Option<Vec<u64>>,
 }
 
-/// Rays that the device's owner has there, and room for what they meet: see [`backend::Rays::OnDevice`].
+/// Buffers of the device's owner with rays and memory for their results. See [`backend::Rays::OnDevice`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LentRays<B> {
-    /// One a ray, as [`geom::Ray`] lies in memory.
+    /// One ray per element, in the memory layout of [`geom::Ray`].
     pub rays: B,
-    /// As [`geom::Hit`] lies in memory, or a word that is not 0 for any hit; none if the backend is to have it.
+    /// One result per ray: [`geom::Hit`] in its memory layout, or for any-hit queries a word that is not 0 for a hit.
+    /// `None` if the backend allocates the results.
     pub answers: Option<B>,
 }
 
-/// Positions that the device's owner has there, on their way to a key frame: from a byte of a buffer to a byte of another.
+/// A copy of positions from a buffer of the device's owner to a key frame. Both ends are a buffer and an offset in
+/// bytes.
 pub struct PointsCopy<B> {
-    /// Where they are.
+    /// Source.
     pub from: (B, u64),
-    /// Where they belong.
+    /// Destination.
     pub to: (B, u64),
-    /// How much they take.
+    /// Number of bytes.
     pub bytes: u64,
 }
 
-/// A device that runs kernels, for one scene. That has one owner, so nothing of it needs a lock but what others share.
+/// A device that runs the kernels of one scene. It has one owner, so only state that several scenes share needs a lock.
 ///
-/// Only `upload`, `end_read`, `finish`, `unload`, `wait_idle` and what hands out used buffers (`has_ended`, `staging`,
-/// `send_key`) may wait, for what this scene had the device do. Submissions run in their order; what is recorded reads what
-/// was recorded before. Where copies have queues of their own, the device puts them in order with the submissions that need
-/// them; what does nothing here is for such devices.
+/// Only `upload`, `end_read`, `finish`, `unload`, `wait_idle` and the methods that reuse buffers (`has_ended`,
+/// `staging`, `send_key`) may block. They wait only for work of this scene. Submissions run in order, and recorded work
+/// reads the results of work recorded earlier. If copies run on queues of their own, the device orders them with the
+/// submissions that need them. Methods with an empty default body are for such devices.
 pub trait GpuDevice: Send + Sized + 'static {
-    /// A buffer. Dropping one need not wait: see [`GpuDevice::discard`].
+    /// A buffer. Dropping it need not wait for the device: see [`GpuDevice::discard`].
     type Buffer: Send + 'static;
-    /// A kernel ready to be bound.
+    /// A compiled kernel.
     type Pipeline: Send + Sync + 'static;
-    /// On any thread, makes kernels ready beside the device's owner, or has the device take [another scene](GpuDevice::beside).
+    /// Handle with which any thread compiles kernels, or opens the device for [another scene](GpuDevice::beside).
     type Maker: Send + Sync + 'static;
-    /// What one submission needs for itself.
+    /// Resources of one submission.
     type Slot: GpuSlot<Self>;
-    /// Positions, or other bytes, on their way to the host.
+    /// A copy of positions or other bytes to the host.
     type Copy: Send;
 
     /// Opens a device.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] with what the device lacks for
-    /// any scene. What else may go wrong, here and in all other methods: see [`backend::BackendError`].
+    /// [`backend::BackendError::NoDevice`] with the reason, or [`backend::BackendError::Limit`] if a limit is too low
+    /// for any scene. `# Errors` sections list only errors specific to a method; [`backend::BackendError`] lists all.
     fn open(options: &Options) -> Result<Self>;
 
-    /// The device of a maker for another scene, which is traced beside those that it has.
+    /// Opens the device of `maker` for another scene, which is traced in addition to its other scenes.
     fn beside(maker: Self::Maker) -> Result<Self>;
 
-    /// Who is at work. How it computes is found out later.
+    /// Returns the name, driver and kind of the device. Its arithmetic is tested later.
     fn device(&self) -> Device;
 
-    /// How invocations search together, and whether pictures may be rasterized: see [`shaders::Traits`].
+    /// Returns how invocations traverse in packets, and whether the device may rasterize. See [`shaders::Traits`].
     fn forms(&self) -> (Option<Packets>, bool);
 
-    /// The clock of its marks.
+    /// Returns the clock of the timestamps.
     fn clock(&self) -> Clock;
 
-    /// Workgroups that a dispatch may have along an axis.
+    /// Returns the maximum number of workgroups per dispatch along an axis.
     fn max_groups(&self) -> u32;
 
-    /// Refuses, by the limit's name, a device on which one of these kernels cannot run.
+    /// Checks that all `wanted` kernels can run on the device. The error names the limit that is too low.
     fn check_kernels(&self, wanted: &dyn Fn(&Kernel) -> bool) -> Result<()>;
 
-    /// A buffer of so many bytes, and of at least 16, so that an empty scene has buffers to bind. The host
-    /// [writes](GpuDevice::write) [`BufferName::Rays`]; the others kernels write, or the host while nothing is under way. What
-    /// is too large is refused with the need.
+    /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound. The host
+    /// [writes](GpuDevice::write) [`BufferName::Rays`]. Kernels write all other buffers, or the host does while no
+    /// submission is unfinished. Returns an error with the required bytes if the buffer is too large.
     fn buffer(&self, name: BufferName, bytes: u64) -> Result<Self::Buffer>;
 
-    /// Likewise, of a name for messages, to [send](GpuDevice::send) to.
+    /// Creates a buffer of `bytes`, rounded up to 16, as a destination of [`GpuDevice::send`]. Error messages name it
+    /// `what`.
     fn room(&self, what: &'static str, bytes: u64) -> Result<Self::Buffer>;
 
-    /// Bytes that kernels may use.
+    /// Returns the number of bytes that kernels may use.
     fn size(buffer: &Self::Buffer) -> u64;
 
-    /// Bytes that it takes of the device's memory.
+    /// Returns the number of bytes of device memory that the buffer occupies.
     fn held(buffer: &Self::Buffer) -> u64 {
         Self::size(buffer)
     }
 
-    /// Bytes of the device's memory that may still be had, where the driver tells.
+    /// Returns the bytes of device memory that are still available, or `None` if the driver does not report them.
     fn free_bytes(&self) -> Option<u64> {
         None
     }
 
-    /// Drops a buffer once all that was recorded so far is done with it.
+    /// Drops a buffer once the work recorded so far no longer uses it.
     fn discard(&mut self, _buffer: Self::Buffer) {}
 
-    /// The rays that its owner told it of last, once.
+    /// Takes the buffers of rays that the device's owner set last.
     fn take_lent_rays(&mut self) -> Option<LentRays<Self::Buffer>>;
 
-    /// Whether it may ever have a kernel [copy positions](GpuDevice::take_copies).
+    /// Whether positions can be [copied](GpuDevice::take_copies) by a compute kernel.
     const COPIES: bool = false;
 
-    /// Positions that a kernel is to copy before key frames are read, once.
+    /// Takes the copies of positions that a kernel performs before key frames are read.
     fn take_copies(&mut self) -> Vec<PointsCopy<Self::Buffer>> {
         Vec::new()
     }
 
-    /// Buffers made so far, of any purpose.
+    /// Returns the number of buffers created so far, for any purpose.
     fn buffers_made(&self) -> u64;
 
     /// See [`backend::Inspect::complaints`].
     fn complaints(&self) -> Vec<String>;
 
-    /// Fills buffers from their beginning, and waits until that is done.
+    /// Fills buffers from their beginning. Blocks until the copy has finished.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Fills so many rows of a buffer of rays, or of answers lent with them, for the next submission, by all threads. Nothing
-    /// under way may use it.
+    /// Writes `count` rows of a buffer of rays, or of lent results, for the next submission. Runs on several threads.
+    /// No unfinished submission may use the buffer.
     fn write<T: Pod + Send>(
         &mut self,
         to: &mut Self::Buffer,
@@ -174,14 +177,14 @@ pub trait GpuDevice: Send + Sized + 'static {
         row: impl Fn(usize) -> T + Sync,
     ) -> Result<()>;
 
-    /// Begins to copy bytes of a buffer to the host. What fills the buffer must be finished.
+    /// Starts a copy of bytes of a buffer to the host. The work that fills the buffer must have finished.
     fn begin_read(&mut self, from: &Self::Buffer, bytes: Range<u64>) -> Result<Self::Copy>;
 
-    /// Waits for a copy of so many bytes, and shows them.
+    /// Blocks until a copy of `bytes` bytes has arrived and passes them to `look`.
     fn end_read(&mut self, copy: Self::Copy, bytes: usize, look: impl FnOnce(&[u8])) -> Result<()>;
 
-    /// Shows the first `count` elements of a buffer in parts, each with the number of those before it: one is looked at while
-    /// the next ones are copied.
+    /// Passes the first `count` elements of a buffer to `look` in parts, each with the index of its first element. A
+    /// part is processed while later parts are copied.
     fn read<T: Pod>(
         &mut self,
         from: &Self::Buffer,
@@ -205,48 +208,49 @@ pub trait GpuDevice: Send + Sized + 'static {
         Ok(())
     }
 
-    /// Likewise, all of them together.
+    /// Reads the first `count` elements of a buffer.
     fn read_all<T: Pod>(&mut self, from: &Self::Buffer, count: usize) -> Result<Vec<T>> {
         let mut all = Vec::with_capacity(count);
         self.read(from, count, |_, part| all.extend_from_slice(part))?;
         Ok(all)
     }
 
-    /// Memory of the host to send a tree of so many bytes from, and perhaps a larger one.
+    /// Returns a host-visible staging buffer of at least `bytes` for a tree.
     fn staging(&mut self, bytes: u64) -> Result<Self::Buffer>;
 
-    /// Writes what is to be sent, part by part, on any thread; says whether there was room.
+    /// Writes the parts of an upload one after another, on any thread. Returns `false` if they do not fit.
     fn fill(staging: &mut Self::Buffer, parts: &[&[u32]]) -> bool;
 
-    /// Begins to send so many bytes that were filled, beside the frames. Gives a number to be [expected](GpuDevice::expect)
-    /// before they are read. Never copies on this thread.
+    /// Starts the upload of the first `bytes` bytes of a staging buffer, concurrently with frames. Returns a number
+    /// that must be [expected](GpuDevice::expect) before the data is read. Never copies on the calling thread.
     fn send(&mut self, from: Self::Buffer, bytes: u64, to: &Self::Buffer) -> Result<u64>;
 
-    /// Memory for a key frame that is [sent](GpuDevice::send_key) from there.
+    /// Allocates memory for a key frame, from which [`GpuDevice::send_key`] can copy.
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
-    /// As [`GpuDevice::send`], of runs of a key frame's vertices.
+    /// Starts the upload of these runs of a key frame's vertices, as [`GpuDevice::send`] does.
     fn send_key(&mut self, key: &KeyFrame, runs: &[Range<usize>], to: &Self::Buffer)
     -> Result<u64>;
 
-    /// Whether a buffer's last use is over, so that others may follow. Waits for that only if it `may_wait`.
+    /// Returns whether a buffer's last use has finished, so that the buffer can be reused. Blocks until then only if it
+    /// `may_wait`.
     fn has_ended(&self, last: LastUse, may_wait: bool) -> Result<bool>;
 
-    /// The next submission waits until this was sent, and all before it.
+    /// Makes the next submission wait for this upload and all uploads before it.
     fn expect(&mut self, _arrival: u64) {}
 
-    /// What makes kernels ready.
+    /// Returns a handle to compile kernels on other threads.
     fn pipeline_maker(&self) -> Self::Maker;
 
-    /// Makes a kernel ready; several threads may do so at a time.
+    /// Compiles a kernel. Several threads may call this at the same time.
     fn make_pipeline(maker: &Self::Maker, kernel: KernelCode) -> Result<Self::Pipeline>;
 
-    /// What a submission needs for itself.
+    /// Creates the resources of a submission.
     fn slot(&self) -> Result<Self::Slot>;
 
-    /// Submits a recording. Where `positions` are given with their bytes, has them copied to the host.
+    /// Submits a recording. With `positions`, a buffer and its bytes, also starts their copy to the host.
     fn submit(
         &mut self,
         slot: &mut Self::Slot,
@@ -254,66 +258,69 @@ pub trait GpuDevice: Send + Sized + 'static {
         positions: Option<(&Self::Buffer, u64)>,
     ) -> Result<Option<Self::Copy>>;
 
-    /// Waits for a submission, and says what it left behind. Asked once for each, in their order.
+    /// Blocks until a submission has finished and returns its output. Called once per submission, in order.
     fn finish(&mut self, slot: &mut Self::Slot, ticket: Ticket) -> Result<Finished>;
 
-    /// Forgets a submission if the program dropped the commands that hold it, so that it never runs. Returns whether it did.
+    /// Forgets a submission if the program dropped the command buffer that contains it, so that it never runs. Returns
+    /// whether it was dropped.
     fn give_up_dropped(&mut self, _slot: &mut Self::Slot, _ticket: Ticket) -> bool {
         false
     }
 
-    /// Returns whether a submission is done, so that [`GpuDevice::finish`] would not wait. Never waits.
+    /// Returns whether a submission has finished, so that [`GpuDevice::finish`] would not block. Never blocks.
     fn is_done(&self, slot: &Self::Slot, ticket: Ticket) -> Result<bool>;
 
-    /// Whether positions have arrived. Never waits.
+    /// Returns whether a copy has arrived. Never blocks.
     fn has_arrived(&self, copy: &Self::Copy) -> Result<bool>;
 
-    /// Notes that the next submission overwrites what a copy reads.
+    /// Notes that the next submission overwrites the source of a copy.
     fn overwrites(&mut self, _copy: &Self::Copy) {}
 
-    /// Positions that have arrived, which may outlive the device.
+    /// Returns positions that have arrived. They may outlive the device.
     fn take(&mut self, copy: Self::Copy, vertices: usize) -> Result<Snapshot>;
 
-    /// Waits for all that is under way, and lets go of all that belongs to the scene, but for what [slots](GpuSlot::forget) have.
+    /// Waits for all unfinished work and frees everything of the scene, except what [slots](GpuSlot::forget) own.
     fn unload(&mut self) -> Result<()>;
 
-    /// Waits until the device has nothing left to do.
+    /// Blocks until the device is idle.
     fn wait_idle(&self) -> Result<()>;
 
-    /// Adds what the device keeps by itself to the bytes of the buffers that were made for a scene and its frames. An engine's
-    /// own on a lent device do not count, nor does memory of the host.
+    /// Adds the device's internal allocations to the bytes of the scene's and frames' buffers. Counts neither an
+    /// engine's own buffers on a lent device nor host memory.
     fn with_own_bytes(&self, bytes: DeviceBytes) -> DeviceBytes {
         bytes
     }
 }
 
-/// Commands, parameters, counts and marks of time of one submission.
+/// Command buffers, parameters, counts and timestamps of one submission.
 pub trait GpuSlot<D: GpuDevice>: Send {
-    /// Whether positions set out while the rest of their submission runs: then a recording is [split](GpuSlot::split).
+    /// Whether positions are copied to the host while the rest of their submission runs. A recording is then
+    /// [split](GpuSlot::split).
     const SPLITS: bool = false;
 
-    /// Begins a recording, with all counts 0 and a mark of time. The last submission must have been finished.
+    /// Begins a recording: clears all counts and writes a timestamp. The slot's previous submission must have been
+    /// finished.
     fn begin(&mut self) -> Result<()>;
 
-    /// Records dispatches, each after those before it unless [`Work::alongside`] says otherwise.
-    /// The first may run beside the last of the call before, if it says so and no stage was ended between.
+    /// Records dispatches. Each runs after the ones before it unless [`Work::alongside`] is set. That of the first
+    /// dispatch refers to the last one of the previous call, unless a stage ended in between.
     fn dispatch(&mut self, all: &[Dispatch<'_, D>], find: Find<'_, '_, D::Buffer>) -> Result<()>;
 
-    /// Ends a stage: all that was recorded since the last one ended is timed as its work.
+    /// Ends a stage. The work recorded since the previous end is timed as this stage.
     fn end_stage(&mut self, stage: Stage) -> Result<()>;
 
-    /// Records that the first so many bytes of counts are 0 again.
+    /// Records that the first `bytes` bytes of the counts are set to 0.
     fn clear_counts(&mut self, bytes: u64) -> Result<()>;
 
-    /// Ends the part of a recording for which positions that go to the host wait, and begins the rest.
+    /// Ends the part of a recording that the copy of positions to the host waits for, and begins the rest.
     fn split(&mut self) -> Result<()> {
         Ok(())
     }
 
-    /// Lets go of all that belongs to the scene.
+    /// Frees everything that belongs to the scene.
     fn forget(&mut self) {}
 
-    /// Bytes of device memory, unless the device counts them.
+    /// Returns the bytes of device memory of the slot; 0 if the device counts them.
     fn bytes(&self) -> u64 {
         0
     }

@@ -1,4 +1,4 @@
-//! What frames of any kind take of a device.
+//! State and operations that every kind of frame needs.
 
 use crate::snapshots::Snapshots;
 use crate::{BufferTable, Frames, GpuDevice, Pipelines, SceneBuffers, Stage};
@@ -12,49 +12,48 @@ use shaders::work::{self, Work};
 use shaders::{BufferName, Kernel, Params, Traits};
 use std::sync::Arc;
 
-/// What must run before a trace.
+/// The stages that must run before a trace.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stale {
-    /// `interpolate`, and all that follows.
+    /// `interpolate` and all later stages.
     Positions,
-    /// `preprocess`, likewise.
+    /// `preprocess` and all later stages.
     Records,
     /// `refit`.
     Boxes,
-    /// Nothing.
+    /// No stage.
     Fresh,
 }
 
-/// A device with a scene, its positions, submissions and traces. What trees are and how rays go down them is for the owner
-/// to say.
+/// A device with a scene, its positions, submissions and traces. The owner implements trees and traversal.
 ///
-/// Stages are timed by the device's clock; where it has none, each stage's time is `None` and `device_ms` is the host's,
-/// from the submission to the moment its end was seen.
+/// Stages are timed by the device's clock. Without such a clock, each stage's time is `None`. Then `device_ms` is the
+/// host's time from the submission until its end was noticed.
 pub struct Engine<D: GpuDevice> {
-    /// Who is at work.
+    /// Name, driver and kind of the device, and its arithmetic.
     pub device: Device,
-    /// Submissions, and what they found.
+    /// Submissions and their results.
     pub frames: Frames<D>,
     snapshots: Snapshots<D>,
-    /// The scene, once one is loaded.
+    /// The loaded scene.
     pub scene: Option<SceneBuffers<D>>,
-    /// Which position buffer is current.
+    /// Index of the current position buffer.
     pub position: usize,
-    /// The moment that positions were last interpolated at.
+    /// Pose of the current positions.
     pub pose: Pose,
-    /// What must run before a trace.
+    /// Stages that must run before a trace.
     pub stale: Stale,
-    /// Kernels ready to be bound.
+    /// Compiled kernels.
     pub pipelines: Pipelines<D>,
     /// The device itself.
     pub gpu: D,
 }
 
 impl<D: GpuDevice> Engine<D> {
-    /// Makes kernels ready, and puts the device's arithmetic to the test by one of them.
+    /// Compiles kernels and tests the device's arithmetic with one of them.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if it is wrong, or the driver refuses a kernel.
+    /// [`backend::BackendError::NoDevice`] if the arithmetic is wrong or the driver rejects a kernel.
     pub fn new(mut gpu: D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut pipelines = Pipelines::of(&gpu, kernels)?;
         let mut frames = Frames::new(&gpu)?;
@@ -72,7 +71,6 @@ impl<D: GpuDevice> Engine<D> {
         Ok(Self::with((gpu, device), frames, pipelines))
     }
 
-    /// Without a scene.
     fn with((gpu, device): (D, Device), frames: Frames<D>, pipelines: Pipelines<D>) -> Self {
         Self {
             device,
@@ -87,7 +85,8 @@ impl<D: GpuDevice> Engine<D> {
         }
     }
 
-    /// What makes another on the same device, whose arithmetic is known and whose kernels stay ready.
+    /// Returns a function that creates another engine on the same device. It reuses the test results and compiled
+    /// kernels.
     pub fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<D> {
         let device = self.device.clone();
         let (maker, pipelines) = (self.gpu.pipeline_maker(), self.pipelines.ready());
@@ -98,15 +97,15 @@ impl<D: GpuDevice> Engine<D> {
         }
     }
 
-    /// The scene.
+    /// Returns the loaded scene.
     ///
     /// # Panics
-    /// Before one is loaded; likewise all that follows but for [`Engine::unload`].
+    /// If no scene is loaded. The same applies to all following methods except [`Engine::unload`].
     pub fn scene(&self) -> &SceneBuffers<D> {
         self.scene.as_ref().expect("a scene was loaded")
     }
 
-    /// Drops what was recorded, waits for what is under way, and lets go of the scene.
+    /// Drops the recording, waits for unfinished submissions, and frees the scene.
     pub fn unload(&mut self) -> Result<()> {
         self.abandon();
         self.give_up_dropped();
@@ -116,13 +115,14 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Makes an animation current. The last one must have been let go of.
+    /// Makes an animation current. The previous one must have been unloaded.
     pub fn load(&mut self, animation: Arc<Animation>) -> Result<()> {
         self.scene = Some(SceneBuffers::new(&mut self.gpu, animation)?);
         Ok(())
     }
 
-    /// Records key frames to positions, after what is to look at the earlier one. `params` has the pose's weight.
+    /// Records the interpolation of positions at `pose`, whose weight `params` contains. `measure` measures the range
+    /// of the key frames at the same time.
     pub fn interpolate(&mut self, pose: Pose, params: Params, measure: Option<Work>) -> Result<()> {
         let gpu = &mut self.gpu;
         self.position = self.snapshots.position_to_write(gpu, self.position)?;
@@ -143,7 +143,7 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records copies of what the device's owner has there.
+    /// Records the copies of positions from buffers of the device's owner.
     fn copy_points(&mut self) -> Result<()> {
         for copy in self.gpu.take_copies() {
             let words = |bytes: u64| bytes as usize / 4;
@@ -158,11 +158,11 @@ impl<D: GpuDevice> Engine<D> {
         Ok(())
     }
 
-    /// Records kernels, as a stage or as part of none, and makes those that are not ready yet. `own` gives buffers that are not
-    /// the scene's, or stand in place of these.
+    /// Records kernels as a stage, or as part of no stage, and compiles missing ones. `own` returns buffers that do not
+    /// belong to the scene, or that replace the scene's.
     ///
     /// # Panics
-    /// If a kernel names a buffer that nobody has.
+    /// If no buffer exists for a name in a kernel.
     pub fn run<'a>(
         &mut self,
         stage: Option<Stage>,
@@ -185,7 +185,7 @@ impl<D: GpuDevice> Engine<D> {
         slot.record(pipelines, stage, work, &find)
     }
 
-    /// Records the picture of the pending trace, which `query` asked for, if there is a palette and a tree was traced.
+    /// Records the shading of the pending trace of `query`, if there is a palette and a tree.
     ///
     /// # Panics
     /// If no trace is pending.
@@ -205,20 +205,21 @@ impl<D: GpuDevice> Engine<D> {
         shaded
     }
 
-    /// Takes what pictures are painted by.
+    /// Uploads the colour tables for shading.
     pub fn load_palette(&mut self, palette: &Palette) -> Result<()> {
         let scene = self.scene.as_mut().expect("a scene was loaded");
         scene.load_palette(&mut self.gpu, palette)
     }
 
-    /// Waits for a submission and copies its pixels, if there are any.
+    /// Blocks until a submission has finished and copies its pixels. Returns whether it has any.
     pub fn pixels(&mut self, ticket: Ticket, out: &mut Vec<u8>) -> Result<bool> {
         self.wait(ticket)?;
         let trace = self.frames.trace(ticket, 0);
         trace.fetch_pixels(&mut self.gpu, out)
     }
 
-    /// Records that the positions go to the host: as soon as they are made, beside what is recorded from here on.
+    /// Records a copy of the positions to the host. It runs as soon as they are computed, concurrently with work
+    /// recorded later.
     pub fn request_positions(&mut self) -> Result<()> {
         assert!(self.stale >= Stale::Records, "positions come first");
         let scene = self.scene.as_mut().expect("a scene was loaded");
@@ -227,7 +228,7 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.record()?.split()
     }
 
-    /// Submits what was recorded. So many triangles are in no tree, and count as inactive.
+    /// Submits the recording. `never_active` is the number of triangles in no tree, which count as inactive.
     pub fn submit(&mut self, never_active: u64) -> Result<Ticket> {
         let scene = self.scene.as_ref().expect("a scene was loaded");
         let place = |p: usize| (&scene.positions[p], scene.position_bytes());
@@ -241,8 +242,8 @@ impl<D: GpuDevice> Engine<D> {
         Ok(ticket)
     }
 
-    /// Forgets submissions whose commands the program dropped, and returns their tickets. Nothing on the device is up to date
-    /// then, because later submissions build on earlier ones.
+    /// Forgets submissions whose command buffers the program dropped, and returns their tickets. Later submissions
+    /// depend on earlier ones, so all data on the device is then stale.
     pub fn give_up_dropped(&mut self) -> Vec<Ticket> {
         let dropped = self.frames.give_up_dropped(&mut self.gpu);
         if !dropped.is_empty() {
@@ -252,19 +253,19 @@ impl<D: GpuDevice> Engine<D> {
         dropped
     }
 
-    /// Drops what was recorded: it is not going to be submitted, so nothing on the device is up to date.
+    /// Drops the recording. It will never run, so all data on the device is stale.
     pub fn abandon(&mut self) {
         self.stale = Stale::Positions;
         self.frames.abandon();
         self.snapshots.requested = None;
     }
 
-    /// Waits for a submission and says what it did.
+    /// Blocks until a submission has finished and returns its report.
     pub fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
         self.frames.retire(&mut self.gpu, ticket)
     }
 
-    /// Waits for a submission and lends what its trace of that place found.
+    /// Blocks until a submission has finished and returns the hits of query `place`.
     pub fn hits(&mut self, ticket: Ticket, place: usize) -> Result<&mut Hits> {
         self.wait(ticket)?;
         self.frames.trace(ticket, place).fetch(&mut self.gpu)
@@ -292,13 +293,13 @@ impl<D: GpuDevice> Engine<D> {
         self.frames.keep(traces);
     }
 
-    /// The oldest positions requested, if they have arrived.
+    /// Returns the oldest requested positions if they have arrived.
     pub fn take_positions(&mut self) -> Result<Option<(Ticket, Snapshot)>> {
         let vertices = self.scene().animation.vertex_count();
         self.snapshots.take(&mut self.gpu, vertices)
     }
 
-    /// Bytes of device memory, of which so much is a tree's, room to make one, and its owner's for frames.
+    /// Returns the bytes of device memory by purpose. Adds the owner's bytes of trees, of scratch memory and of frames.
     pub fn bytes(&self, [tree, scratch, frames]: [u64; 3]) -> DeviceBytes {
         let bytes = DeviceBytes {
             tree,
@@ -321,12 +322,12 @@ impl<D: GpuDevice> Engine<D> {
 
 impl<D: GpuDevice> Drop for Engine<D> {
     fn drop(&mut self) {
-        // A lost device has nothing to wait for.
+        // An error means that the device is lost; there is nothing to wait for.
         let _ = self.gpu.wait_idle();
     }
 }
 
-/// Runs the kernel `arithmetic` and refuses the device if one bit is wrong or its driver ends loops early.
+/// Runs the kernel `arithmetic`. Rejects the device if one bit is wrong or its driver ends loops early.
 fn test_arithmetic<D: GpuDevice>(
     gpu: &mut D,
     frames: &mut Frames<D>,

@@ -1,4 +1,4 @@
-//! Submissions: recorded, under way, and the reports and traces of those that are done.
+//! Recorded and unfinished submissions, and the reports and traces of finished ones.
 
 use crate::{Clock, Dispatch, Find, GpuDevice, GpuSlot, Pipelines, Stage, Trace};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
@@ -8,29 +8,29 @@ use std::collections::VecDeque;
 use std::mem::offset_of;
 use std::time::Instant;
 
-/// One slot more than submissions may be under way, so that recording never waits.
+/// One slot more than the maximum number of unfinished submissions, so that recording never waits.
 const SLOTS: usize = FRAMES_IN_FLIGHT + 1;
 
-/// Bytes of what `preprocess` counts: it may run more than once a submission, and the last time counts.
+/// Bytes of the counts of `preprocess`. It may run several times per submission; only the last run counts.
 const LEAF_COUNTS: u64 = offset_of!(Counts, hits) as u64;
 
-/// The slots, in a ring, and what became of their submissions.
+/// A ring of slots, and the results of their submissions.
 pub struct Frames<D: GpuDevice> {
     slots: Vec<Slot<D>>,
     pub(crate) recording: bool,
-    /// The last ticket.
+    /// Last submitted ticket.
     pub(crate) submitted: Ticket,
-    /// Traces that are recorded but not submitted yet, in order.
+    /// Traces that are recorded but not yet submitted, in order.
     pub pending: Vec<Trace<D>>,
-    /// Traces whose submission failed in part. Recorded commands use their buffers.
+    /// Traces of a batch that failed in part. Recorded commands still use their buffers.
     refused: Vec<Trace<D>>,
-    /// Further submissions with a trace until a submission is forgotten.
+    /// Number of further submissions that contain a trace for which a submission is remembered.
     kept: usize,
-    /// From the oldest that is remembered to the newest.
+    /// Remembered submissions, oldest first.
     ledger: VecDeque<Submission<D>>,
-    /// What preprocess and refit said last.
+    /// Latest results of `preprocess` and `refit`.
     tree_stats: TreeStats,
-    /// What traces by rasterization said last.
+    /// Latest results of traces by rasterization.
     pub(crate) raster_backoff: RasterBackoff,
     /// Whether the last submission that measured coordinates found very different sizes.
     pub(crate) spread: bool,
@@ -42,25 +42,25 @@ struct Submission<D: GpuDevice> {
     traces: Vec<Trace<D>>,
     /// Whether it has traces that were not released.
     is_traced: bool,
-    /// See [`backend::Backend::release`]. Its traces only lend their buffers to later ones.
+    /// See [`backend::Backend::release`]. A released trace only keeps its buffers for later traces.
     is_released: bool,
     never_active: u64,
     at: Instant,
-    /// `None` while it is under way.
+    /// `None` until the submission has finished.
     report: Option<FrameReport>,
 }
 
-/// One submission at a time.
+/// Resources of one submission at a time.
 pub struct Slot<D: GpuDevice> {
-    /// The device's part.
+    /// The device's resources.
     own: D::Slot,
     stages: Vec<Stage>,
-    /// Those that had nothing to do.
+    /// Stages without work.
     idle: Vec<Stage>,
     max_groups: u32,
-    /// Whether `interpolate` was recorded last, and has no end yet: `preprocess` may run beside it.
+    /// Whether `interpolate` was recorded last and its stage is still open, so that `preprocess` may run concurrently.
     open: bool,
-    /// What preprocess and refit went over.
+    /// Parts of the scene that `preprocess` and `refit` processed.
     pub extents: Extents,
     pub(crate) readback_bytes: u64,
 }
@@ -86,9 +86,9 @@ impl<D: GpuDevice> Slot<D> {
         self.own.begin()
     }
 
-    /// Records kernels, as a stage or as part of none. What cannot be recorded is refused before anything is. `interpolate`
-    /// stays open for what may run beside it, and is then timed with that. A stage without work takes no time, but as the first
-    /// it begins the frame's.
+    /// Records kernels as a stage, or as part of no stage. Checks all dispatches before it records the first one.
+    /// `interpolate` stays open for kernels that may run concurrently, and is then timed together with them. A stage
+    /// without work takes no time, but if it comes first, the frame's time starts with it.
     pub(crate) fn record(
         &mut self,
         pipelines: &Pipelines<D>,
@@ -117,7 +117,7 @@ impl<D: GpuDevice> Slot<D> {
         }
     }
 
-    /// Records a stage that is no list of kernels.
+    /// Records a stage that is not a list of kernels.
     pub fn record_as(
         &mut self,
         stage: Stage,
@@ -128,7 +128,7 @@ impl<D: GpuDevice> Slot<D> {
         self.end(stage)
     }
 
-    /// Ends `interpolate`, if it is open: what follows is not to run beside it.
+    /// Ends `interpolate` if it is open, because the following work must not run concurrently with it.
     fn close(&mut self) -> Result<()> {
         match std::mem::take(&mut self.open) {
             true => self.end(Stage::Interpolate),
@@ -141,7 +141,7 @@ impl<D: GpuDevice> Slot<D> {
         self.own.end_stage(stage)
     }
 
-    /// Notes that positions recorded so far go to the host.
+    /// Records that the positions recorded so far are copied to the host.
     pub(crate) fn split(&mut self) -> Result<()> {
         if !D::Slot::SPLITS {
             return Ok(());
@@ -185,12 +185,12 @@ impl<D: GpuDevice> Frames<D> {
         })
     }
 
-    /// Which of so many [`SLOTS`] the recording takes, or the next one will.
+    /// Returns the index of the slot of the current or next recording.
     fn place(&self) -> usize {
         self.submitted.0 as usize % SLOTS
     }
 
-    /// The slot being recorded, begun if need be.
+    /// Returns the slot of the recording, and begins one if needed.
     pub fn record(&mut self) -> Result<&mut Slot<D>> {
         let place = self.place();
         let slot = &mut self.slots[place];
@@ -201,7 +201,7 @@ impl<D: GpuDevice> Frames<D> {
         Ok(slot)
     }
 
-    /// Bytes of device memory of all slots, and of all traces.
+    /// Returns the bytes of device memory of all slots and traces.
     pub(crate) fn bytes(&self) -> u64 {
         let slots = self.slots.iter().map(|slot| slot.own.bytes());
         let kept = self.ledger.iter().flat_map(|s| &s.traces);
@@ -209,20 +209,20 @@ impl<D: GpuDevice> Frames<D> {
         slots.chain(traces.map(Trace::held)).sum()
     }
 
-    /// What was recorded together is refused, since one of it was.
+    /// Refuses all traces of a batch because one of them failed.
     pub(crate) fn refuse_pending(&mut self) {
         self.refused.append(&mut self.pending);
     }
 
-    /// Drops what was recorded.
+    /// Drops the recording.
     pub(crate) fn abandon(&mut self) {
         self.recording = false;
         self.pending.clear();
         self.refused.clear();
     }
 
-    /// Returns a trace whose results are no longer available and that the device is done with: a released one, or one that
-    /// expires with the next submission.
+    /// Returns a trace that the device has finished and whose results are no longer available: a released one, or one
+    /// that expires with the next submission.
     pub fn expired(&mut self) -> Option<Trace<D>> {
         let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
         let kept = self.kept;
@@ -248,18 +248,18 @@ impl<D: GpuDevice> Frames<D> {
         }
     }
 
-    /// What a submission's trace of that place found.
+    /// Returns the trace of query `place` of a submission.
     ///
     /// # Panics
-    /// If it had no such trace, or was too long ago.
+    /// If the submission had no such trace or has expired.
     pub(crate) fn trace(&mut self, ticket: Ticket, place: usize) -> &mut Trace<D> {
         let submission = self.ledger.iter_mut().find(|s| s.ticket == ticket);
         let found = submission.and_then(|s| s.traces.get_mut(place));
         found.expect("this submission had no trace, or was too long ago")
     }
 
-    /// Submits the recording with the positions asked for; waits for the oldest
-    /// submission if too many are under way. Remembers it until enough with a trace came after it.
+    /// Submits the recording with the requested positions. Waits for the oldest submission if too many are unfinished.
+    /// The submission is remembered for `kept` further submissions that contain a trace.
     pub(crate) fn submit(
         &mut self,
         gpu: &mut D,
@@ -293,13 +293,13 @@ impl<D: GpuDevice> Frames<D> {
         Ok((ticket, copy))
     }
 
-    /// Submissions that were not seen to be done.
+    /// Returns the submissions that were not seen to finish.
     pub(crate) fn under_way(&self) -> impl Iterator<Item = Ticket> + '_ {
         let open = self.ledger.iter().filter(|s| s.report.is_none());
         open.map(|s| s.ticket)
     }
 
-    /// Forgets submissions whose commands the program dropped, and returns their tickets.
+    /// Forgets submissions whose command buffers the program dropped, and returns their tickets.
     pub(crate) fn give_up_dropped(&mut self, gpu: &mut D) -> Vec<Ticket> {
         let mut dropped = Vec::new();
         for submission in self.ledger.iter_mut().filter(|s| s.report.is_none()) {
@@ -312,7 +312,7 @@ impl<D: GpuDevice> Frames<D> {
         dropped
     }
 
-    /// Forgets finished submissions after which enough others came, and released traces beyond the number that is kept.
+    /// Forgets finished submissions that have expired, and released traces beyond the number that is kept.
     fn forget_the_old(&mut self) {
         let mut further = self.ledger.len();
         let mut traced = self.ledger.iter().filter(|s| s.is_traced).count();
@@ -343,7 +343,7 @@ impl<D: GpuDevice> Frames<D> {
             let done = gpu.finish(&mut slot.own, submission.ticket)?;
             let times = match &done.ticks {
                 Some(ticks) => self.clock.times(&done.marks, ticks, &slot.idle),
-                // The host's clock has to do.
+                // Without a device clock, use the host's.
                 None => StageTimes {
                     device_ms: submission.at.elapsed().as_secs_f64() * 1e3,
                     ..StageTimes::default()
@@ -368,10 +368,10 @@ impl<D: GpuDevice> Frames<D> {
         Ok(())
     }
 
-    /// Returns whether a submission is done. Never waits.
+    /// Returns whether a submission has finished. Never blocks.
     ///
     /// # Panics
-    /// If the ticket was never given, or too long ago.
+    /// If the ticket is unknown or has expired.
     pub(crate) fn is_done(&self, gpu: &D, ticket: Ticket) -> Result<bool> {
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
         let submission = found.expect("this ticket was never given, or was given too long ago");
@@ -382,10 +382,10 @@ impl<D: GpuDevice> Frames<D> {
         }
     }
 
-    /// Waits for a submission, and so for all before it, and says what it did.
+    /// Waits for a submission, and so for all before it, and returns its report.
     ///
     /// # Panics
-    /// If the ticket was never given, or too long ago.
+    /// If the ticket is unknown or has expired.
     pub(crate) fn retire(&mut self, gpu: &mut D, ticket: Ticket) -> Result<FrameReport> {
         self.finish(gpu, ticket)?;
         let found = self.ledger.iter().find(|s| s.ticket == ticket);
@@ -393,7 +393,7 @@ impl<D: GpuDevice> Frames<D> {
         Ok(report.expect("this ticket was never given, or was given too long ago"))
     }
 
-    /// Waits for all submissions and forgets them: another scene is loaded.
+    /// Waits for all submissions and forgets them, before another scene is loaded.
     pub(crate) fn unload(&mut self, gpu: &mut D) -> Result<()> {
         if let Some(last) = self.ledger.back().map(|s| s.ticket) {
             self.finish(gpu, last)?;

@@ -1,4 +1,4 @@
-//! Views into the output of a stage.
+//! Access to the output of a stage.
 
 use crate::{ComputeBackend, GpuDevice};
 use backend::{BackendError, Inspect, Result};
@@ -29,7 +29,7 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
 }
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Waits for all submissions and reads the first elements of a buffer of the tree in use, for tests and dumps.
+    /// Waits for all submissions and reads the first elements of a buffer of the current tree, for tests and dumps.
     ///
     /// # Panics
     /// If the tree has no such buffer.
@@ -40,7 +40,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         self.engine.gpu.read_all(buffer, count)
     }
 
-    /// Looks at the tree in use, after all that was submitted.
+    /// Reads the current tree back, after all submissions, and passes it to `look`.
     fn view<T>(&mut self, look: impl Fn(&View<'_>) -> std::result::Result<T, String>) -> Result<T> {
         let shape = self.tree().current.shape.clone();
         let made_on_device = self.tree().made_here;

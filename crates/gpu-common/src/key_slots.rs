@@ -1,4 +1,4 @@
-//! Key frames on the device: all of them, or those around the moment that is played.
+//! Key frames on the device: all of them, or those around the current pose.
 
 use crate::pool::LARGE;
 use crate::{GpuDevice, LastUse, Pool};
@@ -7,29 +7,29 @@ use geom::{Animation, KeyFrame, Point, Pose};
 use shaders::BufferName;
 use std::ops::Range;
 
-/// Key frames that are kept of a stream: two that are blended and as many to come; of large ones, one to come. Two more may be
-/// on their way out.
+/// Key frames of a stream that are kept: the two that are blended and two upcoming ones, or one if they are large. Two
+/// more may wait for their last use to finish.
 const KEPT: usize = 4;
 const LARGE_KEPT: usize = 3;
 
-/// Vertices between two runs that differ, at least: fewer are sent with them.
+/// Minimum number of static vertices between two runs of moving ones. Shorter gaps are uploaded with the runs.
 const GAP: usize = 1 << 12;
 
-/// Key frames by their numbers. A buffer each, so that only the device's memory limits how many there are.
+/// Key frames by number. Each has a buffer of its own, so that only device memory limits their number.
 pub(crate) struct KeySlots<D: GpuDevice> {
-    /// In the order in which they were sent.
+    /// In upload order.
     slots: Vec<KeySlot<D>>,
-    /// Buffers that made room for others.
+    /// Buffers of evicted key frames.
     free: Pool<D>,
-    /// How many are kept of a stream.
+    /// Maximum number of key frames of a stream.
     kept: usize,
-    /// Rises with each use.
+    /// Increases with each use.
     clock: u64,
-    /// The ticket of the submission that is recorded.
+    /// Ticket of the submission that is being recorded.
     next: u64,
-    /// What was brought last, and may be read again.
+    /// Latest pose, which may be read again.
     pose: Pose,
-    /// Vertices that are not the same in all key frames.
+    /// Vertices that differ between key frames.
     moving: Vec<Range<usize>>,
 }
 
@@ -38,14 +38,14 @@ struct KeySlot<D: GpuDevice> {
     buffer: D::Buffer,
     /// See [`GpuDevice::send_key`].
     arrival: u64,
-    /// By the clock: how soon it makes room for others.
+    /// Value of the clock at the last use. The lowest one is evicted first.
     used: u64,
-    /// The submission that read it last.
+    /// Ticket of the last submission that reads it.
     read_by: u64,
 }
 
 impl<D: GpuDevice> KeySlots<D> {
-    /// Sends the key frames that are held; none of a stream.
+    /// Uploads the key frames that the host holds. Those of a stream follow later.
     pub(crate) fn new(gpu: &mut D, animation: &Animation) -> Result<Self> {
         let slot = |(key, frame): (usize, &KeyFrame)| {
             Ok(KeySlot {
@@ -76,8 +76,8 @@ impl<D: GpuDevice> KeySlots<D> {
         })
     }
 
-    /// Has the key frames of a pose be there for all that is recorded from now on, after the last submission. Waits for those
-    /// that have to be read.
+    /// Makes the key frames of a pose available to work recorded from now on, after the last submission. Blocks while
+    /// missing ones are read.
     pub(crate) fn bring(
         &mut self,
         gpu: &mut D,
@@ -97,7 +97,7 @@ impl<D: GpuDevice> KeySlots<D> {
         Ok(())
     }
 
-    /// What was recorded is submitted. Sends one of the key frames that are played next, if it was read.
+    /// Notes that the recording was submitted. Uploads one of the upcoming key frames, if the host has read it.
     pub(crate) fn submitted(
         &mut self,
         gpu: &mut D,
@@ -110,14 +110,14 @@ impl<D: GpuDevice> KeySlots<D> {
         let Some((key, frame)) = wanted else {
             return Ok(());
         };
-        // What is played soon must not make room for what is played later.
+        // An earlier upcoming key frame must not be evicted for a later one.
         for (key, _) in &upcoming {
             self.touch(*key);
         }
         self.send(gpu, (*key, frame))
     }
 
-    /// A key frame's place, which is kept longest from now on.
+    /// Returns the slot of a key frame and makes it the last one to be evicted.
     fn touch(&mut self, key: usize) -> Option<&mut KeySlot<D>> {
         self.clock += 1;
         let at = self.find(key)?;
@@ -128,21 +128,21 @@ impl<D: GpuDevice> KeySlots<D> {
 
     fn find(&self, key: usize) -> Option<usize> {
         let is_there = |slot: &KeySlot<D>| slot.key == key;
-        // Those that are held lie in order.
+        // Key frames that the host holds are in order.
         match self.slots.get(key).is_some_and(is_there) {
             true => Some(key),
             false => self.slots.iter().position(is_there),
         }
     }
 
-    /// Sends a key frame of a stream, in the place of the one that was used longest ago.
+    /// Uploads a key frame of a stream, in place of the least recently used one.
     fn send(&mut self, gpu: &mut D, (key, frame): (usize, &KeyFrame)) -> Result<()> {
-        // Positions that are lent may be copied from the one that was sent before.
+        // Lent positions may be copied from the previous key frame.
         if let Some(before) = self.slots.last_mut() {
             before.read_by = self.next;
         }
         while self.slots.len() >= self.kept {
-            // What is recorded now may yet read what it asked for, and what follows may read the last pose again.
+            // The recording may still read its key frames, and the next one may read the latest pose again.
             let is_played = |slot: &KeySlot<D>| self.pose.keys().any(|key| key == slot.key);
             let all = self.slots.iter().enumerate();
             let free = all.filter(|(_, slot)| slot.read_by < self.next && !is_played(slot));
@@ -167,7 +167,7 @@ impl<D: GpuDevice> KeySlots<D> {
         let arrival = match gpu.send_key(frame, runs, &buffer) {
             Ok(arrival) => arrival,
             Err(e) => {
-                // It may be under way in part.
+                // Part of the upload may have started.
                 gpu.discard(buffer);
                 return Err(e);
             }
@@ -183,7 +183,8 @@ impl<D: GpuDevice> KeySlots<D> {
         Ok(())
     }
 
-    /// The buffer of a key frame that was brought; any where the kernel does not read it.
+    /// Returns the buffer of an available key frame. Returns any buffer if `key` is not available, since the kernel
+    /// then does not read it.
     pub(crate) fn get(&self, key: u32) -> Option<&D::Buffer> {
         let slot = match self.find(key as usize) {
             Some(at) => &self.slots[at],
@@ -192,7 +193,7 @@ impl<D: GpuDevice> KeySlots<D> {
         Some(&slot.buffer)
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         let slots = self.slots.iter().map(|slot| D::held(&slot.buffer));
         slots.sum::<u64>() + self.free.held()

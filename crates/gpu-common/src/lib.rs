@@ -1,15 +1,15 @@
 //! One compute backend over any GPU interface.
 //!
-//! [`ComputeBackend`] implements [`backend::Backend`] over a [`GpuDevice`]: which kernels run, over which buffers, when
-//! trees and positions come and go, and what a submission did. A device knows none of that. It makes buffers and
-//! pipelines, records dispatches, copies, submits, and waits.
+//! [`ComputeBackend`] implements [`backend::Backend`] over a [`GpuDevice`]. It decides which kernels run over which
+//! buffers, when trees and positions are transferred, and what a submission reports. A device only creates buffers and
+//! pipelines, records dispatches, copies, submits and waits.
 //!
-//! - [`Engine`] holds what frames of any kind take: a scene, submissions, traces, positions on their way to the host.
-//!   A backend with trees of another kind is written over it.
-//! - [`Frames`] keeps one slot more than submissions may be under way, so recording never waits.
-//! - Buffers are found by [`shaders::BufferName`], never by text.
+//! - [`Engine`] holds what every kind of frame needs: a scene, submissions, traces, and position copies to the host. A
+//!   backend with other trees can be built on it.
+//! - [`Frames`] holds one slot more than the maximum number of unfinished submissions, so recording never waits.
+//! - Buffers are looked up by [`shaders::BufferName`], never by text.
 //!
-//! To add a GPU interface, implement [`GpuDevice`]; its documentation says what may wait and what must not.
+//! To add a GPU interface, implement [`GpuDevice`]. Its documentation states which methods may block.
 
 mod buffers;
 pub mod cache_file;

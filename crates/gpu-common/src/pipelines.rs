@@ -1,4 +1,4 @@
-//! One pipeline a kernel, made when something first needs it, on threads of their own where that is known before.
+//! One pipeline per kernel, compiled on first use, or earlier on threads of its own.
 
 use crate::GpuDevice;
 use backend::Result;
@@ -9,36 +9,36 @@ use shaders::{Code, Kernel, Traits};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::{self, JoinHandle};
 
-/// A kernel, and its code for the device at hand.
+/// A kernel and its code for a device.
 pub type KernelCode = (&'static Kernel, Code);
 
-/// Kernels ready to be bound: those that anything needed so far.
+/// The kernels compiled so far.
 pub struct Pipelines<D: GpuDevice> {
     made: Vec<(&'static Kernel, Arc<D::Pipeline>)>,
     making: Vec<Making<D::Pipeline>>,
-    /// Which forms of kernels the device takes; known once the first of them has run.
+    /// Kernel variants that the device supports; known once the first kernel has run.
     pub(crate) traits: Traits,
 }
 
-/// Kernels that threads of their own make ready.
+/// Kernels that threads of their own compile.
 struct Making<P> {
     kernels: Vec<&'static Kernel>,
-    /// Taken when it is waited for.
+    /// Taken by the first wait.
     thread: Option<JoinHandle<Result<Vec<P>>>>,
 }
 
 impl<P> Drop for Making<P> {
     fn drop(&mut self) {
-        // Drivers do not like a process to end while they compile.
+        // Drivers may fail if the process exits while they compile.
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
 impl<D: GpuDevice> Pipelines<D> {
-    /// These, and no others until more are asked for.
+    /// Compiles these kernels only.
     ///
     /// # Errors
-    /// [`backend::BackendError::NoDevice`] if the driver refuses one.
+    /// [`backend::BackendError::NoDevice`] if the driver rejects one.
     pub fn of(gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) -> Result<Self> {
         let mut all = Self {
             made: Vec::new(),
@@ -49,7 +49,7 @@ impl<D: GpuDevice> Pipelines<D> {
         Ok(all)
     }
 
-    /// Those that are ready, for another scene on the device.
+    /// Returns the compiled kernels, for another scene on the device.
     pub(crate) fn ready(&self) -> Self {
         Self {
             made: self.made.clone(),
@@ -58,7 +58,7 @@ impl<D: GpuDevice> Pipelines<D> {
         }
     }
 
-    /// Begins to make what is not there yet, and does not wait for it. What goes wrong is found when it is needed.
+    /// Starts to compile missing kernels and does not wait. Errors are reported when a kernel is needed.
     pub(crate) fn begin(&mut self, gpu: &D, kernels: impl IntoIterator<Item = &'static Kernel>) {
         let missing = self.missing(kernels);
         if missing.is_empty() {
@@ -72,20 +72,20 @@ impl<D: GpuDevice> Pipelines<D> {
                     .par_iter()
                     .map(|&kernel| D::make_pipeline(&make, kernel))
             };
-            // Compilers work for seconds, which other parallel work must not wait for.
+            // Compilation takes seconds. In a pool of its own it does not delay other parallel work.
             match own_pool(ThreadPoolBuilder::new().num_threads(parallelism())) {
                 Ok(pool) => pool.install(|| all().collect()),
                 Err(_) => in_parallel(|| all().collect()),
             }
         };
-        // Without a thread to be had, they are made when they are needed.
+        // If no thread can be created, the kernels are compiled when they are needed.
         if let Ok(thread) = thread::Builder::new().spawn(make_all) {
             let thread = Some(thread);
             self.making.push(Making { kernels, thread });
         }
     }
 
-    /// Makes what is not there yet.
+    /// Compiles missing kernels.
     pub(crate) fn prepare(
         &mut self,
         gpu: &D,
@@ -119,7 +119,7 @@ impl<D: GpuDevice> Pipelines<D> {
         Ok(())
     }
 
-    /// Those that are neither there nor being made.
+    /// Returns the kernels that are neither compiled nor being compiled.
     fn missing(&self, kernels: impl IntoIterator<Item = &'static Kernel>) -> Vec<KernelCode> {
         let mut missing: Vec<KernelCode> = Vec::new();
         for kernel in kernels {
@@ -138,23 +138,25 @@ impl<D: GpuDevice> Pipelines<D> {
         found.map(|(_, pipeline)| &**pipeline)
     }
 
+    /// Returns a compiled kernel.
+    ///
     /// # Panics
-    /// If it was not made.
+    /// If the kernel was not compiled.
     pub(crate) fn get(&self, kernel: &Kernel) -> &D::Pipeline {
         let found = self.find(kernel);
         found.expect("pipelines are prepared before they are recorded")
     }
 }
 
-/// One driver (NVIDIA 580) locks itself up when a thread makes or destroys a device while another compiles kernels.
+/// NVIDIA's driver 580 deadlocks if one thread creates or destroys a device while another compiles kernels.
 static DOOR: RwLock<()> = RwLock::new(());
 
-/// Held while kernels are compiled, which several threads may do at a time.
+/// Locks out creation and destruction of devices while kernels are compiled. Several threads may hold this lock.
 pub fn compile_door() -> RwLockReadGuard<'static, ()> {
     DOOR.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Held while a device is made or destroyed.
+/// Locks out compilation of kernels while a device is created or destroyed.
 pub fn device_door() -> RwLockWriteGuard<'static, ()> {
     DOOR.write().unwrap_or_else(PoisonError::into_inner)
 }

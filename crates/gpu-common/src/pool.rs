@@ -1,27 +1,27 @@
-//! Buffers that wait until nothing uses them any more, to be used again or dropped.
+//! Buffers that wait for their last use to finish before they are reused or dropped.
 
 use crate::GpuDevice;
 use backend::{FRAMES_IN_FLIGHT, Result};
 
-/// Bytes from which on few buffers are kept at a time, for their memory counts more than a wait.
+/// Bytes of a buffer from which on only few are kept, because their memory costs more than a wait.
 pub(crate) const LARGE: u64 = 64 << 20;
 
-/// Makes a buffer of so many bytes and some to spare, so that the next tree fits too: trees of one scene differ little. Where
-/// the device has no more, of as many.
+/// Creates a buffer of `bytes` plus slack, or of exactly `bytes` if the device has not enough memory. With slack the
+/// next tree fits too, because trees of one scene have similar sizes.
 pub fn with_slack<B>(bytes: u64, make: impl Fn(u64) -> Result<B>) -> Result<B> {
     make(bytes + bytes / 32).or_else(|_| make(bytes))
 }
 
-/// What uses a buffer last: a ticket, and the number of what was [sent](GpuDevice::send) to it or from it; 0 for none.
+/// Last use of a buffer: a ticket, and the number of an [upload](GpuDevice::send) to it or from it; 0 for no use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LastUse {
-    /// Of what was sent.
+    /// Number of the upload.
     pub arrival: u64,
-    /// Of a submission.
+    /// Ticket of the submission.
     pub ticket: u64,
 }
 
-/// Buffers of one kind with their last use.
+/// Buffers of one kind with their last uses.
 pub struct Pool<D: GpuDevice>(Vec<(LastUse, D::Buffer)>);
 
 impl<D: GpuDevice> Default for Pool<D> {
@@ -31,20 +31,21 @@ impl<D: GpuDevice> Default for Pool<D> {
 }
 
 impl<D: GpuDevice> Pool<D> {
-    /// Takes a buffer back.
+    /// Adds a buffer.
     pub fn put(&mut self, buffer: D::Buffer, last: LastUse) {
         self.0.push((last, buffer));
     }
 
-    /// A buffer of at least so many bytes, and whether it held another thing. If none is free, or one that is too small,
-    /// another is made; of many or large ones it is waited for one. See [`GpuDevice::has_ended`].
+    /// Returns a buffer of at least `bytes`, and whether it was used before. Creates a buffer if the pool has no unused
+    /// buffer or the one it takes is too small. If the pool is full, waits for the buffer whose use ends first instead.
+    /// See [`GpuDevice::has_ended`].
     pub fn fit(
         &mut self,
         bytes: u64,
         has_ended: impl Fn(LastUse, bool) -> Result<bool>,
         make: impl FnOnce() -> Result<D::Buffer>,
     ) -> Result<(D::Buffer, bool)> {
-        // With as many as submissions may be under way, one is free for the next; most of the time one will do.
+        // With one buffer per unfinished submission, one is free for the next. Large buffers are limited to one.
         let most = if bytes < LARGE { FRAMES_IN_FLIGHT } else { 1 };
         let spare = self.take(most, has_ended)?;
         match spare.filter(|buffer| D::size(buffer) >= bytes) {
@@ -72,7 +73,7 @@ impl<D: GpuDevice> Pool<D> {
         }
     }
 
-    /// Drops what nothing uses.
+    /// Drops the buffers whose last use has finished.
     pub fn prune(&mut self, has_ended: impl Fn(LastUse) -> Result<bool>) -> Result<()> {
         let mut at = 0;
         while let Some((last, _)) = self.0.get(at) {
@@ -84,7 +85,7 @@ impl<D: GpuDevice> Pool<D> {
         Ok(())
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub fn held(&self) -> u64 {
         self.0.iter().map(|(_, buffer)| D::held(buffer)).sum()
     }

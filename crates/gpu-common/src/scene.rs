@@ -1,4 +1,4 @@
-//! What a loaded animation keeps on the device.
+//! Device buffers of a loaded animation.
 
 use crate::key_slots::KeySlots;
 use crate::{BufferTable, GpuDevice};
@@ -8,19 +8,19 @@ use geom::Animation;
 use shaders::{BufferName, RANGE_BYTES};
 use std::sync::Arc;
 
-/// Key frames, triangles, positions.
+/// Buffers of key frames, triangles and positions.
 pub struct SceneBuffers<D: GpuDevice> {
-    /// What was loaded.
+    /// The loaded animation.
     pub animation: Arc<Animation>,
     pub(crate) keys: KeySlots<D>,
-    /// One, and another from the moment that positions first go to the host: the next frame fills it meanwhile.
-    /// Where rows are listed, static vertices stand in both from the start.
+    /// One position buffer, and a second one from the first copy of positions to the host: the next frame writes it
+    /// during the copy. If only moving rows are written, both contain the static vertices from the start.
     pub positions: Vec<D::Buffer>,
-    /// Corners of triangles; rows of positions in which anything moves, where listing them pays; how far the coordinates of a
-    /// key frame that arrived reach.
+    /// Vertex indices of triangles, and the coordinate range of pushed key frames. Also the rows of positions with
+    /// moving vertices, if listing them pays off.
     others: BufferTable<D>,
     pub(crate) moving_row_count: Option<usize>,
-    /// Colours and tones; none until pictures are asked for.
+    /// Colour tables; empty until a palette is loaded.
     palette: BufferTable<D>,
     /// `k` of `docs/design/hits.md`.
     pub scale_exponent: i32,
@@ -51,7 +51,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         Ok(made)
     }
 
-    /// Makes one more buffer of positions, if there are not two.
+    /// Creates one more position buffer, unless there are two.
     pub(crate) fn make_positions(&mut self, gpu: &mut D) -> Result<()> {
         if self.positions.len() == 2 {
             return Ok(());
@@ -65,7 +65,7 @@ impl<D: GpuDevice> SceneBuffers<D> {
         Ok(())
     }
 
-    /// Takes what pictures are painted by.
+    /// Uploads the colour tables.
     pub(crate) fn load_palette(&mut self, gpu: &mut D, palette: &Palette) -> Result<()> {
         let contents = [
             (BufferName::Colours, cast_slice(&palette.colours)),
@@ -79,24 +79,24 @@ impl<D: GpuDevice> SceneBuffers<D> {
         self.palette.get(BufferName::Colours).is_some()
     }
 
-    /// One of its buffers, at a pose's key frame and in one of the two position buffers.
+    /// Returns one of the scene's buffers. `key` selects the key frames and `position` the position buffer.
     pub fn get(&self, name: BufferName, key: u32, position: usize) -> Option<&D::Buffer> {
         match name {
             BufferName::Earlier => self.keys.get(key),
             BufferName::Later => self.keys.get(key.saturating_add(1)),
-            // Where no rays are given, kernels that take both kinds read none.
+            // Kernels that accept both kinds of rays bind some buffer, which they do not read for camera rays.
             BufferName::Positions | BufferName::Rays => Some(&self.positions[position]),
             other => self.others.get(other).or_else(|| self.palette.get(other)),
         }
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         let positions = self.positions.iter().map(D::held).sum::<u64>();
         self.keys.held() + positions + self.others.held() + self.palette.held()
     }
 
-    /// Bytes of all positions.
+    /// Returns the bytes of a position buffer.
     pub(crate) fn position_bytes(&self) -> u64 {
         self.animation.vertex_count() as u64 * 12
     }

@@ -1,12 +1,12 @@
-//! Positions on their way to the builder.
+//! Copies of positions for the builder.
 
 use crate::GpuDevice;
 use backend::{Result, Snapshot, Ticket};
 use std::collections::VecDeque;
 
-/// Requests of positions, and their copies.
+/// Requests of positions and their copies.
 pub(crate) struct Snapshots<D: GpuDevice> {
-    /// Which of the two position buffers the recording asks for.
+    /// Index of the position buffer that the recording requested.
     pub(crate) requested: Option<usize>,
     /// In the order of the requests, which is that of the copies.
     under_way: VecDeque<(Ticket, usize, D::Copy)>,
@@ -22,16 +22,17 @@ impl<D: GpuDevice> Default for Snapshots<D> {
 }
 
 impl<D: GpuDevice> Snapshots<D> {
-    /// Notes that the recording asks for these positions.
+    /// Notes that the recording requests these positions.
     ///
     /// # Panics
-    /// If it did already.
+    /// If the recording has a request already.
     pub(crate) fn request(&mut self, position: usize) {
         let requested = self.requested.replace(position);
         assert!(requested.is_none(), "one request of positions a submission");
     }
 
-    /// Which position buffer the next interpolation writes. If both are being read, the device makes it wait.
+    /// Returns the index of the position buffer that the next interpolation writes. If both are being read, the device
+    /// makes the interpolation wait.
     pub(crate) fn position_to_write(&self, gpu: &mut D, current: usize) -> Result<usize> {
         let mut busy_until = [None; 2];
         for (i, (_, position, copy)) in self.under_way.iter().enumerate() {
@@ -46,19 +47,19 @@ impl<D: GpuDevice> Snapshots<D> {
         Ok(position)
     }
 
-    /// The recording was submitted, with the copy that it asked for.
+    /// Notes that the recording was submitted with this copy.
     pub(crate) fn submitted(&mut self, ticket: Ticket, copy: Option<D::Copy>) {
         let requested = self.requested.take().zip(copy);
         let under_way = requested.map(|(position, copy)| (ticket, position, copy));
         self.under_way.extend(under_way);
     }
 
-    /// Drops copies of these submissions, which never run.
+    /// Drops the copies of these submissions, which never run.
     pub(crate) fn give_up(&mut self, dropped: &[Ticket]) {
         self.under_way.retain(|(of, ..)| !dropped.contains(of));
     }
 
-    /// The oldest, if it has arrived.
+    /// Returns the oldest positions if they have arrived.
     pub(crate) fn take(
         &mut self,
         gpu: &mut D,
@@ -74,8 +75,8 @@ impl<D: GpuDevice> Snapshots<D> {
     }
 }
 
-/// Of two position buffers the one that is free first, and after which copy if it is
-/// not free; the current one for choice, never one `requested` in this recording.
+/// Returns the position buffer that is free first, and the index of the copy it waits for. Prefers the current buffer
+/// and never returns the one `requested` in this recording.
 fn soonest(
     current: usize,
     requested: Option<usize>,

@@ -1,4 +1,4 @@
-//! The output of traces.
+//! Output buffers of traces.
 
 use crate::{BufferTable, GpuDevice, LentRays, refuse_above};
 use backend::{BackendError, Hits, Intersector, Query, QueryKind, Rays, Result};
@@ -10,29 +10,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Bytes that one task copies.
 const RUN: usize = 1 << 18;
 
-/// One trace: its output, and its rays if kernels do not make them.
+/// Buffers of one trace: its output, and its rays if kernels do not generate them.
 pub struct Trace<D: GpuDevice> {
-    /// Rays.
+    /// Number of rays.
     pub count: usize,
-    /// What was looked for.
+    /// Result that is computed for each ray.
     pub kind: QueryKind,
-    /// Whether there was a tree to trace. Without one every ray misses.
+    /// Whether there is a tree. Without one every ray misses.
     pub has_tree: bool,
-    /// Whether any given ray is extreme, so far as anybody knows.
+    /// Whether any given ray may be extreme.
     pub extremes: bool,
-    /// Whether its pixels are there.
+    /// Whether pixels were shaded.
     shaded: bool,
-    /// Each is there if a query ever needed it.
+    /// Buffers of this and earlier queries that used the same memory.
     buffers: BufferTable<D>,
-    /// In their place, if there are any.
+    /// Buffers lent by the device's owner, which replace the trace's own.
     lent: Option<LentRays<D::Buffer>>,
-    /// On the host, once it was asked for.
+    /// Hits on the host, valid if `fetched`.
     found: Hits,
     fetched: bool,
 }
 
 impl<D: GpuDevice> Trace<D> {
-    /// Buffers for a query, taken from an `old` trace if they fit. The query is the next of its submission.
+    /// Creates the buffers of a query, or reuses those of an `old` trace that fit. The query must be the next one of
+    /// its submission.
     pub fn new(
         gpu: &mut D,
         query: &Query<'_>,
@@ -54,7 +55,7 @@ impl<D: GpuDevice> Trace<D> {
         let room = lent.as_mut().and_then(|lent| lent.answers.as_mut());
         let has_room = room.is_some();
         if let Some(answers) = room.filter(|_| !has_tree) {
-            // No kernel is going to write them.
+            // No kernel writes the results.
             match kind {
                 QueryKind::Any => gpu.write(answers, count, |_| 0_u32)?,
                 _ => gpu.write(answers, count, |_| Hit::MISS)?,
@@ -91,12 +92,12 @@ impl<D: GpuDevice> Trace<D> {
         })
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn held(&self) -> u64 {
         self.buffers.held()
     }
 
-    /// Its rays, hits or shadows.
+    /// Returns the buffer of rays, hits or occlusion.
     pub fn get(&self, name: BufferName) -> Option<&D::Buffer> {
         let answers = match self.kind {
             QueryKind::Any => BufferName::Occluded,
@@ -115,7 +116,7 @@ impl<D: GpuDevice> Trace<D> {
         lent.or_else(|| self.buffers.get(name))
     }
 
-    /// Makes room for a pixel a ray, which are about to be recorded.
+    /// Allocates one pixel per ray, before the shading is recorded.
     pub(crate) fn make_pixels(&mut self, gpu: &D) -> Result<()> {
         let bytes = 4 * self.count as u64;
         self.buffers.fit(gpu, BufferName::Pixels, bytes)?;
@@ -123,7 +124,7 @@ impl<D: GpuDevice> Trace<D> {
         Ok(())
     }
 
-    /// Copies the pixels, if there are any. The submission must be finished.
+    /// Copies the pixels. Returns whether there are any. The submission must have finished.
     pub(crate) fn fetch_pixels(&self, gpu: &mut D, out: &mut Vec<u8>) -> Result<bool> {
         let Some(pixels) = self.get(BufferName::Pixels).filter(|_| self.shaded) else {
             return Ok(false);
@@ -136,7 +137,7 @@ impl<D: GpuDevice> Trace<D> {
         Ok(true)
     }
 
-    /// What was found, copied from the device the first time. The submission must be finished.
+    /// Returns the hits. The first call copies them from the device. The submission must have finished.
     pub(crate) fn fetch(&mut self, gpu: &mut D) -> Result<&mut Hits> {
         if self.fetched {
             return Ok(&mut self.found);
@@ -159,8 +160,8 @@ impl<D: GpuDevice> Trace<D> {
         Ok(&mut self.found)
     }
 
-    /// Moves what was found to `into`, copied from the device straight into the memory there unless it was fetched before.
-    /// The submission must be finished.
+    /// Moves the hits to `into`. Unless they were fetched before, copies them from the device directly into its memory.
+    /// The submission must have finished.
     pub(crate) fn take(&mut self, gpu: &mut D, into: &mut Hits) -> Result<()> {
         if !self.fetched {
             std::mem::swap(&mut self.found, into);
@@ -169,7 +170,8 @@ impl<D: GpuDevice> Trace<D> {
         Ok(())
     }
 
-    /// Copies an element a ray by all threads, for one alone takes as long as a trace. Without a tree every ray misses.
+    /// Copies one element per ray. Uses several threads, because a single thread would take as long as the trace
+    /// itself. Without a tree every ray misses.
     fn fetch_each<T: Pod + Sync, U: Copy + Send>(
         &self,
         gpu: &mut D,
@@ -198,13 +200,13 @@ fn lent_rays<D: GpuDevice>(gpu: &mut D, query: &Query<'_>) -> Result<Option<Lent
     lent.ok_or_else(refused).map(Some)
 }
 
-/// Whether rays are given to the kernels one by one: no kernel seeks any hit of a camera's rays, and
-/// made here they have the same bits.
+/// Returns whether the host writes the rays of a query. Any-hit kernels do not generate camera rays, and the host's
+/// have the same bits.
 pub fn are_given(query: &Query<'_>) -> bool {
     !matches!(query.rays, Rays::Camera(_)) || query.kind == QueryKind::Any
 }
 
-/// A query's rays as kernels have them, and whether any given one may be extreme.
+/// Returns a query's rays in the form that kernels read. `extremes` states whether a given ray may be extreme.
 pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> {
     match query.rays {
         Rays::Camera(camera) if !are_given(query) => work::Rays::Camera(camera),
@@ -212,7 +214,7 @@ pub(crate) fn as_given<'a>(query: &Query<'a>, extremes: bool) -> work::Rays<'a> 
     }
 }
 
-/// Sends rays, and says whether any is extreme.
+/// Writes rays to a buffer and returns whether any ray is extreme.
 fn send<D: GpuDevice>(
     gpu: &mut D,
     rays: Rays<'_>,

@@ -1,4 +1,4 @@
-//! Trees on the device: the current one, and one that is evaluated beside it.
+//! Trees on the device: the current one and a candidate.
 
 use crate::{BufferTable, GpuDevice, LastUse, Pool, with_slack};
 use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
@@ -8,44 +8,46 @@ use shaders::work::{Progress, Trace};
 use shaders::{BufferName, Shape, rebuild, tree_buffers};
 use std::sync::{Arc, Mutex};
 
-/// The trees of a scene, and what making and sending them takes.
+/// Trees of a scene, and the buffers for building and uploading them.
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     animation: Arc<Animation>,
     method: Method,
-    /// The tree that frames are traced with.
+    /// The tree that frames trace.
     pub(crate) current: DeviceTree<D>,
-    /// The tree that was evaluated last. Its buffers are made at the first evaluation.
+    /// The tree that was evaluated last. Its buffers are created at the first evaluation.
     candidate: Option<DeviceTree<D>>,
-    /// Buffers of a picture, as large as the largest trace so far.
+    /// Whether `candidate` is the tree that the current one has replaced.
+    is_retained: bool,
+    /// Visibility buffers, as large as the largest trace so far.
     picture: BufferTable<D>,
-    /// Records that no tree uses.
+    /// Topology buffers that no tree uses.
     free: Pool<D>,
-    /// Bytes of the record that was sent last; 0 before the first.
+    /// Bytes of the topology that was uploaded last; 0 before the first.
     last_bytes: u64,
-    /// The record that was sent and belongs to no tree yet, with the number to be expected.
+    /// A topology that was uploaded but is not part of a tree yet, with the number of its upload.
     sent: Option<(Generation, D::Buffer, u64)>,
-    /// The next record, as the builder wrote it.
+    /// The next topology, as the builder wrote it.
     written: Arc<Mutex<Option<Written<D::Buffer>>>>,
-    /// What making trees here takes; `None` before the first.
+    /// Buffers for tree builds on the device; `None` before the first.
     pub(crate) build: Option<BufferTable<D>>,
-    /// Whether the current tree was made here.
+    /// Whether the current tree was built on the device.
     pub(crate) made_here: bool,
 }
 
-/// A tree with the boxes and triangle data of one moment.
+/// A tree with the boxes and triangle data of one pose.
 pub(crate) struct DeviceTree<D: GpuDevice> {
-    /// The record as the host sent it, with the number to be expected; `None` before the first.
+    /// The topology as the host uploaded it, with the number of its upload; `None` before the first.
     record: Option<(D::Buffer, u64)>,
-    /// Nodes and costs are as large as any tree so far needed.
+    /// The buffers of nodes and costs fit the largest tree so far.
     pub(crate) buffers: BufferTable<D>,
     pub(crate) generation: Generation,
     pub(crate) shape: Shape,
-    /// Which parts of the tree are up to date.
+    /// The parts of the tree that are up to date.
     pub(crate) progress: Progress,
 }
 
 impl<D: GpuDevice> DeviceTree<D> {
-    /// Makes buffers for every tree over `leaves` triangles; with layout `fast`, those of nodes and costs
+    /// Creates buffers for every tree over `leaves` triangles; with layout `fast`, those of nodes and costs
     /// [grow](Self::grow) later.
     fn new(gpu: &D, method: Method, leaves: u64) -> Result<Self> {
         Ok(Self {
@@ -64,7 +66,7 @@ impl<D: GpuDevice> DeviceTree<D> {
         }
     }
 
-    /// Makes room for the nodes and costs of a tree of this shape.
+    /// Enlarges the buffers of nodes and costs to fit a tree of this shape.
     pub(crate) fn grow(&mut self, gpu: &mut D, shape: &Shape) -> Result<()> {
         let nodes = shape.node_rows * 16;
         self.buffers.grow(gpu, BufferName::Nodes, nodes)?;
@@ -79,7 +81,7 @@ impl<D: GpuDevice> DeviceTree<D> {
 }
 
 impl<D: GpuDevice> TreeBuffers<D> {
-    /// Makes the buffers of the current tree, which has no leaf yet.
+    /// Creates the buffers of the current tree, which has no leaf yet.
     pub(crate) fn new(gpu: &D, animation: &Arc<Animation>, method: Method) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let picture = [BufferName::Covers, BufferName::Visibility];
@@ -88,6 +90,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
             method,
             current: DeviceTree::new(gpu, method, leaves)?,
             candidate: None,
+            is_retained: false,
             picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
             free: Pool::default(),
             last_bytes: 0,
@@ -104,13 +107,14 @@ impl<D: GpuDevice> TreeBuffers<D> {
         own.or_else(build)
     }
 
-    /// What writes the tree of that generation where it can be sent from.
+    /// Returns a function that writes the tree of `generation` into a staging buffer. Returns `None` before the first
+    /// upload.
     pub(crate) fn writer(
         &mut self,
         gpu: &mut D,
         generation: Generation,
     ) -> Result<Option<TreeWriter>> {
-        // What was written and never sent is of no use any more.
+        // A topology that was written but never uploaded is obsolete.
         let spare = lock(&self.written).take();
         let mut staging = match spare {
             Some(spare) => spare.staging,
@@ -121,7 +125,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         let animation = Arc::clone(&self.animation);
         Ok(Some(Box::new(move |tree| {
             with_parts(layout, tree, &animation, |parts| {
-                // Too little memory is dropped: the next tree gets other.
+                // If the staging buffer is too small, drop it. The next tree gets a larger one.
                 if D::fill(&mut staging, parts) {
                     *lock(&to) = Some(Written {
                         staging,
@@ -133,7 +137,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         })))
     }
 
-    /// Sends a tree on its way, if it was not; the number to be expected.
+    /// Starts the upload of a tree, unless it has started. Returns the number of the upload.
     pub(crate) fn send(
         &mut self,
         gpu: &mut D,
@@ -160,7 +164,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(arrival)
     }
 
-    /// A tree where it is sent from, and its bytes.
+    /// Returns a staging buffer that contains the tree, and its bytes.
     fn staged(
         &self,
         gpu: &mut D,
@@ -179,7 +183,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         })
     }
 
-    /// Makes `tree` current for all that is recorded from now on, after the last submission.
+    /// Makes `tree` current for work recorded from now on, after the last submission.
     pub(crate) fn adopt(
         &mut self,
         gpu: &mut D,
@@ -190,7 +194,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
             std::mem::swap(&mut self.current, candidate);
             self.current.progress = self.current.progress.promoted();
-            self.made_here = false;
+            (self.made_here, self.is_retained) = (false, !self.made_here);
             return Ok(());
         }
         let record = self.arrive(gpu, (tree, generation))?;
@@ -201,7 +205,27 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(())
     }
 
-    /// Readies a tree to be evaluated in the recording that follows the `last` submission. `None` where memory does not suffice.
+    /// Makes the tree current again that the current one has replaced.
+    pub(crate) fn adopt_retained(&mut self) -> Result<()> {
+        match self.candidate.as_mut().filter(|_| self.is_retained) {
+            Some(retained) => {
+                std::mem::swap(&mut self.current, retained);
+                self.current.progress = self.current.progress.promoted();
+                Ok(())
+            }
+            None => Err(BackendError::WrongTree("no tree is retained".to_owned())),
+        }
+    }
+
+    /// Readies the tree that the current one has replaced to be evaluated; `None` if it is no longer here.
+    pub(crate) fn load_retained(&mut self) -> Option<&mut DeviceTree<D>> {
+        let retained = self.candidate.as_mut().filter(|_| self.is_retained)?;
+        retained.progress = Progress::of_candidate();
+        Some(retained)
+    }
+
+    /// Loads a candidate for the recording that follows the `last` submission. Returns `None` if memory does not
+    /// suffice.
     pub(crate) fn load_candidate(
         &mut self,
         gpu: &mut D,
@@ -223,26 +247,29 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 return Ok(None);
             }
             let old = record.place(candidate, Progress::of_candidate());
+            self.is_retained = false;
             self.release(old, last);
         }
         Ok(self.candidate.as_mut())
     }
 
-    /// Returns the tree that is evaluated.
+    /// Returns the candidate.
     pub(crate) fn candidate_mut(&mut self) -> Option<&mut DeviceTree<D>> {
         self.candidate.as_mut()
     }
 
-    /// Discards the progress of the tree that is evaluated, because its recording is not submitted.
+    /// Discards the progress of the candidate, because its recording is not submitted.
     pub(crate) fn abandon_candidate(&mut self) {
         if let Some(candidate) = &mut self.candidate {
             candidate.progress = Progress::of_candidate();
-            // Its record must not be adopted with stale boxes.
-            candidate.generation = Generation(0);
+            if !self.is_retained {
+                // Stale boxes must not be adopted.
+                candidate.generation = Generation(0);
+            }
         }
     }
 
-    /// Notes that the recording was submitted, or dropped.
+    /// Notes that the recording was submitted or dropped.
     pub(crate) fn submitted(&mut self, is_submitted: bool) {
         if !is_submitted {
             self.current.progress = Progress::default();
@@ -254,7 +281,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Takes the record of a tree, which is sent first if it was not, for the next recording.
+    /// Takes the topology of a tree for the next recording. Uploads it first if necessary.
     fn arrive(
         &mut self,
         gpu: &mut D,
@@ -277,7 +304,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         })
     }
 
-    /// Puts a record aside until the recording after the `last` submission is done with it.
+    /// Returns a topology buffer to the pool. The recording after the `last` submission may still use it.
     fn release(&mut self, old: Option<(D::Buffer, u64)>, last: Ticket) {
         if let Some((old, arrival)) = old {
             let ticket = last.0;
@@ -285,14 +312,14 @@ impl<D: GpuDevice> TreeBuffers<D> {
         }
     }
 
-    /// Makes room for what is covered and what is seen of a picture.
+    /// Enlarges the visibility buffers to fit a trace.
     pub(crate) fn grow_picture(&mut self, gpu: &mut D, tracing: &Trace) -> Result<()> {
         let buffers = &mut self.picture;
         buffers.grow(gpu, BufferName::Covers, tracing.cover_bytes)?;
         buffers.grow(gpu, BufferName::Visibility, tracing.visibility_bytes)
     }
 
-    /// Makes room to make trees.
+    /// Allocates the buffers for tree builds.
     pub(crate) fn make_build(&mut self, gpu: &mut D) -> Result<()> {
         let build = BufferTable::new(gpu, rebuild::buffers(&self.animation))?;
         let contents = rebuild::contents(&self.animation);
@@ -303,7 +330,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         Ok(())
     }
 
-    /// Returns the bytes of device memory of all trees, of the room to make one, and of a picture.
+    /// Returns the bytes of device memory of all trees, of the buffers for tree builds, and of the visibility buffer.
     pub(crate) fn held(&self) -> [u64; 3] {
         let build = self.build.as_ref().map_or(0, BufferTable::held);
         let candidate = self.candidate.as_ref().map_or(0, DeviceTree::held);
@@ -314,7 +341,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     }
 }
 
-/// A record that is on the device, or will be when the next submission runs.
+/// A topology that is on the device, or will be when the next submission runs.
 struct Arrived<B> {
     buffer: B,
     arrival: u64,
@@ -323,7 +350,7 @@ struct Arrived<B> {
 }
 
 impl<B> Arrived<B> {
-    /// Makes it the record of `tree`, and returns the former one.
+    /// Makes this the topology of `tree` and returns the previous one.
     fn place<D: GpuDevice<Buffer = B>>(
         self,
         tree: &mut DeviceTree<D>,
@@ -335,7 +362,7 @@ impl<B> Arrived<B> {
     }
 }
 
-/// Returns `None` where memory does not suffice.
+/// Returns `None` if memory does not suffice.
 fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     match made {
         Ok(made) => Ok(Some(made)),
@@ -344,7 +371,7 @@ fn unless_too_large<T>(made: Result<T>) -> Result<Option<T>> {
     }
 }
 
-/// A tree where it can be sent from.
+/// A tree in a staging buffer.
 struct Written<B> {
     staging: B,
     bytes: u64,
@@ -355,7 +382,7 @@ fn bytes(parts: &[&[u32]]) -> u64 {
     parts.iter().map(|part| size_of_val(*part) as u64).sum()
 }
 
-/// What is sent of a tree, part by part.
+/// Calls `use_them` with the parts of a tree's upload.
 fn with_parts<T>(
     layout: Layout,
     tree: &Topology,

@@ -1,4 +1,4 @@
-//! Command buffers, and what is recorded into them everywhere.
+//! Command buffers and barriers.
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub struct Commands {
     pool: vk::CommandPool,
     buffers: Vec<vk::CommandBuffer>,
-    /// Buffers begun since the last reset.
+    /// Number of command buffers begun since the last reset.
     begun: usize,
     gpu: Arc<Gpu>,
 }
@@ -32,15 +32,15 @@ impl Commands {
         })
     }
 
-    /// Forgets what was recorded. It must not be under way any more.
+    /// Resets the pool. Its command buffers must have finished.
     pub(crate) fn reset(&mut self) -> Result<()> {
         self.begun = 0;
         let none = vk::CommandPoolResetFlags::empty();
-        // SAFETY: the last submission is finished, so the pool is not in use.
+        // SAFETY: the last submission has finished, so the pool is not in use.
         unsafe { self.gpu.vk.reset_command_pool(self.pool, none) }.map_err(failed("recording"))
     }
 
-    /// Begins a further buffer, to be submitted once.
+    /// Begins another command buffer, to be submitted once.
     pub(crate) fn begin(&mut self) -> Result<()> {
         if self.begun == self.buffers.len() {
             let info = vk::CommandBufferAllocateInfo::default()
@@ -53,58 +53,59 @@ impl Commands {
         let flags = vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT;
         let info = vk::CommandBufferBeginInfo::default().flags(flags);
         let buffer = self.buffers[self.begun];
-        // SAFETY: the buffer was reset with its pool.
+        // SAFETY: the command buffer was reset with its pool.
         unsafe { self.gpu.vk.begin_command_buffer(buffer, &info) }.map_err(failed("recording"))?;
         self.begun += 1;
         Ok(())
     }
 
-    /// Ends the buffer being recorded.
+    /// Ends the current command buffer.
     pub(crate) fn end(&self) -> Result<()> {
-        // SAFETY: the buffer is being recorded.
+        // SAFETY: the command buffer is being recorded.
         unsafe { self.gpu.vk.end_command_buffer(self.vk()) }.map_err(failed("recording"))
     }
 
-    /// The buffer being recorded.
+    /// Returns the command buffer that is being recorded.
     pub fn vk(&self) -> vk::CommandBuffer {
         self.buffers[self.begun - 1]
     }
 
-    /// All buffers recorded since the last reset.
+    /// Returns the command buffers recorded since the last reset.
     pub(crate) fn all(&self) -> &[vk::CommandBuffer] {
         &self.buffers[..self.begun]
     }
 
-    /// Copies regions, if any, from one buffer to another.
+    /// Copies regions from one buffer to another. Records nothing without regions.
     pub(crate) fn copy(&self, [from, to]: [&Buffer; 2], regions: &[vk::BufferCopy]) {
         if regions.is_empty() {
             return;
         }
         let vk = &self.gpu.vk;
-        // SAFETY: the command buffer is being recorded; both buffers live until it is done, and hold the bytes.
+        // SAFETY: the command buffer is being recorded; both buffers live until it has finished, and contain the
+        // regions.
         unsafe { vk.cmd_copy_buffer(self.vk(), from.vk, to.vk, regions) };
     }
 
-    /// What `before` writes, here or in earlier submissions to the queue, comes before what `after` does with it.
+    /// Orders all writes of `before`, in this or earlier submissions to the queue, before all accesses of `after`.
     pub fn barrier(&self, before: Reach, after: Reach) {
         let (vk, none) = (&self.gpu.vk, vk::DependencyFlags::empty());
         let memory = [vk::MemoryBarrier::default()
             .src_access_mask(before.writes)
             .dst_access_mask(after.reads | after.writes)];
         let (before, after) = (before.stages, after.stages);
-        // SAFETY: the buffer is being recorded.
+        // SAFETY: the command buffer is being recorded.
         unsafe { vk.cmd_pipeline_barrier(self.vk(), before, after, none, &memory, &[], &[]) };
     }
 }
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        // SAFETY: the owner waits for what was submitted.
+        // SAFETY: the owner waits for its submissions first.
         unsafe { self.gpu.vk.destroy_command_pool(self.pool, None) };
     }
 }
 
-/// One side of a barrier.
+/// Pipeline stages and access masks of one side of a barrier.
 #[derive(Clone, Copy)]
 pub struct Reach {
     stages: vk::PipelineStageFlags,
@@ -112,7 +113,7 @@ pub struct Reach {
     writes: vk::AccessFlags,
 }
 
-/// Kernels.
+/// Compute kernels.
 pub const KERNELS: Reach = Reach {
     stages: vk::PipelineStageFlags::COMPUTE_SHADER,
     reads: vk::AccessFlags::SHADER_READ,
@@ -126,10 +127,10 @@ pub const COPIES: Reach = Reach {
     writes: vk::AccessFlags::TRANSFER_WRITE,
 };
 
-/// Both.
+/// Compute kernels, copies and fills.
 pub const ALL: Reach = KERNELS.and(COPIES);
 
-/// The driver's work on its own trees, and the vertices that it reads.
+/// Builds of the driver's own trees, including their reads of vertices.
 pub const BUILDS: Reach = Reach {
     stages: vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
     reads: vk::AccessFlags::from_raw(
@@ -139,7 +140,7 @@ pub const BUILDS: Reach = Reach {
     writes: vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR,
 };
 
-/// Rays through the driver's own trees.
+/// Traces of rays through the driver's own trees.
 pub const RAYS: Reach = Reach {
     stages: vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
     reads: BUILDS.reads,
@@ -147,7 +148,7 @@ pub const RAYS: Reach = Reach {
 };
 
 impl Reach {
-    /// Both.
+    /// Returns the union.
     pub const fn and(self, other: Self) -> Self {
         Self {
             stages: vk::PipelineStageFlags::from_raw(self.stages.as_raw() | other.stages.as_raw()),
@@ -157,7 +158,7 @@ impl Reach {
     }
 }
 
-/// The host, which reads mapped memory.
+/// Host reads of mapped memory.
 pub const HOST: Reach = Reach {
     stages: vk::PipelineStageFlags::HOST,
     reads: vk::AccessFlags::HOST_READ,

@@ -1,14 +1,14 @@
-//! Vulkan's result codes as the seam's errors.
+//! Conversion of Vulkan's result codes into backend errors.
 
 use ash::vk;
 use backend::BackendError;
 
-/// Says what was being done when Vulkan refused.
+/// Converts a result code into an error that names the failed operation `what`.
 pub fn failed(what: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     failed_for(what, 0)
 }
 
-/// Likewise, for what takes so many bytes.
+/// Converts a result code into an error that names the failed operation `what` and its required bytes.
 pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
@@ -22,7 +22,7 @@ pub fn failed_for(what: &str, bytes: u64) -> impl FnOnce(vk::Result) -> BackendE
     }
 }
 
-/// Says what of a kernel the device's compiler refused.
+/// Converts a result code of the driver's compiler into an error that names the kernel.
 pub fn refused(kernel: &str) -> impl FnOnce(vk::Result) -> BackendError + '_ {
     move |code| match code {
         vk::Result::ERROR_DEVICE_LOST => BackendError::DeviceLost(kernel.to_owned()),

@@ -1,7 +1,7 @@
 //! Memory and timeline semaphores that another interface to the same GPU shares, exported by opaque file descriptors.
 //!
-//! Queue families do not pass on the ownership of such buffers to `VK_QUEUE_FAMILY_EXTERNAL`: CUDA could not give it back, and
-//! a buffer has no layout to lose.
+//! Exported buffers need no ownership transfer to `VK_QUEUE_FAMILY_EXTERNAL`. CUDA could not return the ownership, and
+//! a buffer has no image layout that a transfer would preserve.
 
 use crate::errors::{failed, failed_for};
 use crate::gpu::Gpu;
@@ -22,19 +22,19 @@ const MEMORY_FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTyp
 const SEMAPHORE_FD: vk::ExternalSemaphoreHandleTypeFlags =
     vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
 
-/// What exported buffers may be used for.
+/// Usage of exported buffers.
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-/// Extensions by which a device shares memory and semaphores, those of them that it offers.
+/// Returns the extensions for sharing memory and semaphores that the device offers.
 pub(crate) fn extensions(host: &Host, device: vk::PhysicalDevice) -> Vec<&'static CStr> {
     host.offered(device, &[MEMORY, SEMAPHORE, external_memory_host::NAME])
 }
 
-/// A buffer in an exported allocation of its own: a dedicated one, in Vulkan's words.
+/// A buffer in an exported dedicated allocation.
 pub struct ExternalMemory {
     pub(crate) vk: vk::Buffer,
     memory: vk::DeviceMemory,
@@ -48,11 +48,11 @@ pub struct ExternalMemory {
 }
 
 impl ExternalMemory {
-    /// Device-local memory, of at least so many bytes.
+    /// Allocates at least `bytes` of device-local memory.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] where the device cannot export, with the extension's name; [`BackendError::Limit`] or
-    /// [`BackendError::OutOfMemory`], with the need.
+    /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export memory;
+    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self> {
         let what = "an external buffer";
         gpu.check_exports(what, MEMORY, can_export_memory)?;
@@ -62,7 +62,7 @@ impl ExternalMemory {
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY_FD);
         let info = vk::BufferCreateInfo::default().usage(USAGE);
         let vk = create_buffer(gpu, (what, bytes), info.push_next(&mut external))?;
-        // SAFETY: the buffer was just made from this device.
+        // SAFETY: the buffer was just created from this device.
         let needs = unsafe { gpu.vk.get_buffer_memory_requirements(vk) };
         let mut made = Self {
             vk,
@@ -80,32 +80,32 @@ impl ExternalMemory {
             .push_next(&mut export)
             .push_next(&mut dedicated);
         let turn = gpu.memory.turn();
-        // SAFETY: the type is one of those that the buffer may have; the extension is enabled.
+        // SAFETY: the buffer supports this memory type; the extension is enabled.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) };
         drop(turn);
         made.memory = memory.map_err(failed_for(what, needs.size))?;
-        // SAFETY: the memory was made for this buffer and is bound once.
+        // SAFETY: the memory was allocated for this buffer and is bound once.
         unsafe { gpu.vk.bind_buffer_memory(vk, made.memory, 0) }.map_err(failed(what))?;
         Ok(made)
     }
 
-    /// A further descriptor of the allocation.
+    /// Returns a new file descriptor of the allocation. The caller owns it.
     ///
     /// # Errors
-    /// Where the process may have no more; see [`BackendError`].
+    /// The process has too many file descriptors; see [`BackendError`].
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         let info = vk::MemoryGetFdInfoKHR::default()
             .memory(self.memory)
             .handle_type(MEMORY_FD);
         let calls = khr::external_memory_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
-        // SAFETY: the memory was allocated to be exported like this; the extension is enabled.
+        // SAFETY: the memory was allocated with this handle type; the extension is enabled.
         let fd = unsafe { calls.get_memory_fd(&info) }.map_err(failed("a file descriptor"))?;
-        // SAFETY: each call makes a descriptor, which is its caller's.
+        // SAFETY: each call creates a descriptor that the caller owns.
         Ok(unsafe { OwnedFd::from_raw_fd(fd) })
     }
 
-    /// The UUID of the device.
+    /// Returns the UUID of the device.
     pub fn device_uuid(&self) -> [u8; 16] {
         let mut ids = vk::PhysicalDeviceIDProperties::default();
         let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
@@ -118,7 +118,7 @@ impl ExternalMemory {
 impl Drop for ExternalMemory {
     fn drop(&mut self) {
         let _turn = self.gpu.memory.turn();
-        // SAFETY: whatever is submitted or recorded holds an `Arc` of this until it is done.
+        // SAFETY: all submitted and recorded work holds an `Arc` of this until it has finished.
         unsafe {
             self.gpu.vk.destroy_buffer(self.vk, None);
             self.gpu.vk.free_memory(self.memory, None);
@@ -127,29 +127,30 @@ impl Drop for ExternalMemory {
 }
 
 impl Timeline {
-    /// One at 0 that can be exported.
+    /// Creates a timeline with value 0 that can be exported.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] where the device cannot, with the extension's name; see [`BackendError`].
+    /// [`BackendError::Unsupported`], with the extension's name, if the device cannot export semaphores; see
+    /// [`BackendError`].
     pub fn exportable(gpu: &Arc<Gpu>) -> Result<Self> {
         gpu.check_exports("an external semaphore", SEMAPHORE, can_export_timelines)?;
         let export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
         Self::with(gpu, Some(export))
     }
 
-    /// A further descriptor of one that can be exported.
+    /// Returns a new file descriptor of an exportable timeline. The caller owns it.
     ///
     /// # Errors
-    /// Where the process may have no more; see [`BackendError`].
+    /// The process has too many file descriptors; see [`BackendError`].
     #[cfg(unix)]
     pub fn fd(&self) -> Result<OwnedFd> {
         let info = vk::SemaphoreGetFdInfoKHR::default()
             .semaphore(self.at(0).0)
             .handle_type(SEMAPHORE_FD);
         let calls = khr::external_semaphore_fd::Device::new(&self.gpu.host.instance, &self.gpu.vk);
-        // SAFETY: the semaphore was made to be exported like this; the extension is enabled.
+        // SAFETY: the semaphore was created with this handle type; the extension is enabled.
         let fd = unsafe { calls.get_semaphore_fd(&info) }.map_err(failed("a file descriptor"))?;
-        // SAFETY: each call makes a descriptor, which is its caller's.
+        // SAFETY: each call creates a descriptor that the caller owns.
         Ok(unsafe { OwnedFd::from_raw_fd(fd) })
     }
 }
@@ -163,7 +164,7 @@ impl Gpu {
         Err(BackendError::unsupported("vulkan", what))
     }
 
-    /// The first of the allowed memory types that is device-local, else the first of all.
+    /// Returns the first allowed memory type that is device-local, or the first allowed one.
     fn device_local_type(&self, allowed: u32) -> u32 {
         let (host, physical) = (&self.host.instance, self.memory.physical);
         // SAFETY: the device belongs to the instance, which is alive.
@@ -182,7 +183,7 @@ fn can_export_memory(gpu: &Gpu) -> bool {
     features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
 }
 
-/// What a device can do with shared memory of a kind, for buffers of a usage.
+/// Returns what the device supports for buffers with this usage in shared memory of this handle type.
 pub(crate) fn buffers(
     host: &Host,
     device: vk::PhysicalDevice,

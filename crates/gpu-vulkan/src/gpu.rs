@@ -16,34 +16,34 @@ use gpu_common::{Options, device_door};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
-/// A device with what every part of the backend needs of it. Shared; destroyed with the last user.
+/// A logical device with its memory, queues and limits. It is shared, and destroyed with its last user.
 pub struct Gpu {
-    /// Its calls.
+    /// Device functions.
     pub vk: ash::Device,
     pub(crate) memory: Memory,
-    /// Scenes share them.
+    /// Queues, shared by all scenes.
     pub(crate) queues: QueueSet<Arc<Queue>>,
-    /// Families whose queues share all buffers, the computing one first.
+    /// Queue families that share all buffers, starting with the compute family.
     pub families: Vec<u32>,
-    /// Who it is.
+    /// Description of the adapter.
     pub adapter: AdapterInfo,
     pub(crate) limits: Limits,
-    /// Bits of a timestamp that count; 0 without a clock.
+    /// Valid bits of a timestamp; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
-    /// Extensions by which it exports memory and semaphores, and sees pages of the process.
+    /// Enabled extensions for exporting memory and semaphores, and for importing host pages.
     pub sharing: Vec<&'static CStr>,
-    /// How it sees those.
+    /// Import of host pages, if supported.
     pub(crate) import: Option<Import>,
-    /// Compiled kernels of earlier runs.
+    /// Cache of compiled kernels.
     pub cache: PipelineCache,
-    /// Whether it was opened for trees that its driver makes.
+    /// Whether the device was opened for the driver's own trees.
     pub(crate) traces_rays: bool,
-    /// The instance that it belongs to.
+    /// The instance of the device.
     pub host: Arc<Host>,
 }
 
-/// Extensions of a device that traces rays through its driver's trees.
+/// Extensions for tracing rays through the driver's own trees.
 pub const RAY_EXTENSIONS: [&CStr; 3] = [
     khr::acceleration_structure::NAME,
     khr::ray_tracing_pipeline::NAME,
@@ -57,19 +57,19 @@ pub struct Queue {
 }
 
 impl Queue {
-    /// Waits until all is done that any scene submitted.
+    /// Blocks until the submissions of all scenes have finished.
     pub(crate) fn wait_idle(&self, gpu: &Gpu) -> Result<()> {
         let queue = lock(&self.queue);
-        // SAFETY: the queue belongs to the device, and nobody else uses it as long as it is locked.
+        // SAFETY: the queue belongs to the device, and the lock excludes other users.
         unsafe { gpu.vk.queue_wait_idle(*queue) }.map_err(failed("waiting for a queue"))
     }
 }
 
 impl Gpu {
-    /// Opens the adapter asked for among some; with trees that the driver makes if it `traces_rays`.
+    /// Opens one of the adapters of `list`. With `traces_rays`, enables the driver's own trees.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] with what it lacks for any scene.
+    /// [`BackendError::NoDevice`] with the reason, or [`BackendError::Limit`] if a limit is too low for any scene.
     pub fn open(
         host: Arc<Host>,
         list: &[AdapterInfo],
@@ -87,7 +87,7 @@ impl Gpu {
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,
             Err(e) => {
-                // SAFETY: nothing was made from the device yet.
+                // SAFETY: no object was created from the device yet.
                 unsafe { vk.destroy_device(None) };
                 return Err(e);
             }
@@ -111,19 +111,19 @@ impl Gpu {
         }))
     }
 
-    /// Whether a driver on the host's cores does the work.
+    /// Returns whether the driver runs on the host's cores.
     pub(crate) fn is_software(&self) -> bool {
         self.adapter.kind == DeviceKind::Software
     }
 }
 
-/// Each queue once, however many take it.
+/// Opens each queue once, even if it has several purposes.
 fn opened(vk: &ash::Device, places: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>> {
     let mut known: Vec<(QueueIndex, Arc<Queue>)> = Vec::new();
     let mut queue = |place: QueueIndex| match known.iter().find(|(other, _)| *other == place) {
         Some((_, queue)) => Arc::clone(queue),
         None => {
-            // SAFETY: the family was asked for at creation with as many queues.
+            // SAFETY: the device was created with this family and at least this many queues.
             let queue = unsafe { vk.get_device_queue(place.family, place.index) };
             let made = Arc::new(Queue {
                 queue: Mutex::new(queue),
@@ -142,12 +142,12 @@ fn opened(vk: &ash::Device, places: QueueSet<QueueIndex>) -> QueueSet<Arc<Queue>
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        // SAFETY: nobody is left who submits. A device that is lost has nothing to wait for.
+        // SAFETY: no user is left to submit work. An error means that the device is lost; there is nothing to wait for.
         let _ = unsafe { self.vk.device_wait_idle() };
         let _door = device_door();
         self.cache.close(&self.vk);
         self.memory.close();
-        // SAFETY: every object made from the device holds an `Arc` of this, so all are gone.
+        // SAFETY: every object created from the device holds an `Arc` of this, so all are gone.
         unsafe { self.vk.destroy_device(None) };
     }
 }
@@ -198,7 +198,7 @@ fn create(
         info = info.push_next(&mut robustness);
     }
     let _door = device_door();
-    // SAFETY: every pointer in `info` outlives the call; the features asked for are there.
+    // SAFETY: every pointer in `info` outlives the call; the device supports the requested features.
     unsafe { host.instance.create_device(device, &info, None) }
         .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))
 }

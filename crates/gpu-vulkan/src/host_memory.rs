@@ -1,7 +1,7 @@
-//! Pages of the process that the device reads and writes where they lie, by `VK_EXT_external_memory_host`.
+//! Host pages that the device accesses directly, imported by `VK_EXT_external_memory_host`.
 //!
-//! A driver that allocates memory of the host prepares it page by page, and whoever submits waits: 17 ms for 64 MiB. To pages
-//! that are there already it takes 4 ms, and 2 if they are large (NVIDIA 580, H100).
+//! A driver that allocates host memory prepares it page by page, and submissions block meanwhile: 17 ms for 64 MiB.
+//! Importing existing pages takes 4 ms, or 2 ms for large pages (NVIDIA 580, H100).
 
 use crate::external::buffers;
 use crate::gpu::Gpu;
@@ -13,21 +13,21 @@ use memmap2::MmapMut;
 use std::ffi::CStr;
 use std::sync::Arc;
 
-/// Bytes from which on buffers have pages of their own. Smaller ones share an allocation.
+/// Minimum bytes of a buffer with pages of its own. Smaller buffers share an allocation.
 const LEAST: u64 = 1 << 20;
 const PAGES: vk::ExternalMemoryHandleTypeFlags =
     vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
 
-/// How a device that can takes pages.
+/// Properties of a device that can import host pages.
 pub(crate) struct Import {
     calls: external_memory_host::Device,
-    /// Bytes, of their address and of their size.
+    /// Alignment of addresses and sizes, in bytes.
     alignment: u64,
-    /// Memory types that the host need not flush and reads fast, as bits.
+    /// Bit mask of memory types that are cached and need no flushes.
     types: u32,
 }
 
-/// Pages, and the device's memory that stands for them.
+/// Pages and the device memory imported from them.
 pub(crate) struct HostMemory {
     memory: vk::DeviceMemory,
     pub(crate) pages: MmapMut,
@@ -35,7 +35,7 @@ pub(crate) struct HostMemory {
 }
 
 impl Import {
-    /// `None` where the device, opened with these extensions, takes none.
+    /// Returns `None` if the device, opened with these extensions, cannot import pages.
     pub(crate) fn of(
         host: &Host,
         physical: vk::PhysicalDevice,
@@ -55,7 +55,7 @@ impl Import {
                 .get_physical_device_memory_properties(physical)
         };
         let wanted = vk::MemoryPropertyFlags::HOST_COHERENT | vk::MemoryPropertyFlags::HOST_CACHED;
-        // Nobody asked for the feature that it takes.
+        // Device-coherent memory requires a feature that is not enabled.
         let other = vk::MemoryPropertyFlags::DEVICE_COHERENT_AMD;
         let is_fit =
             |flags: vk::MemoryPropertyFlags| flags.contains(wanted) && !flags.intersects(other);
@@ -70,20 +70,21 @@ impl Import {
 }
 
 impl HostMemory {
-    /// A buffer over pages of its own. `None` where it is small, or the device takes none: an allocation then serves.
+    /// Creates a buffer over pages of its own. Returns `None` if the buffer is small or the import fails; the caller
+    /// then allocates memory.
     pub(crate) fn buffer(gpu: &Arc<Gpu>, what: (&str, u64)) -> Option<(vk::Buffer, Self)> {
         let import = gpu.import.as_ref().filter(|_| what.1 >= LEAST)?;
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(PAGES);
         let info = vk::BufferCreateInfo::default().usage(usage(false));
         let buffer = create_buffer(gpu, what, info.push_next(&mut external)).ok()?;
-        // SAFETY: the buffer was just made from this device.
+        // SAFETY: the buffer was just created from this device.
         let needs = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let made = Self::new(gpu, import, needs).filter(|made| {
             // SAFETY: the memory meets the buffer's requirements and is bound once.
             unsafe { gpu.vk.bind_buffer_memory(buffer, made.memory, 0) }.is_ok()
         });
         if made.is_none() {
-            // SAFETY: nobody uses it.
+            // SAFETY: the buffer is not in use.
             unsafe { gpu.vk.destroy_buffer(buffer, None) };
         }
         made.map(|made| (buffer, made))
@@ -114,7 +115,7 @@ impl HostMemory {
             .memory_type_index(types.trailing_zeros())
             .push_next(&mut from);
         let _turn = gpu.memory.turn();
-        // SAFETY: the pages are aligned, as many as said, and unmapped only after the memory is freed.
+        // SAFETY: the pages are aligned, have the size stated, and are unmapped only after the memory is freed.
         let memory = unsafe { gpu.vk.allocate_memory(&info, None) }.ok()?;
         let gpu = Arc::clone(gpu);
         Some(Self { memory, pages, gpu })
@@ -129,7 +130,7 @@ impl Drop for HostMemory {
     }
 }
 
-/// Has pages be there before a driver looks for them, large ones if that is possible; what fails costs time alone.
+/// Populates pages before the driver reads them, with large pages if possible. A failure only costs time.
 fn make_present(pages: &MmapMut) {
     #[cfg(target_os = "linux")]
     for advice in [memmap2::Advice::HugePage, memmap2::Advice::PopulateWrite] {

@@ -1,4 +1,4 @@
-//! The way into Vulkan: the loader, the instance, and what it offers on this machine.
+//! The Vulkan loader, the instances, and the devices that they list.
 
 use crate::limits::Limits;
 use crate::queues::Queues;
@@ -12,23 +12,23 @@ use libloading::{Library, Symbol};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
-/// An instance, perhaps under the validation layer.
+/// An instance, with or without the validation layer.
 pub struct Host {
-    /// Its calls.
+    /// Instance functions.
     pub instance: Instance,
     /// Keeps the loader's library open.
     entry: Entry,
-    /// Whether the validation layer watches.
+    /// Whether the validation layer is enabled.
     pub is_validated: bool,
 }
 
-/// The instances without the layer and with it, shared by all and kept until the process ends. With the last instance
-/// the loader would unload the drivers, and one of them (NVIDIA's) leaves every thread that destroyed a device a
-/// farewell to run at its end, which must still be there by then.
+/// The instances without and with the validation layer, kept until the process ends. When the last instance is
+/// destroyed, the loader unloads the drivers. NVIDIA's driver registers a destructor in every thread that destroyed a
+/// device. It runs when the thread ends and needs the driver's code.
 static HOSTS: Mutex<[Option<Arc<Host>>; 2]> = Mutex::new([None, None]);
 
 impl Host {
-    /// An instance of this process, under the validation layer or not.
+    /// Returns this process's instance with or without the validation layer.
     ///
     /// # Errors
     /// [`BackendError::NoDevice`] with the reason.
@@ -79,10 +79,10 @@ impl Host {
         })
     }
 
-    /// Every device, in Vulkan's order.
+    /// Returns all devices, in Vulkan's order.
     ///
     /// # Errors
-    /// [`BackendError::NoDevice`] if there is none.
+    /// [`BackendError::NoDevice`] if there is no device.
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: the instance is alive.
         let devices = unsafe { self.instance.enumerate_physical_devices() }
@@ -93,27 +93,27 @@ impl Host {
         Ok(devices)
     }
 
-    /// Asks a device for a chain of properties; likewise for features. Drivers pass over structures that they do not know.
+    /// Reads a chain of properties of a device. Drivers ignore structures that they do not know.
     pub fn read_properties(
         &self,
         device: vk::PhysicalDevice,
         chain: &mut vk::PhysicalDeviceProperties2<'_>,
     ) {
-        // SAFETY: the device belongs to the instance, which is alive; likewise below.
+        // SAFETY: the device belongs to the instance, which is alive.
         unsafe { self.instance.get_physical_device_properties2(device, chain) };
     }
 
-    /// See [`Host::read_properties`].
+    /// Reads a chain of features of a device. Drivers ignore structures that they do not know.
     pub fn read_features(
         &self,
         device: vk::PhysicalDevice,
         chain: &mut vk::PhysicalDeviceFeatures2<'_>,
     ) {
-        // SAFETY: as above.
+        // SAFETY: as in [`Host::read_properties`].
         unsafe { self.instance.get_physical_device_features2(device, chain) };
     }
 
-    /// Those of some extensions that a device offers.
+    /// Returns those of the named extensions that a device offers.
     pub fn offered<'n>(&self, device: vk::PhysicalDevice, names: &[&'n CStr]) -> Vec<&'n CStr> {
         // SAFETY: the device belongs to the instance, which is alive.
         let offered = unsafe { self.instance.enumerate_device_extension_properties(device) };
@@ -123,21 +123,21 @@ impl Host {
         names.iter().copied().filter(is_offered).collect()
     }
 
-    /// Whether a device offers an extension.
+    /// Returns whether a device offers an extension.
     pub fn offers(&self, device: vk::PhysicalDevice, name: &CStr) -> bool {
         !self.offered(device, &[name]).is_empty()
     }
 }
 
-/// Every device that Vulkan offers on this machine.
+/// Returns all devices that Vulkan offers on this machine.
 ///
 /// # Errors
-/// [`NoDevice`](backend::BackendError::NoDevice) where there is no loader or no driver.
+/// [`NoDevice`](backend::BackendError::NoDevice) without a loader or a driver.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
     all(Host::new(Validation::Off)?.as_ref())
 }
 
-/// Every device of the instance, in Vulkan's order.
+/// Returns all devices of the instance, in Vulkan's order.
 pub fn all(host: &Host) -> Result<Vec<AdapterInfo>> {
     let devices = host.physical_devices()?;
     let each = devices.iter().enumerate();
@@ -170,17 +170,18 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
     }
 }
 
-/// The version of the interface between loader and drivers which is asked for: the first with a way to name it.
+/// Version of the loader-driver interface that is requested. Version 2 is the first that can be negotiated.
 const INTERFACE: u32 = 2;
 
 type Negotiate = unsafe extern "system" fn(*mut u32) -> vk::Result;
 
-/// Opens the system's loader, else a driver itself; says why there is no loader, if no driver answers either.
+/// Opens the system's loader, or else a driver directly. The error states why the loader cannot be opened.
 ///
-/// Containers of data centres often hold NVIDIA's driver without a loader. Its library answers
-/// `vk_icdGetInstanceProcAddr`, as the [interface between loader and drivers] has it.
+/// Containers in data centres often contain NVIDIA's driver without a loader. Its library exports
+/// `vk_icdGetInstanceProcAddr`, as the [interface between loader and drivers] requires.
 ///
-/// [interface between loader and drivers]: https://github.com/KhronosGroup/Vulkan-Loader/blob/main/docs/LoaderDriverInterface.md
+/// [interface between loader and drivers]:
+/// https://github.com/KhronosGroup/Vulkan-Loader/blob/main/docs/LoaderDriverInterface.md
 fn open_loader() -> Result<Entry> {
     // SAFETY: the loader is the system's own; the entry keeps its library open.
     let loader = unsafe { Entry::load() };
@@ -192,9 +193,9 @@ fn open_loader() -> Result<Entry> {
 }
 
 fn open_driver(name: &str) -> Option<Entry> {
-    // SAFETY: a driver's initialisers are made to be run by any program.
+    // SAFETY: any program may run a driver's initialisers.
     let library = unsafe { Library::new(name) }.ok()?;
-    // SAFETY: the names and types are those of the interface.
+    // SAFETY: the interface defines these names and types.
     let entry = unsafe {
         if let Ok(negotiate) = library.get(b"vk_icdNegotiateLoaderICDInterfaceVersion\0") {
             let (negotiate, mut version): (Symbol<'_, Negotiate>, _) = (negotiate, INTERFACE);
@@ -206,7 +207,7 @@ fn open_driver(name: &str) -> Option<Entry> {
             get_instance_proc_addr: *get,
         })
     };
-    // Drivers leave threads and handlers behind that must find it until the process ends.
+    // Drivers leave threads and handlers that use the library until the process ends.
     std::mem::forget(library);
     Some(entry)
 }

@@ -1,4 +1,4 @@
-//! What the device's owner has there: positions, rays, room for answers, and semaphores that tell when.
+//! Resources lent by the device's owner: positions, rays, memory for hits, and timeline semaphores.
 
 use crate::external::ExternalMemory;
 use crate::memory::{Buffer, BufferUse};
@@ -14,34 +14,34 @@ use std::sync::Arc;
 
 const POINT: u64 = size_of::<Point>() as u64;
 
-/// What was lent last.
+/// The resources that were lent last.
 #[derive(Default)]
 pub(crate) struct Lent {
     points: LentPoints,
-    /// Rays for the next query.
+    /// Rays of the next query.
     pub(crate) rays: Option<LentRays<Buffer>>,
-    /// What has to be reached before anything lent is read or written.
+    /// Moments that must be reached before lent memory is read or written.
     pub(crate) waits: Vec<Moment>,
-    /// Values that are not seen to be reached.
+    /// Signals that are not known to have been reached.
     signals: Vec<Signal>,
 }
 
-/// The newest positions that came from external memory.
+/// The latest positions from external memory.
 #[derive(Default)]
 struct LentPoints {
-    /// Room for all of the scene's.
+    /// Buffer for all positions of the scene.
     all: Option<Buffer>,
-    /// Which of those they are, in order.
+    /// Runs of the scene's positions that come from external memory, in order.
     runs: Vec<Range<usize>>,
-    /// Copies to go there, each from a byte of a buffer on.
+    /// Copies to `all` that have not started: source buffer, offset in bytes, and run.
     pending: Vec<(Buffer, u64, Range<usize>)>,
 }
 
-/// A value that others wait for, of a timeline on which work here may wait for theirs until then.
+/// A timeline value to signal for the program. Until then, work here may wait for lower values of the same timeline.
 struct Signal {
     timeline: Arc<Timeline>,
     value: u64,
-    /// Whether the device was told to reach it.
+    /// Whether the signal was submitted.
     is_told: bool,
 }
 
@@ -53,19 +53,19 @@ impl LentPoints {
 }
 
 impl Lent {
-    /// Of these runs of positions the parts that come from the host.
+    /// Returns the parts of `runs` that come from the host.
     pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
         without(runs, &self.points.runs)
     }
 
-    /// Waits until semaphores have signalled what they were told to.
+    /// Waits until the submitted signals are reached.
     pub(crate) fn wait(&self) -> Result<()> {
         let mut told = self.signals.iter().filter(|signal| signal.is_told);
         told.try_for_each(|signal| signal.timeline.wait(signal.value))
     }
 }
 
-/// Bytes of a run, from a byte of one buffer to one of another.
+/// Returns the copy of a run between two byte offsets.
 fn region(from: u64, to: u64, run: &Range<usize>) -> vk::BufferCopy {
     vk::BufferCopy::default()
         .src_offset(from)
@@ -74,11 +74,12 @@ fn region(from: u64, to: u64, run: &Range<usize>) -> vk::BufferCopy {
 }
 
 impl VulkanDevice {
-    /// Has so many positions, of all that the scene has, come from external memory, from a byte of it on, in all key frames to
-    /// come. The next submission has them copied first.
+    /// Makes a run of the scene's `all` positions come from external memory, starting at byte `offset`, in all later
+    /// key frames. The next submission copies them first.
     ///
     /// # Errors
-    /// [`backend::BackendError::Misuse`] if it is another device's or they do not lie there.
+    /// [`backend::BackendError::Misuse`] if the memory belongs to another device or is too small, or the offset is not
+    /// a multiple of 4.
     pub fn bring_points(
         &mut self,
         (run, all): (Range<usize>, usize),
@@ -106,12 +107,12 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Has a run of positions come from the host again.
+    /// Makes a run of positions come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
         self.lent.points.release(run);
     }
 
-    /// A run of positions, if it came from external memory. Waits for it.
+    /// Reads a run of positions if it came from external memory, and `None` otherwise. Blocks until it has arrived.
     pub fn read_points(&mut self, run: &Range<usize>) -> Result<Option<Vec<Point>>> {
         if !self.lent.points.runs.contains(run) {
             return Ok(None);
@@ -126,7 +127,8 @@ impl VulkanDevice {
         Ok(Some(points?.split_off(run.start)))
     }
 
-    /// Begins to copy what was brought, and all of it to a key frame. Gives the upload's value, if there is anything to copy.
+    /// Starts to copy new external positions to `all`, and all external positions to a key frame. Returns the upload's
+    /// value, if there is anything to copy.
     pub(crate) fn copy_points(&mut self, key: Option<&Buffer>) -> Result<Option<u64>> {
         let LentPoints { all, runs, pending } = &self.lent.points;
         let Some(all) = all.as_ref().filter(|_| !runs.is_empty()) else {
@@ -153,12 +155,13 @@ impl VulkanDevice {
         Ok(Some(filled_at))
     }
 
-    /// Has the next query of [`backend::Rays::OnDevice`] trace these, of buffers that were [lent](Buffer::lent).
+    /// Makes the next query of [`backend::Rays::OnDevice`] trace these rays. Their buffers must be
+    /// [lent](Buffer::lent).
     pub fn lend_rays(&mut self, rays: LentRays<Buffer>) {
         self.lent.rays = Some(rays);
     }
 
-    /// Fills a buffer that is lent, in the order of submissions.
+    /// Fills a lent buffer, in the order of submissions.
     pub(crate) fn write_lent<T: Pod + Send>(
         &mut self,
         to: &Buffer,
@@ -180,11 +183,11 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Has the next submission wait until `timeline` reaches the first value, before anything lent is read or written.
-    /// [`VulkanDevice::signal`] has it reach the second.
+    /// Makes the next submission wait until `timeline` reaches `wait`, before lent memory is read or written.
+    /// [`VulkanDevice::signal`] then makes the timeline reach `signal`.
     ///
     /// # Errors
-    /// [`backend::BackendError::Misuse`] if the semaphore is another device's, or values do not rise.
+    /// [`backend::BackendError::Misuse`] if the semaphore belongs to another device, or the values do not increase.
     pub fn synchronize(
         &mut self,
         timeline: &Arc<Timeline>,
@@ -220,8 +223,8 @@ impl VulkanDevice {
         Ok(())
     }
 
-    /// Has semaphores that were given reach their second values once all is done that was submitted so far, and what was lent
-    /// is read.
+    /// Submits the pending signals. Their timelines reach their values once all submitted work has finished and lent
+    /// memory has been read.
     pub fn signal(&mut self) -> Result<()> {
         if self.lent.signals.iter().all(|signal| signal.is_told) {
             return Ok(());

@@ -1,14 +1,18 @@
-//! The Vulkan backend: compute kernels through ash, with no link-time dependency.
+//! The Vulkan backend: compute kernels through ash, without a link-time dependency.
 //!
-//! The loader is opened at run time. Work goes to one compute queue, a frame a submission, ordered by a timeline
-//! semaphore whose values are the tickets. Trees go up and vertices come back on queues of their own where the
-//! device has them, each ordered by a timeline of its own, so that neither delays a frame: vertices set out as soon
-//! as they are interpolated, while their frame goes on to trace; a tree sets out when it is built, and is adopted
-//! once it is there. The host waits in `wait` and `hits` alone, and in `submit` when too many frames are under way.
-//! Most `unsafe` of the GPU side lives here and in `gpu-vulkan-rt`.
+//! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`VulkanDevice`]. The Vulkan loader is
+//! opened at run time. Most `unsafe` code of the GPU crates is here and in `gpu-vulkan-rt`. The buffers, command
+//! buffers and device that `gpu-vulkan-rt` uses are public.
 //!
-//! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`VulkanDevice`]. What `gpu-vulkan-rt`
-//! needs of that is public: buffers, commands, the device.
+//! Each frame is one submission to one compute queue. A timeline semaphore orders submissions; its values are the
+//! tickets. Trees are uploaded and vertices are read back on queues of their own if the device has them. Each of these
+//! queues has its own timeline, so that copies delay no frame:
+//!
+//! - The copy of vertices starts as soon as they are interpolated, while their frame continues.
+//! - The upload of a tree starts when the tree is built. The tree is adopted once it has arrived.
+//!
+//! The host blocks only in `wait`, in the methods that return results, and in `submit` if too many frames are
+//! unfinished.
 
 #![expect(unsafe_code, reason = "Vulkan's calls, each with its reason")]
 

@@ -1,4 +1,4 @@
-//! What the device bounds, with refusals that name the need and the bound; and what it can do beyond.
+//! Limits of the device, with errors that name the need and the limit, and optional capabilities.
 
 use crate::instance::Host;
 use ash::ext::pipeline_robustness;
@@ -7,21 +7,21 @@ use backend::{BackendError, Result};
 use gpu_common::refuse_above;
 use shaders::{KERNELS, Kernel, storage_buffers};
 
-/// Bounds that a scene, a query or a kernel can meet.
+/// Limits that a scene, a query or a kernel may exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Limits {
     /// `maxStorageBufferRange`, bytes.
     pub(crate) storage_range: u64,
     /// `maxMemoryAllocationSize`, bytes.
     pub(crate) allocation: u64,
-    /// `maxComputeWorkGroupCount` along x or y, whichever is less.
+    /// The lower value of `maxComputeWorkGroupCount` along x and y.
     pub(crate) groups: u32,
-    /// Invocations of one workgroup, along x and in all.
+    /// Maximum invocations of a workgroup: the lower limit of those along x and in total.
     pub(crate) workgroup: u32,
     /// `maxPerStageDescriptorStorageBuffers`.
     pub(crate) storage_buffers: u32,
     pub(crate) uniform_alignment: u64,
-    /// Nanoseconds a tick of the device's clock.
+    /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
 }
 
@@ -44,10 +44,10 @@ impl Limits {
         }
     }
 
-    /// Refuses a buffer that a kernel cannot span or memory cannot hold in one piece.
+    /// Checks that a kernel can address the whole buffer, and that its memory can be allocated in one piece.
     ///
     /// # Errors
-    /// [`backend::BackendError::Limit`]; likewise below.
+    /// [`backend::BackendError::Limit`].
     pub(crate) fn admit(&self, what: &str, bytes: u64) -> Result<()> {
         for (name, most) in [
             ("maxStorageBufferRange", self.storage_range),
@@ -58,7 +58,10 @@ impl Limits {
         Ok(())
     }
 
-    /// Refuses a device that one of the kernels asked for does not fit.
+    /// Checks that the `asked` kernels can run on the device.
+    ///
+    /// # Errors
+    /// [`backend::BackendError::Limit`].
     pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
         for kernel in KERNELS.iter().filter(|k| asked(k)) {
             let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
@@ -72,7 +75,7 @@ impl Limits {
         Ok(())
     }
 
-    /// Names and values, to be shown.
+    /// Returns names and values, for display.
     pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
         vec![
             ("max storage buffer bytes", self.storage_range.to_string()),
@@ -85,21 +88,24 @@ impl Limits {
     }
 }
 
-/// What the device can do beyond what every device must, and the kernels make use of.
+/// Optional capabilities that kernels use.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extras {
-    /// Whether pipelines may say that their kernels stay within their buffers. NVIDIA's driver checks each address even where
-    /// nobody asks for robust access: a sixth of the instructions at a tree's node, 4 % of a frame's rays (580, an H200).
+    /// Whether pipelines can disable robustness checks of buffers. NVIDIA's driver checks each address even if robust
+    /// access is not requested. The checks are a sixth of the instructions per tree node and 4 % of the trace time
+    /// (580, H200).
     pub(crate) trusts_kernels: bool,
-    /// Invocations of a subgroup, where kernels may have them tell each other what they find.
+    /// Invocations per subgroup, if the device supports the subgroup operations of the kernels.
     pub(crate) subgroups: Option<u32>,
-    /// Whether buffers may keep the least of numbers of 64 bits.
+    /// Whether buffers support an atomic minimum of 64-bit numbers.
     pub(crate) has_least_of_64_bits: bool,
 }
 
 impl Extras {
+    /// Reads the capabilities of a device.
+    ///
     /// # Errors
-    /// [`BackendError::NoDevice`] if it lacks what every device must have.
+    /// [`BackendError::NoDevice`] if a required feature is missing.
     pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Result<Self> {
         let mut core = vk::PhysicalDeviceVulkan12Features::default();
         let mut robustness = vk::PhysicalDevicePipelineRobustnessFeaturesEXT::default();
@@ -121,8 +127,8 @@ impl Extras {
     }
 }
 
-/// Invocations of a subgroup, which are as many in every kernel that does not ask for other sizes;
-/// `None` if they cannot do all that kernels ask.
+/// Returns the invocations per subgroup, which is the same in every kernel that requests no other size. Returns `None`
+/// if a subgroup operation of the kernels is missing.
 fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
     let mut found = vk::PhysicalDeviceSubgroupProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut found);

@@ -1,4 +1,4 @@
-//! Marks of time: queries, and what runs from each of them on.
+//! Timestamps, and the stage that starts at each.
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
@@ -7,13 +7,13 @@ use backend::Result;
 use gpu_common::Stage;
 use std::sync::Arc;
 
-/// Marks of one query pool; more marks take more pools.
+/// Timestamps per query pool. Pools are added as needed.
 const MARKS: usize = 16;
 
-/// The timestamps of one submission: one at its begin, one at each stage's end.
+/// The timestamps of one submission: one at its start, and one at the end of each stage.
 pub(crate) struct Marks {
     pools: Vec<vk::QueryPool>,
-    /// What runs from each mark on.
+    /// The stage that starts at each timestamp.
     pub(crate) stages: Vec<Option<Stage>>,
     gpu: Arc<Gpu>,
 }
@@ -27,7 +27,7 @@ impl Marks {
         }
     }
 
-    /// Forgets the marks of the submission before, which must be finished, and records the first.
+    /// Discards the timestamps of the previous submission, which must have finished, and records the first.
     pub(crate) fn begin(&mut self, commands: vk::CommandBuffer) -> Result<()> {
         self.stages.clear();
         self.mark(commands)
@@ -41,7 +41,7 @@ impl Marks {
         self.mark(commands)
     }
 
-    /// Records a mark: the time at which all that was recorded before is done.
+    /// Records a timestamp, taken when all work recorded before has finished.
     fn mark(&mut self, commands: vk::CommandBuffer) -> Result<()> {
         if self.gpu.timestamp_bits == 0 {
             return Ok(());
@@ -64,7 +64,7 @@ impl Marks {
         Ok(())
     }
 
-    /// All marks of a finished submission, in ticks; `None` without a clock.
+    /// Returns all timestamps of a finished submission, in ticks, or `None` without a clock.
     pub(crate) fn read(&self) -> Result<Option<Vec<u64>>> {
         if self.gpu.timestamp_bits == 0 {
             return Ok(None);
@@ -72,7 +72,7 @@ impl Marks {
         let mut ticks = vec![0_u64; self.stages.len()];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         for (ticks, &pool) in ticks.chunks_mut(MARKS).zip(&self.pools) {
-            // SAFETY: the submission is finished, so these queries were written.
+            // SAFETY: the submission has finished, so these queries were written.
             unsafe { self.gpu.vk.get_query_pool_results(pool, 0, ticks, flags) }
                 .map_err(failed("timestamps"))?;
         }

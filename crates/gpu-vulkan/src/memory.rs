@@ -1,4 +1,4 @@
-//! Buffers: made, mapped and given back.
+//! Buffers and their memory.
 
 use crate::errors::failed_for;
 use crate::external::ExternalMemory;
@@ -18,16 +18,16 @@ use parking_lot::{FairMutex, FairMutexGuard};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// The device's memory, and how much of it is in use.
+/// The device's memory, and statistics of its use.
 pub(crate) struct Memory {
-    /// Taken out before the device is destroyed.
+    /// Taken before the device is destroyed.
     allocator: Mutex<Option<Allocator>>,
-    /// Whose turn it is to submit, allocate or free.
+    /// Lock for submitting, allocating and freeing.
     turn: FairMutex<()>,
     pub(crate) physical: vk::PhysicalDevice,
     /// Bytes of buffers in device memory.
     held: AtomicU64,
-    /// Buffers made so far, wherever they lie.
+    /// Number of buffers created so far, in any memory.
     made: AtomicU64,
 }
 
@@ -38,8 +38,8 @@ impl Memory {
         device: &ash::Device,
         addressed: bool,
     ) -> Result<Self> {
-        // Blocks begin small for small scenes and double as more are needed. While one is allocated, nobody submits:
-        // a block of 256 MiB takes 5 ms, one of 64 takes 1.5.
+        // Blocks start small for small scenes and double as needed. An allocation delays submissions: a block of 256
+        // MiB takes 5 ms, one of 64 MiB takes 1.5 ms.
         let sizes = AllocationSizes::new(16 << 20, 4 << 20)
             .with_max_device_memblock_size(64 << 20)
             .with_max_host_memblock_size(16 << 20);
@@ -61,18 +61,18 @@ impl Memory {
         })
     }
 
-    /// Gives the memory back to the driver.
+    /// Frees all memory.
     pub(crate) fn close(&self) {
         drop(lock(&self.allocator).take());
     }
 
-    /// Bytes of device memory that buffers hold.
+    /// Returns the bytes of device memory that buffers occupy.
     pub(crate) fn held(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Bytes of the largest heap of the device's own that this process may still have: all of it, unless the driver
-    /// tells how much others use.
+    /// Returns the bytes still available to this process in the largest device-local heap. This is the heap's size if
+    /// the driver does not report the use of memory.
     pub(crate) fn free_bytes(&self, host: &Host) -> Option<u64> {
         let tells = host.offers(self.physical, memory_budget::NAME);
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
@@ -80,7 +80,8 @@ impl Memory {
         if tells {
             found = found.push_next(&mut budget);
         }
-        // SAFETY: the device belongs to the instance, which is alive; the structure is of an extension that it has.
+        // SAFETY: the device belongs to the instance, which is alive; the structure belongs to an extension that the
+        // device has.
         unsafe {
             host.instance
                 .get_physical_device_memory_properties2(self.physical, &mut found)
@@ -100,13 +101,13 @@ impl Memory {
             .max()
     }
 
-    /// Buffers made since the device was opened.
+    /// Returns the number of buffers created since the device was opened.
     pub(crate) fn made(&self) -> u64 {
         self.made.load(Ordering::Relaxed)
     }
 
-    /// Nobody submits, allocates or frees twice while others wait. NVIDIA's driver has a lock for that, too, but whoever frees a
-    /// scene would keep it for all buffers.
+    /// Locks submitting, allocating and freeing, fairly. NVIDIA's driver has such a lock too, but it is not fair: a
+    /// thread that frees a scene would hold it for all buffers.
     pub(crate) fn turn(&self) -> FairMutexGuard<'_, ()> {
         self.turn.lock()
     }
@@ -150,13 +151,13 @@ impl Memory {
             .fetch_sub(device_bytes(&allocation), Ordering::Relaxed);
         let _turn = self.turn();
         if let Some(allocator) = lock(&self.allocator).as_mut() {
-            // Freeing fails only for memory that is not this allocator's.
+            // Freeing fails only for memory of another allocator.
             let _ = allocator.free(allocation);
         }
     }
 }
 
-/// Bytes that an allocation takes of the device's own memory.
+/// Returns the bytes of an allocation in device-local memory; 0 if it is in host memory.
 fn device_bytes(allocation: &Allocation) -> u64 {
     let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
     match allocation.memory_properties().contains(local) {
@@ -167,9 +168,9 @@ fn device_bytes(allocation: &Allocation) -> u64 {
 
 /// A buffer with its memory.
 pub struct Buffer {
-    /// Its handle.
+    /// Handle.
     pub vk: vk::Buffer,
-    /// How large it is.
+    /// Size in bytes.
     pub bytes: u64,
     memory: BufferMemory,
     gpu: Arc<Gpu>,
@@ -178,15 +179,15 @@ pub struct Buffer {
 enum BufferMemory {
     /// Part of an allocation.
     Allocated(Allocation),
-    /// Pages of the process.
+    /// Imported host pages.
     Host(HostMemory),
-    /// Not the buffer's own.
+    /// Memory that belongs to another object.
     Lent(#[expect(dead_code, reason = "it lives as long")] Arc<ExternalMemory>),
-    /// None yet, or none any more.
+    /// No memory: not yet allocated, or already freed.
     Nothing,
 }
 
-/// What buffers may be used for. All of a driver's work on its trees goes by address.
+/// Returns the usage of buffers. The driver accesses its own trees by address.
 pub(crate) fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
     let kernels = vk::BufferUsageFlags::STORAGE_BUFFER
         | vk::BufferUsageFlags::UNIFORM_BUFFER
@@ -199,7 +200,7 @@ pub(crate) fn usage(traces_rays: bool) -> vk::BufferUsageFlags {
     if traces_rays { kernels | rays } else { kernels }
 }
 
-/// A buffer without memory, which all families share.
+/// Creates a buffer without memory, shared by all queue families.
 pub(crate) fn create_buffer(
     gpu: &Gpu,
     (what, bytes): (&str, u64),
@@ -215,24 +216,24 @@ pub(crate) fn create_buffer(
     unsafe { gpu.vk.create_buffer(&info, None) }.map_err(failed_for(what, bytes))
 }
 
-/// Where a buffer lives.
+/// Memory and access pattern of a buffer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum BufferUse {
-    /// In device memory, invisible to the host.
+    /// In device memory, not visible to the host.
     Device,
-    /// Written by the host, read by the device.
+    /// Written by the host, read by kernels.
     Upload,
-    /// Written by the host, copied to the device: in the host's own memory.
+    /// In host memory, written by the host, copied to the device.
     Staging,
     /// Written by the device, read by the host.
     Readback,
 }
 
 impl Buffer {
-    /// At least 16 bytes, so that an empty scene has buffers to bind.
+    /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
     ///
     /// # Errors
-    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`], with the need.
+    /// [`BackendError::Limit`] or [`BackendError::OutOfMemory`] with the required bytes.
     pub fn new(gpu: &Arc<Gpu>, what: &str, bytes: u64, place: BufferUse) -> Result<Self> {
         let bytes = bytes.max(16).next_multiple_of(16);
         gpu.limits.admit(what, bytes)?;
@@ -249,7 +250,7 @@ impl Buffer {
         }
         let info = vk::BufferCreateInfo::default().usage(usage(gpu.traces_rays));
         let buffer = create_buffer(gpu, (what, bytes), info)?;
-        // SAFETY: the buffer was just made from this device.
+        // SAFETY: the buffer was just created from this device.
         let requirements = unsafe { gpu.vk.get_buffer_memory_requirements(buffer) };
         let mut made = Self {
             vk: buffer,
@@ -275,7 +276,7 @@ impl Buffer {
     /// Returns external memory of this device as a buffer of at least `bytes`.
     ///
     /// # Errors
-    /// [`BackendError::Misuse`] if it is another device's or too small.
+    /// [`BackendError::Misuse`] if the memory belongs to another device or is too small.
     pub fn lent(gpu: &Arc<Gpu>, memory: &Arc<ExternalMemory>, bytes: u64) -> Result<Self> {
         if !Arc::ptr_eq(&memory.gpu, gpu) {
             let why = "the external buffer is another device's";
@@ -296,7 +297,7 @@ impl Buffer {
         })
     }
 
-    /// Whether it lies in pages of the process that the device sees.
+    /// Returns whether the buffer is in imported host pages.
     pub fn is_imported(&self) -> bool {
         matches!(self.memory, BufferMemory::Host(_))
     }
@@ -305,7 +306,7 @@ impl Buffer {
         matches!(self.memory, BufferMemory::Lent(_))
     }
 
-    /// Bytes that it takes of the device's own memory.
+    /// Returns the bytes of device-local memory that the buffer occupies.
     pub fn held(&self) -> u64 {
         match &self.memory {
             BufferMemory::Allocated(allocation) => device_bytes(allocation),
@@ -313,14 +314,14 @@ impl Buffer {
         }
     }
 
-    /// Where the device finds it, if it traces rays through its driver's trees.
+    /// Returns the device address. The device must have been opened for the driver's own trees.
     pub fn address(&self) -> vk::DeviceAddress {
         let info = vk::BufferDeviceAddressInfo::default().buffer(self.vk);
-        // SAFETY: the buffer has memory; buffers of such a device may be asked for their address.
+        // SAFETY: the buffer has memory, and was created with the usage for device addresses.
         unsafe { self.gpu.vk.get_buffer_device_address(&info) }
     }
 
-    /// What the device has written, for buffers of [`BufferUse::Readback`].
+    /// Returns the first `count` elements of a buffer of [`BufferUse::Readback`], written by the device.
     pub fn read<T: Pod>(&self, count: usize) -> &[T] {
         let bytes = match &self.memory {
             BufferMemory::Allocated(allocation) => allocation.mapped_slice(),
@@ -331,7 +332,7 @@ impl Buffer {
         bytemuck::cast_slice(&bytes[..count * size_of::<T>()])
     }
 
-    /// What the device will read, for buffers of [`BufferUse::Upload`] and [`BufferUse::Staging`].
+    /// Returns the contents of a buffer of [`BufferUse::Upload`] or [`BufferUse::Staging`], to be written.
     pub(crate) fn view_mut<T: Pod>(&mut self) -> &mut [T] {
         let bytes = match &mut self.memory {
             BufferMemory::Allocated(allocation) => allocation.mapped_slice_mut(),
@@ -365,7 +366,7 @@ impl Drop for Buffer {
         if let BufferMemory::Lent(_) = memory {
             return;
         }
-        // SAFETY: whoever drops a buffer has waited for the submissions that use it.
+        // SAFETY: the owner waits for the submissions that use a buffer before it drops the buffer.
         unsafe { self.gpu.vk.destroy_buffer(self.vk, None) };
         if let BufferMemory::Allocated(allocation) = memory {
             self.gpu.memory.free(allocation);

@@ -1,4 +1,4 @@
-//! Parameters and descriptors of a submission's dispatches, in pages that are made as they are needed.
+//! Parameters and descriptor sets of a submission's dispatches, in pages that are allocated on demand.
 
 use crate::errors::failed;
 use crate::gpu::Gpu;
@@ -9,13 +9,13 @@ use backend::Result;
 use shaders::{Binding, BufferName, KERNELS, Kind, Params, RAYS, storage_buffers};
 use std::sync::Arc;
 
-/// Dispatches of one page; a submission of more takes more pages.
+/// Dispatches per page.
 const ROWS: usize = 64;
 
-/// A submission's pages.
+/// The pages of a submission.
 pub(crate) struct Pages {
     all: Vec<Page>,
-    /// Dispatches since the last reset.
+    /// Number of dispatches since the last reset.
     rows: usize,
     stride: u64,
     gpu: Arc<Gpu>,
@@ -27,14 +27,14 @@ struct Page {
     gpu: Arc<Gpu>,
 }
 
-/// Where a dispatch finds its parameters.
+/// Location of a dispatch's parameters.
 #[derive(Clone, Copy)]
 pub(crate) struct ParamsRow {
     pub(crate) page: usize,
     pub(crate) offset: u32,
 }
 
-/// A set, and what it may be used for again: the same kernel, over the same buffers, with rows of the same page.
+/// A descriptor set. It can be reused for the same kernel with the same buffers and rows of the same page.
 #[derive(Clone, Copy)]
 pub(crate) struct Bound {
     pub(crate) set: vk::DescriptorSet,
@@ -53,7 +53,7 @@ impl Pages {
         }
     }
 
-    /// Forgets all rows. The submission that used them must be finished.
+    /// Discards all rows. The submission that used them must have finished.
     pub(crate) fn reset(&mut self) -> Result<()> {
         self.rows = 0;
         for page in &self.all {
@@ -65,7 +65,7 @@ impl Pages {
         Ok(())
     }
 
-    /// Writes the parameters of a further dispatch.
+    /// Writes the parameters of another dispatch.
     pub(crate) fn row(&mut self, params: &Params) -> Result<ParamsRow> {
         let (page, row) = (self.rows / ROWS, self.rows % ROWS);
         if page == self.all.len() {
@@ -80,8 +80,8 @@ impl Pages {
         Ok(ParamsRow { page, offset })
     }
 
-    /// A set for a kernel with this row: `last` if it serves, else a new one
-    /// over the buffers that `find` gives by their names in the kernel.
+    /// Returns a set for a kernel with this row: `last` if it matches, otherwise a new one over the buffers that `find`
+    /// returns for the names in the kernel.
     pub(crate) fn bind<'a>(
         &self,
         pipeline: &Pipeline,
@@ -98,8 +98,8 @@ impl Pages {
         Ok(Bound { set, kernel, page })
     }
 
-    /// A new set of a layout with these bindings, over a page's parameters and the buffers that `find` gives by their names;
-    /// also over a driver's `tree`, if the bindings are those of rays.
+    /// Creates a set with these bindings, over a page's parameters and the buffers that `find` returns by name.
+    /// Bindings of rays also include the driver's `tree`.
     pub(crate) fn set<'a>(
         &self,
         (layout, bindings): (vk::DescriptorSetLayout, &[Binding]),
@@ -111,7 +111,7 @@ impl Pages {
         let info = vk::DescriptorSetAllocateInfo::default()
             .descriptor_pool(self.all[page].sets)
             .set_layouts(&layouts);
-        // SAFETY: the pool has room for a set for each of the page's rows.
+        // SAFETY: the pool has capacity for one set per row of the page.
         let sets = unsafe { self.gpu.vk.allocate_descriptor_sets(&info) };
         let set = sets.map_err(failed("descriptors"))?[0];
         let info = |b: &Binding| {

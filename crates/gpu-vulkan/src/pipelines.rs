@@ -1,4 +1,4 @@
-//! A kernel made ready, its layout read from the kernel's own bindings; and compiled kernels, kept between runs.
+//! Compute pipelines, with layouts derived from the kernels' bindings, and the cache of compiled kernels.
 
 use crate::errors::{failed, refused};
 use crate::gpu::Gpu;
@@ -11,7 +11,7 @@ use shaders::{Kernel, Kind};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A kernel ready to be bound.
+/// A compiled kernel.
 pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
     pub(crate) vk: vk::Pipeline,
@@ -36,17 +36,17 @@ impl Pipeline {
     }
 }
 
-/// What a pipeline is bound by.
+/// Layouts of a pipeline.
 pub struct Layouts {
-    /// Of its one set.
+    /// Layout of its one descriptor set.
     pub set: vk::DescriptorSetLayout,
-    /// Of the pipeline. Null until the driver has made it.
+    /// Layout of the pipeline. Null until it was created.
     pub pipeline: vk::PipelineLayout,
     gpu: Arc<Gpu>,
 }
 
 impl Layouts {
-    /// Of `what`, whose stages bind one of a type by each number.
+    /// Creates the layouts of `what`. Each binding has a number and a descriptor type and is visible to `stages`.
     pub fn new(
         gpu: &Arc<Gpu>,
         what: &str,
@@ -62,7 +62,7 @@ impl Layouts {
         };
         let bindings: Vec<_> = bindings.map(binding).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive and `info` outlives the call; likewise below.
+        // SAFETY: the device is alive and `info` outlives the call.
         let set =
             unsafe { gpu.vk.create_descriptor_set_layout(&info, None) }.map_err(failed(what))?;
         let mut made = Self {
@@ -79,10 +79,10 @@ impl Layouts {
     }
 }
 
-/// Has the driver compile SPIR-V, as one of several threads may.
+/// Creates a shader module from SPIR-V and passes it to `compile`. Several threads may call this at the same time.
 ///
 /// # Errors
-/// The driver refuses the words, or those of `compile`.
+/// The driver rejects the SPIR-V, or `compile` fails.
 pub fn with_module<T>(
     gpu: &Gpu,
     what: &str,
@@ -95,7 +95,7 @@ pub fn with_module<T>(
     // SAFETY: the words are SPIR-V that the build validated.
     let module = unsafe { gpu.vk.create_shader_module(&info, None) }.map_err(refused(what))?;
     let made = compile(module);
-    // SAFETY: pipelines do not need their module once made.
+    // SAFETY: a pipeline does not need its module after its creation.
     unsafe { gpu.vk.destroy_shader_module(module, None) };
     made
 }
@@ -121,13 +121,13 @@ fn compile(
     if gpu.extras.trusts_kernels {
         info = info.push_next(&mut robustness);
     }
-    // SAFETY: module and layout belong to the device; all pointers outlive the call. Kernels stay within buffers whose
-    // sizes follow from a checked record of the tree and a checked animation, so nobody need check their addresses.
+    // SAFETY: module and layout belong to the device; all pointers outlive the call. Kernels stay within their buffers,
+    // whose sizes follow from a checked tree and a checked animation, so addresses need no robustness checks.
     let made = unsafe { gpu.vk.create_compute_pipelines(gpu.cache.vk, &[info], None) };
     made.map(|p| p[0]).map_err(|(_, e)| refused(kernel.name)(e))
 }
 
-/// How Vulkan names a kind of binding.
+/// Returns the descriptor type of a kind of binding.
 pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
     match kind {
         Kind::Uniform => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
@@ -137,7 +137,7 @@ pub fn descriptor_type(kind: Kind) -> vk::DescriptorType {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        // SAFETY: each owner waits for what it had the device do before it drops its pipelines.
+        // SAFETY: each owner waits for its submissions before it drops its pipelines.
         unsafe { self.gpu.vk.destroy_pipeline(self.vk, None) };
     }
 }
@@ -145,7 +145,7 @@ impl Drop for Pipeline {
 impl Drop for Layouts {
     fn drop(&mut self) {
         let vk = &self.gpu.vk;
-        // SAFETY: each owner waits for what it had the device do before it drops its pipelines; null is left alone.
+        // SAFETY: each owner waits for its submissions before it drops its pipelines; a null handle is ignored.
         unsafe {
             vk.destroy_pipeline_layout(self.pipeline, None);
             vk.destroy_descriptor_set_layout(self.set, None);
@@ -153,16 +153,15 @@ impl Drop for Layouts {
     }
 }
 
-/// The driver's cache of pipelines, and the file that it came from. It is of use and never needed: what goes wrong with it
-/// goes unsaid.
+/// The driver's pipeline cache and its file. The cache is optional, so errors are ignored.
 pub struct PipelineCache {
-    /// Its handle. Null if the driver could make none.
+    /// Handle. Null if the driver could not create a cache.
     pub vk: vk::PipelineCache,
     file: Option<CacheFile>,
 }
 
 impl PipelineCache {
-    /// The cache kept in a folder for this device and driver; without a folder, one that is not kept.
+    /// Loads the cache of this device and driver from a folder. Without a folder the cache is not stored.
     pub(crate) fn open(
         host: &Host,
         physical: vk::PhysicalDevice,
@@ -179,7 +178,8 @@ impl PipelineCache {
         let mut file = folder.map(|folder| CacheFile::new(folder, &name));
         let data = file.as_mut().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the device is alive and `data` outlives the call; it is what this driver gave, as its digest says.
+        // SAFETY: the device is alive and `data` outlives the call. The file's digest shows that this driver wrote the
+        // data.
         let vk = unsafe { device.create_pipeline_cache(&info, None) };
         Self {
             vk: vk.unwrap_or_default(),
@@ -187,17 +187,17 @@ impl PipelineCache {
         }
     }
 
-    /// Keeps what was added, and ends it.
+    /// Stores new entries and destroys the cache.
     pub(crate) fn close(&self, device: &ash::Device) {
         if self.vk == vk::PipelineCache::null() {
             return;
         }
         if let Some(file) = &self.file {
-            // SAFETY: device and cache are alive, and nobody compiles any more.
+            // SAFETY: device and cache are alive, and no thread compiles any more.
             let data = unsafe { device.get_pipeline_cache_data(self.vk) };
             data.iter().for_each(|data| file.store(data));
         }
-        // SAFETY: the device is alive; pipelines do not need their cache once made.
+        // SAFETY: the device is alive; a pipeline does not need its cache after its creation.
         unsafe { device.destroy_pipeline_cache(self.vk, None) };
     }
 }

@@ -1,18 +1,18 @@
-//! Which of a device's queues do what.
+//! Choice of queues for compute, upload and readback.
 
 use crate::instance::Host;
 use ash::vk;
 use backend::{BackendError, Result};
 
-/// A queue by its family and its place there.
+/// Family and index of a queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QueueIndex {
     pub(crate) family: u32,
     pub(crate) index: u32,
 }
 
-/// One queue computes. Trees go up and vertices come back on queues of their own where the device has them: copy
-/// engines if it can, else spare queues of the computing family. Where it has neither, all share the one.
+/// Queues by purpose. Uploads and readbacks use transfer-only queues if the device has them, otherwise spare queues of
+/// the compute family. If it has neither, they share the compute queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct QueueSet<Q> {
     pub(crate) compute: Q,
@@ -20,12 +20,12 @@ pub(crate) struct QueueSet<Q> {
     pub(crate) readback: Q,
 }
 
-/// Those of a device.
+/// The queues of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Queues {
-    /// Where there are too few, some are the same.
+    /// The same queue occurs several times if there are too few.
     pub(crate) places: QueueSet<QueueIndex>,
-    /// Bits of a timestamp that count; 0 where the computing family has no clock.
+    /// Valid bits of a timestamp; 0 if the compute family has no clock.
     pub(crate) timestamp_bits: u32,
 }
 
@@ -72,7 +72,7 @@ impl Queues {
         })
     }
 
-    /// Families in use, each once, with as many queues as are used.
+    /// Returns each family in use with its number of queues in use.
     pub(crate) fn families(&self) -> Vec<(u32, u32)> {
         let mut all: Vec<(u32, u32)> = Vec::new();
         for place in self.places.all() {
@@ -84,7 +84,7 @@ impl Queues {
         all
     }
 
-    /// Names and values, to be shown.
+    /// Returns names and values, for display.
     pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
         let [compute, upload, readback] = self.places.all();
         let transfer = if upload == compute {

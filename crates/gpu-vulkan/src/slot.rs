@@ -1,4 +1,4 @@
-//! What one submission needs for itself: commands, parameters, marks of time, counts.
+//! Resources of one submission: command buffers, parameters, timestamps and counts.
 
 use crate::commands::{ALL, BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
 use crate::gpu::Gpu;
@@ -13,9 +13,9 @@ use gpu_common::{Dispatch, Find, Finished, GpuSlot, Stage};
 use shaders::{BufferName, Counts, Params};
 use std::sync::Arc;
 
-/// Used by one submission at a time.
+/// Resources of one submission at a time.
 pub struct Slot {
-    /// What is recorded.
+    /// Recorded command buffers.
     pub commands: Commands,
     pages: Pages,
     marks: Marks,
@@ -61,8 +61,8 @@ impl Slot {
         }
     }
 
-    /// Binds a pipeline of rays with its layouts, over parameters, a driver's tree, and the buffers that `find` gives by their
-    /// names in the shaders.
+    /// Binds a ray tracing pipeline to parameters, a driver's tree and buffers. `find` returns the buffer for a name in
+    /// the shaders.
     pub fn bind_rays<'a>(
         &mut self,
         (pipeline, layouts): (vk::Pipeline, &Layouts),
@@ -84,7 +84,7 @@ impl Slot {
         Ok(())
     }
 
-    /// Ends the recording.
+    /// Ends the recording with a copy of the counts to the host.
     pub(crate) fn end(&mut self) -> Result<()> {
         self.commands.barrier(ALL, COPIES);
         let all = [vk::BufferCopy::default().size(COUNTS)];
@@ -93,7 +93,7 @@ impl Slot {
         self.commands.end()
     }
 
-    /// What the finished submission left behind.
+    /// Returns the output of the finished submission.
     pub(crate) fn finished(&self) -> Result<Finished> {
         Ok(Finished {
             counts: self.counts_back.read::<Counts>(1)[0],
@@ -120,7 +120,8 @@ impl GpuSlot<VulkanDevice> for Slot {
         self.marks.begin(self.commands.vk())
     }
 
-    /// Each kernel after what those before wrote, unless it reads none of that; but no barrier behind all.
+    /// Records a barrier before each kernel, unless the kernel reads no results of the previous ones. There is no
+    /// barrier after the last kernel.
     fn dispatch(
         &mut self,
         all: &[Dispatch<'_, VulkanDevice>],
@@ -144,7 +145,7 @@ impl GpuSlot<VulkanDevice> for Slot {
         Ok(())
     }
 
-    /// What follows reads what its kernels wrote.
+    /// Makes the results of the stage's kernels visible to later work.
     fn end_stage(&mut self, stage: Stage) -> Result<()> {
         if std::mem::take(&mut self.launched) {
             self.commands.barrier(KERNELS, KERNELS);

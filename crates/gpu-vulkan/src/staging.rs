@@ -1,4 +1,4 @@
-//! Memory of the host: things are sent from there beside the frames, or arrive there.
+//! Host memory for copies from and to the device, which run concurrently with frames.
 
 use crate::gpu::Gpu;
 use crate::memory::{Buffer, BufferUse};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Words that one task copies.
 const RUN: usize = 1 << 17;
 
-/// Writes part by part, by all threads; says whether there is room.
+/// Writes parts one after another, using several threads. Returns `false` if they do not fit.
 pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
     let mut to = staging.view_mut();
     if parts.iter().map(|part| part.len()).sum::<usize>() > to.len() {
@@ -29,7 +29,7 @@ pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
     true
 }
 
-/// What tells how far uploads and submissions are.
+/// Progress of uploads and submissions.
 pub(crate) type Done<'a> = (&'a Transfer, &'a Timeline);
 
 /// See [`gpu_common::GpuDevice::has_ended`].
@@ -45,7 +45,7 @@ pub(crate) fn has_ended(
     Ok(submissions.has_reached(last.ticket)? && uploads.done.has_reached(last.arrival)?)
 }
 
-/// Memory for things of one kind.
+/// Staging buffers for one kind of data.
 pub(crate) struct Staging {
     what: &'static str,
     pub(crate) free: Pool<VulkanDevice>,
@@ -57,7 +57,7 @@ impl Staging {
         Self { what, free }
     }
 
-    /// Memory for so many bytes, with room for some more if it is made.
+    /// Returns a staging buffer of at least `bytes`. A new one is created with slack.
     pub(crate) fn take(&mut self, gpu: &Arc<Gpu>, done: Done<'_>, bytes: u64) -> Result<Buffer> {
         let of = |bytes| Buffer::new(gpu, self.what, bytes, BufferUse::Staging);
         let made = || with_slack(bytes, of);
@@ -66,7 +66,7 @@ impl Staging {
         Ok(buffer)
     }
 
-    /// Begins to send its first bytes. Gives the value of the copy.
+    /// Starts the copy of the first `bytes` bytes. Returns the copy's timeline value.
     pub(crate) fn send(
         &mut self,
         road: &mut Transfer,
@@ -79,21 +79,21 @@ impl Staging {
     }
 }
 
-/// Positions, or other bytes, that the transfer queue copies, or will.
+/// Positions or other bytes that the readback queue copies to the host.
 pub struct HostCopy {
     pub(crate) buffer: Buffer,
-    /// The transfer's value.
+    /// Timeline value of the copy.
     pub(crate) done_at: u64,
 }
 
-/// Positions in memory of the host that the device copies to or from.
+/// Positions in host memory that the device copies from or to.
 pub(crate) struct HostPoints {
     pub(crate) buffer: Buffer,
     pub(crate) count: usize,
 }
 
 impl HostPoints {
-    /// Room for so many, which the device copies from.
+    /// Allocates memory for `count` positions, which the device copies from.
     pub(crate) fn new(gpu: &Arc<Gpu>, count: usize) -> Result<Self> {
         let bytes = (count * size_of::<Point>()) as u64;
         let buffer = Buffer::new(gpu, "key frames", bytes, BufferUse::Staging)?;
@@ -117,19 +117,19 @@ impl DerefMut for HostPoints {
 
 impl SharedMemory for HostPoints {}
 
-/// Where runs of positions lie, to be copied to the same place.
+/// Returns the byte ranges of runs of positions, each with its destination offset, which is the same.
 fn bytes_of(runs: &[Range<usize>]) -> Vec<(Range<u64>, u64)> {
     let place = |v: usize| (v * size_of::<Point>()) as u64;
     let bytes = |run: &Range<usize>| (place(run.start)..place(run.end), place(run.start));
     runs.iter().map(bytes).collect()
 }
 
-/// Key frames that the device copies from where they lie: they stay until it has.
+/// Key frames that the device copies from directly. They are kept until the copy has finished.
 #[derive(Default)]
 pub(crate) struct KeysRead(VecDeque<(u64, KeyFrame)>);
 
 impl KeysRead {
-    /// Keeps a key frame until the copy of that value is done; lets go of others.
+    /// Keeps a key frame until the copy with this value has finished. Drops those whose copies have finished.
     pub(crate) fn note(&mut self, done: &Timeline, (value, key): (u64, &KeyFrame)) -> Result<()> {
         self.0.push_back((value, KeyFrame::clone(key)));
         while let Some((value, _)) = self.0.front() {
@@ -143,7 +143,7 @@ impl KeysRead {
 }
 
 impl VulkanDevice {
-    /// Begins to send runs of a key frame, which are not lent.
+    /// Starts the upload of runs of a key frame from the host.
     pub(crate) fn send_host_key(
         &mut self,
         key: &KeyFrame,

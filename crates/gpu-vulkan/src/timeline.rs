@@ -1,4 +1,4 @@
-//! Semaphores whose value only rises, and submissions ordered by them.
+//! Timeline semaphores, and submissions ordered by them.
 
 use crate::errors::failed;
 use crate::gpu::{Gpu, Queue};
@@ -8,20 +8,20 @@ use geom::lock;
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// When a timeline reaches a value.
+/// A semaphore and the value that it must reach.
 pub type Moment = (vk::Semaphore, u64);
 
-/// A semaphore whose value only rises.
+/// A timeline semaphore.
 pub struct Timeline {
     vk: vk::Semaphore,
     pub(crate) gpu: Arc<Gpu>,
 }
 
-/// Looks at a counter before asking the system to wait: a look takes some 50 ns, being woken some 30 us.
+/// Number of polls before a blocking wait. A poll takes about 50 ns; waking a blocked thread takes about 30 us.
 const LOOKS: u32 = 400;
 
 impl Timeline {
-    /// One at 0.
+    /// Creates a timeline with value 0.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Self::with(gpu, None)
     }
@@ -36,18 +36,18 @@ impl Timeline {
         if let Some(export) = &mut export {
             info = info.push_next(export);
         }
-        // SAFETY: the device is alive; timeline semaphores were asked for, and so was whatever exports them.
+        // SAFETY: the device is alive; timeline semaphores are enabled, and so is the extension of `export`.
         let vk = unsafe { gpu.vk.create_semaphore(&info, None) }.map_err(failed("a semaphore"))?;
         let gpu = Arc::clone(gpu);
         Ok(Self { vk, gpu })
     }
 
-    /// When it reaches `value`.
+    /// Returns the moment at which the timeline reaches `value`.
     pub fn at(&self, value: u64) -> Moment {
         (self.vk, value)
     }
 
-    /// Whether `value` is reached. Never waits.
+    /// Returns whether `value` is reached. Never blocks.
     pub fn has_reached(&self, value: u64) -> Result<bool> {
         // SAFETY: the semaphore belongs to the device.
         let now = unsafe { self.gpu.vk.get_semaphore_counter_value(self.vk) };
@@ -57,7 +57,7 @@ impl Timeline {
 
     /// Blocks until `value` is reached.
     pub(crate) fn wait(&self, value: u64) -> Result<()> {
-        // A driver on the host's cores needs them more than the one who waits.
+        // A software driver needs the host's cores, so do not spin.
         let looks = if self.gpu.is_software() { 1 } else { LOOKS };
         for _ in 0..looks {
             if self.has_reached(value)? {
@@ -74,7 +74,7 @@ impl Timeline {
             .map_err(failed("waiting for a submission"))
     }
 
-    /// Reaches `value` by the host's hand.
+    /// Sets the timeline to `value` from the host.
     pub fn signal(&self, value: u64) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default()
             .semaphore(self.vk)
@@ -86,12 +86,12 @@ impl Timeline {
 
 impl Drop for Timeline {
     fn drop(&mut self) {
-        // SAFETY: the owner waits for all that signals it or waits for it.
+        // SAFETY: the owner waits for all work that signals the semaphore or waits for it.
         unsafe { self.gpu.vk.destroy_semaphore(self.vk, None) };
     }
 }
 
-/// Commands, if any, that begin after some moments, and the moment at which they are done.
+/// A command buffer, if any, that starts after some moments, and the moment at which it has finished.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
     pub(crate) commands: Option<vk::CommandBuffer>,
@@ -99,7 +99,7 @@ pub(crate) struct Batch<'a> {
     pub(crate) done: Moment,
 }
 
-/// Submits batches to a queue, all in one call.
+/// Submits batches to a queue in one call.
 pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<()> {
     let waits = batches.iter().map(|b| b.after.iter().copied().unzip());
     let waits: Vec<(Vec<_>, Vec<_>)> = waits.collect();
@@ -110,7 +110,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<
             .signal_semaphore_values(from_ref(&batch.done.1))
     });
     let mut values: Vec<_> = values.collect();
-    // Marks of time wait too, so that no stage is charged with waiting.
+    // Timestamps wait as well, so that no stage's time includes the wait.
     let most = waits.iter().map(|(semaphores, _)| semaphores.len()).max();
     let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; most.unwrap_or(0)];
     let infos = all().zip(&mut values).map(|((batch, (waits, _)), values)| {
@@ -123,7 +123,7 @@ pub(crate) fn submit(gpu: &Gpu, queue: &Queue, batches: &[Batch<'_>]) -> Result<
     });
     let infos: Vec<_> = infos.collect();
     let (_turn, queue) = (gpu.memory.turn(), lock(&queue.queue));
-    // SAFETY: who holds the lock alone uses the queue; all buffers live.
+    // SAFETY: the lock excludes other users of the queue; all command buffers are alive.
     unsafe { gpu.vk.queue_submit(*queue, &infos, vk::Fence::null()) }
         .map_err(failed("a submission"))
 }

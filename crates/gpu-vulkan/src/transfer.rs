@@ -1,4 +1,4 @@
-//! A road between host and device that runs beside the frames.
+//! Copies between host and device that run concurrently with frames.
 
 use crate::commands::{COPIES, Commands, HOST};
 use crate::gpu::{Gpu, Queue};
@@ -9,21 +9,21 @@ use backend::Result;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes of one region of a copy to the host. One large copy across the bus nearly doubles the
-/// time of kernels that read memory beside it; pieces of this size leave them as they are.
+/// Bytes per region of a copy. One large copy across the bus nearly doubles the time of kernels that read memory
+/// meanwhile. Copies in regions of this size do not slow them down.
 const PIECE: u64 = 256 << 10;
 
-/// Copies on one queue, ordered by a timeline of their own. Copies begin in order.
+/// Copies on one queue, which start in order and have a timeline of their own.
 pub struct Transfer {
     pub(crate) done: Timeline,
     pub(crate) queue: Arc<Queue>,
-    /// The value of the copy begun last.
+    /// Value of the copy that started last.
     pub last: u64,
     lanes: Vec<Lane>,
     gpu: Arc<Gpu>,
 }
 
-/// A command buffer and the value that tells when it is free again.
+/// A command buffer, and the timeline value at which it can be reused.
 struct Lane {
     commands: Commands,
     busy_until: u64,
@@ -40,8 +40,8 @@ impl Transfer {
         })
     }
 
-    /// Starts to copy parts of one buffer, each to a place in another, after some moment, if one is given. Returns the value of
-    /// the timeline that says it is finished. Never waits.
+    /// Starts to copy ranges of one buffer, each to an offset in another, after an optional moment. Returns the
+    /// timeline value at which the copy has finished. Never blocks.
     pub fn start(
         &mut self,
         buffers: [&Buffer; 2],
@@ -58,7 +58,8 @@ impl Transfer {
         })
     }
 
-    /// Likewise, each copy after those before it, and all after some moments.
+    /// Starts several copies, each after the one before, and all of them after some moments. Returns the timeline value
+    /// at which all have finished. Never blocks.
     pub(crate) fn start_in_order(
         &mut self,
         copies: &[([&Buffer; 2], Vec<vk::BufferCopy>)],
@@ -91,7 +92,7 @@ impl Transfer {
         Ok(value)
     }
 
-    /// A lane whose last copy is finished, made if there is none.
+    /// Returns a lane whose last copy has finished, or a new one.
     fn free_lane(&mut self) -> Result<usize> {
         for (i, lane) in self.lanes.iter().enumerate() {
             if self.done.has_reached(lane.busy_until)? {
@@ -105,7 +106,7 @@ impl Transfer {
         Ok(self.lanes.len() - 1)
     }
 
-    /// Waits until all copies are done.
+    /// Blocks until all copies have finished.
     pub fn wait(&self) -> Result<()> {
         self.done.wait(self.last)
     }
@@ -123,12 +124,12 @@ fn pieces(bytes: &Range<u64>, to_at: u64) -> Vec<vk::BufferCopy> {
 
 impl Drop for Transfer {
     fn drop(&mut self) {
-        // A lost device has nothing to wait for.
+        // An error means that the device is lost; there is nothing to wait for.
         let _ = self.wait();
     }
 }
 
-/// Sends data to the device in pieces through a window in the host's memory; waits for each.
+/// Uploads data in pieces through a staging buffer. Blocks until each piece has been copied.
 pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let largest = all.iter().map(|(data, _)| data.len()).max().unwrap_or(0);

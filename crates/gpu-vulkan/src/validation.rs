@@ -1,4 +1,4 @@
-//! The validation layer: whether it is here, and what it says.
+//! The validation layer: detection and messages.
 
 use ash::{Entry, Instance, ext, vk};
 use backend::{BackendError, Result};
@@ -9,13 +9,13 @@ use std::sync::{Mutex, MutexGuard};
 
 pub(crate) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// What the layer is asked by: messages, and more checks than it has by default.
+/// Instance extensions for messages, and for checks that are off by default.
 pub(crate) const EXTENSIONS: [&CStr; 2] = [ext::debug_utils::NAME, ext::validation_features::NAME];
 
-/// Whether the instance is to be made with the layer.
+/// Returns whether to create the instance with the layer.
 ///
 /// # Errors
-/// [`BackendError::NoDevice`] if it is required and not installed.
+/// [`BackendError::NoDevice`] if the layer is required and not installed.
 pub(crate) fn is_on(validation: Validation, entry: &Entry) -> Result<bool> {
     match validation {
         Validation::Off => Ok(false),
@@ -29,7 +29,7 @@ pub(crate) fn is_on(validation: Validation, entry: &Entry) -> Result<bool> {
 }
 
 fn is_installed(entry: &Entry) -> bool {
-    // SAFETY: the loader is open; likewise below.
+    // SAFETY: the loader is open.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
     let here = |l: &vk::LayerProperties| l.layer_name_as_c_str() == Ok(LAYER);
     if !layers.iter().any(here) {
@@ -47,12 +47,12 @@ fn is_installed(entry: &Entry) -> bool {
 
 static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// What the layer has said so far, in this process.
+/// Returns the layer's messages so far in this process.
 pub(crate) fn messages() -> MutexGuard<'static, Vec<String>> {
     lock(&MESSAGES)
 }
 
-/// Hears the layer of an instance, which is never destroyed.
+/// Records the messages of an instance, which is never destroyed.
 pub(crate) fn listen(entry: &Entry, instance: &Instance) -> Result<()> {
     let severity = vk::DebugUtilsMessageSeverityFlagsEXT::ERROR
         | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING;
@@ -76,7 +76,7 @@ unsafe extern "system" fn hear(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     _user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: the layer passes valid data for the time of the call.
+    // SAFETY: the layer passes valid data for the duration of the call.
     let text = unsafe { (*data).message_as_c_str() };
     if let Some(text) = text {
         messages().push(text.to_string_lossy().into_owned());

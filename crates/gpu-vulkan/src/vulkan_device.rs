@@ -1,4 +1,4 @@
-//! What Vulkan does for a backend.
+//! The implementation of [`GpuDevice`] for Vulkan.
 
 use crate::gpu::{Gpu, Queue};
 use crate::instance::{Host, all};
@@ -23,12 +23,13 @@ use std::sync::Arc;
 /// The backend that computes through Vulkan.
 pub type VulkanBackend = ComputeBackend<VulkanDevice>;
 
-/// A device of Vulkan's: frames on one queue, trees that go up and positions that come back on others.
+/// A Vulkan device for one scene: a queue for frames, and queues for uploads and readbacks.
 pub struct VulkanDevice {
     backend: &'static str,
-    /// Reaches a ticket's number when its submission is done.
+    /// Timeline of submissions. It reaches a ticket's number when the submission has finished.
     pub done: Timeline,
-    /// Likewise, when the part of it is that positions wait for alone.
+    /// Timeline of the first parts of submissions. It reaches a ticket's number when the positions that the host
+    /// requested are complete.
     first_part: Timeline,
     submitted: u64,
     pub(crate) compute: Arc<Queue>,
@@ -36,25 +37,25 @@ pub struct VulkanDevice {
     pub upload: Transfer,
     /// Copies to the host.
     pub readback: Transfer,
-    /// Through which the host looks at buffers.
+    /// Host-visible buffers for reads of device buffers.
     windows: Vec<Buffer>,
     tree_staging: Staging,
     pub(crate) key_staging: Staging,
     pub(crate) keys_read: KeysRead,
-    /// Buffers that were too small.
+    /// Discarded buffers that may still be in use.
     pub(crate) outgrown: Pool<Self>,
     spares: Spares<HostPoints>,
-    /// The upload that the next submission has to wait for.
+    /// The upload that the next submission must wait for.
     pub(crate) arriving: Option<u64>,
-    /// The copy (of `readback`) that reads what the recording overwrites.
+    /// The value of `readback` for the copy whose source the recording overwrites.
     overwritten: Option<u64>,
     pub(crate) lent: Lent,
-    /// The device and its memory.
+    /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
 }
 
 impl VulkanDevice {
-    /// The device of a backend of that name, for one scene: others may take it besides.
+    /// Creates the device of one scene for the backend of this name. Other scenes may share `gpu`.
     pub fn over(gpu: &Arc<Gpu>, backend: &'static str) -> Result<Self> {
         let queues = gpu.queues.clone();
         Ok(Self {
@@ -78,7 +79,7 @@ impl VulkanDevice {
         })
     }
 
-    /// Whether copies up and down each have a queue of their own.
+    /// Returns whether uploads and readbacks each have a queue of their own.
     pub fn has_queues_for_copies(&self) -> bool {
         let [up, back] = [&self.upload.queue, &self.readback.queue];
         let is_own = |queue| !Arc::ptr_eq(queue, &self.compute);
@@ -99,7 +100,7 @@ impl VulkanDevice {
         Ok(HostCopy { buffer, done_at })
     }
 
-    /// That of a buffer given up now, which no recording has.
+    /// Returns the last use of a buffer that is discarded now and not part of the recording.
     pub(crate) fn last_use(&self) -> LastUse {
         LastUse {
             arrival: self.upload.last,
@@ -107,7 +108,7 @@ impl VulkanDevice {
         }
     }
 
-    /// Sends the parts of a recording; others may wait for the first of two alone.
+    /// Submits the parts of a recording. Copies of positions wait only for the first of two parts.
     fn submit_parts(&mut self, slot: &Slot, ticket: Ticket) -> Result<()> {
         let arrived = self.arriving.map(|value| self.upload.done.at(value));
         let unread = self.overwritten.map(|value| self.readback.done.at(value));
@@ -125,7 +126,7 @@ impl VulkanDevice {
         let batches: Vec<_> = parts.iter().enumerate().map(batch).collect();
         submit(&self.gpu, &self.compute, &batches)?;
         (self.arriving, self.overwritten) = (None, None);
-        // So does what follows.
+        // Later submissions to the queue wait as well.
         self.lent.waits.clear();
         self.submitted = ticket.0;
         let done = (&self.upload, &self.done);
@@ -207,7 +208,7 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn discard(&mut self, buffer: Buffer) {
-        // The recording may use it.
+        // The recording may use the buffer.
         let last = LastUse {
             ticket: self.submitted + 1,
             ..self.last_use()
@@ -247,7 +248,7 @@ impl GpuDevice for VulkanDevice {
     fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
         let begun = self.copy_to_window(from, bytes);
         if begun.is_err() {
-            // Those that are under way are given up with it.
+            // Copies that are under way are dropped with the failed read.
             self.readback.wait()?;
         }
         begun
@@ -382,7 +383,7 @@ impl GpuDevice for VulkanDevice {
         let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
         let waiting = staging.iter().sum::<u64>() + self.outgrown.held();
         let scratch = bytes.scratch + waiting;
-        // Whatever else there is.
+        // All other buffers.
         let others = bytes.tree + scratch + bytes.scene;
         DeviceBytes {
             scratch,

@@ -1,17 +1,17 @@
-//! What wgpu offers on this machine.
+//! The adapters that wgpu offers on this machine.
 
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use wgpu::{Backends, Features, InstanceFlags};
 
-/// Every adapter that wgpu offers on this machine.
+/// Returns all adapters that wgpu offers on this machine.
 ///
 /// # Errors
-/// [`BackendError::NoDevice`] where there is none.
+/// [`BackendError::NoDevice`] if there is no adapter.
 pub fn adapters() -> Result<Vec<AdapterInfo>> {
     enumerate(&instance(false)).map(|(_, list)| list)
 }
 
-/// Every adapter, and what is told of it.
+/// Returns all adapters with their descriptions.
 pub(crate) fn enumerate(
     instance: &wgpu::Instance,
 ) -> Result<(Vec<wgpu::Adapter>, Vec<AdapterInfo>)> {
@@ -61,12 +61,12 @@ pub(crate) fn kind(info: &wgpu::AdapterInfo) -> DeviceKind {
     }
 }
 
-/// Metal and DirectX 12 pass shaders through as well, but not SPIR-V.
+/// Returns whether kernels can be passed as SPIR-V. Metal and DirectX 12 also pass shaders through, but not SPIR-V.
 pub(crate) fn takes_spirv(info: &wgpu::AdapterInfo, features: Features) -> bool {
     info.backend == wgpu::Backend::Vulkan && features.contains(Features::PASSTHROUGH_SHADERS)
 }
 
-/// An instance without a window, with nothing left to a default that depends on the build.
+/// Creates an instance without a window. Sets every option whose default depends on the build.
 pub(crate) fn instance(validation: bool) -> wgpu::Instance {
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
     desc.backends = Backends::VULKAN | Backends::METAL | Backends::DX12;
@@ -81,9 +81,11 @@ pub(crate) fn instance(validation: bool) -> wgpu::Instance {
     wgpu::Instance::new(desc)
 }
 
-/// Vulkan without the window systems that wgpu enables by itself; `None` where Vulkan cannot be had.
+/// Creates a Vulkan instance without the window system extensions that wgpu enables by default. Returns `None` if
+/// Vulkan is not available.
 ///
-/// With Wayland's extension, a layer of Mesa's looks for a compositor and complains on standard error where there is none.
+/// With Wayland's extension, a layer of Mesa tries to connect to a compositor and prints an error if it finds no
+/// compositor.
 #[cfg(target_os = "linux")]
 #[expect(
     unsafe_code,
@@ -107,9 +109,9 @@ fn windowless(desc: &wgpu::InstanceDescriptor) -> Option<wgpu::Instance> {
     let forgo = |args: CreateInstanceCallbackArgs<'_, '_, '_>| {
         args.extensions.retain(|name| !WINDOWS.contains(name));
     };
-    // SAFETY: wgpu-hal uses these three only to make a surface, and looks first whether they are enabled.
+    // SAFETY: wgpu-hal uses these three extensions only to create a surface, and checks first that they are enabled.
     let made = unsafe { Instance::init_with_callback(&hal, Some(Box::new(forgo))) };
-    // SAFETY: the instance was made by this very crate a moment ago, and nothing else holds it.
+    // SAFETY: the instance was created above, and nothing else holds it.
     made.ok()
         .map(|made| unsafe { wgpu::Instance::from_hal::<Api>(made) })
 }

@@ -1,4 +1,4 @@
-//! Buffers: made, filled, copied, mapped.
+//! Creating, filling, copying and mapping buffers.
 
 use crate::gpu::Gpu;
 use crate::limits::span;
@@ -12,19 +12,19 @@ use std::thread;
 use std::time::{Duration, Instant};
 use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode, SubmissionIndex};
 
-/// Bytes of one copy command, so that a large read-back does not starve what computes beside it.
+/// Bytes per copy command, so that a large readback does not slow down kernels that run at the same time.
 const PIECE: u64 = 512 << 10;
 
 /// Usage of a buffer that kernels read and write.
 pub(crate) const STORAGE: BufferUsages = BufferUsages::STORAGE
     .union(BufferUsages::COPY_SRC)
     .union(BufferUsages::COPY_DST);
-/// Of one that the host maps to read.
+/// Usage of a buffer that the host maps to read.
 pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
-/// Of one that the host writes to, at once and whenever it is mapped again.
+/// Usage of a buffer that the host writes at creation and whenever it is mapped again.
 pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
 
-/// At least 16 bytes, so that an empty scene has buffers to bind.
+/// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
 pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
@@ -42,7 +42,7 @@ pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Re
     gpu.guard(what, size, || gpu.device.create_buffer(&desc))
 }
 
-/// Writes at a byte offset, before all that is submitted later.
+/// Writes at a byte offset, before all later submissions.
 pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     gpu.guard("an upload", bytes.len() as u64, || {
@@ -50,7 +50,7 @@ pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Resu
     })
 }
 
-/// Fills buffers and waits: in pieces, so that no more than a few are under way at a time.
+/// Fills buffers in pieces and blocks until the copies have finished. At most a few pieces are under way at a time.
 pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let flush = || {
@@ -71,7 +71,7 @@ pub(crate) fn upload(gpu: &Gpu, all: &[(&[u8], &Buffer)]) -> Result<()> {
     flush()
 }
 
-/// Records a copy from one place to another.
+/// Records a copy between two buffers, each with an offset.
 pub(crate) fn copy_part(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
@@ -84,7 +84,7 @@ pub(crate) fn copy_part(
     })
 }
 
-/// Records a copy in pieces to the beginning of a buffer.
+/// Records a copy in pieces to the start of a buffer.
 fn copy(
     gpu: &Gpu,
     encoder: &mut CommandEncoder,
@@ -100,15 +100,15 @@ fn copy(
     })
 }
 
-/// A mapping asked for; it arrives while the device is polled.
+/// A requested mapping. It completes while the device is polled.
 pub(crate) struct Mapping(Arc<OnceLock<Outcome>>);
 
-/// What became of a mapping.
+/// Result of a mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Mapped,
     Refused,
-    /// The commands that it follows were dropped before they were submitted.
+    /// The command buffer before the mapping was dropped without being submitted.
     Dropped,
 }
 
@@ -117,13 +117,13 @@ struct Callback(Arc<OnceLock<Outcome>>);
 
 impl Drop for Callback {
     fn drop(&mut self) {
-        // It has no effect once the callback was called.
+        // This has no effect if the callback was called.
         let _ = self.0.set(Outcome::Dropped);
     }
 }
 
 impl Mapping {
-    /// Asks for one as soon as these commands are submitted.
+    /// Requests a mapping that takes place after these commands are submitted.
     pub(crate) fn on_submit(encoder: &CommandEncoder, buffer: &Buffer, mode: MapMode) -> Self {
         let done = Arc::new(OnceLock::new());
         let callback = Callback(Arc::clone(&done));
@@ -137,12 +137,12 @@ impl Mapping {
         Self(done)
     }
 
-    /// Whether the commands were dropped before they were submitted.
+    /// Returns whether the commands were dropped before they were submitted.
     pub(crate) fn is_dropped(&self) -> bool {
         self.0.get() == Some(&Outcome::Dropped)
     }
 
-    /// Whether the host can use it. A mapping that wgpu refused means that the device is gone.
+    /// Returns whether the host can access the buffer. Treats a rejected mapping as the loss of the device.
     pub(crate) fn poll(&self, gpu: &Gpu) -> Result<bool> {
         match self.0.get() {
             Some(Outcome::Refused) => Err(gpu.faults.lose("a buffer cannot be mapped".into())),
@@ -150,7 +150,7 @@ impl Mapping {
         }
     }
 
-    /// Likewise, after the submission that fills the buffer was waited for.
+    /// Waits until the host can access the buffer. The submission that fills it must have been waited for.
     pub(crate) fn expect(&self, gpu: &Gpu) -> Result<()> {
         match self.arrives_within(gpu, Duration::from_secs(10))? {
             true => Ok(()),
@@ -158,7 +158,8 @@ impl Mapping {
         }
     }
 
-    /// Whether the host can use it, or soon: another thread that polls the device may be about to tell.
+    /// Returns whether the host can access the buffer within `patience`. Another thread that polls the device may run
+    /// the callback.
     pub(crate) fn arrives_within(&self, gpu: &Gpu, patience: Duration) -> Result<bool> {
         let begun = Instant::now();
         while !self.poll(gpu)? {
@@ -172,7 +173,7 @@ impl Mapping {
     }
 }
 
-/// Ends a mapping; false if the device is gone and took the buffer with it.
+/// Unmaps a buffer. Returns `false` if the buffer was lost with its device.
 #[must_use]
 pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
     let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -184,16 +185,16 @@ pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
     BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
 }
 
-/// Positions, or other bytes, on their way to the host.
+/// A copy of positions or other bytes to the host.
 pub struct HostCopy {
     pub(crate) buffer: Buffer,
     pub(crate) mapping: Mapping,
-    /// The place in the queue; that of positions is their frame's.
+    /// Index of the submission; `None` for positions, which are part of their frame's submission.
     pub(crate) place: Option<SubmissionIndex>,
 }
 
 impl HostCopy {
-    /// Records a copy to the beginning of a spare buffer, if that is large enough, else of one for `what`.
+    /// Records a copy to the start of `spare` if it is large enough, or else of a new buffer named `what`.
     pub(crate) fn record(
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
@@ -214,7 +215,7 @@ impl HostCopy {
     }
 }
 
-/// Positions that have arrived, and the buffer that is mapped for them until it is used again.
+/// Positions that have arrived, in a buffer that stays mapped until it is reused.
 pub(crate) struct Arrived {
     view: BufferView,
     buffer: Buffer,
@@ -239,7 +240,8 @@ impl Arrived {
         })
     }
 
-    /// The buffer, unless it is gone with its device. No view may look at a buffer that is unmapped.
+    /// Returns the buffer, or `None` if it was lost with its device. Drops the view first, because a viewed buffer
+    /// cannot be unmapped.
     pub(crate) fn unmapped(self, device: &wgpu::Device) -> Option<Buffer> {
         drop(self.view);
         unmap(device, &self.buffer).then_some(self.buffer)

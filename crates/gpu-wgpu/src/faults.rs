@@ -1,17 +1,17 @@
-//! What goes wrong on the device, gathered from everywhere wgpu may say it.
+//! Errors of the device, collected from all places where wgpu reports them.
 //!
-//! - Every call that wgpu may refuse runs in [`crate::gpu::Gpu::guard`]: out of memory, invalid and internal errors are caught
-//!   there, on our own devices and on lent ones alike.
-//! - Of a device's loss wgpu tells callbacks alone. Our own device has one; on a lent one the callback is the engine's. There
-//!   the loss shows when something is waited for: polling panics (which is caught, unless the program is built to abort) or a
-//!   mapping is refused. A call refused as invalid asks for it, too.
-//! - What happens outside of any call goes to our own device's handler for uncaptured errors, and the next call returns it.
+//! - Every call that wgpu may reject runs in [`crate::gpu::Gpu::guard`], which catches out-of-memory, validation and
+//!   internal errors. This works on our own devices and on lent ones.
+//! - wgpu reports the loss of a device only to callbacks. On our own device the callback is ours; on a lent one it is
+//!   the engine's. There a loss is noticed during a wait: polling panics (which is caught, unless the program is built
+//!   to abort) or a mapping is refused. It is also checked when a call is rejected as invalid.
+//! - Errors outside of any call go to our own device's handler for uncaptured errors, and the next call returns them.
 
 use backend::BackendError;
 use geom::lock;
 use std::sync::Mutex;
 
-/// Faults that no call was there to return. Shared with wgpu's callbacks.
+/// Errors that no call has returned yet. Shared with wgpu's callbacks.
 #[derive(Default)]
 pub(crate) struct Faults {
     lost: Mutex<Option<String>>,
@@ -20,19 +20,19 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// The device is gone, for good.
+    /// Notes that the device is permanently lost, and returns the error.
     pub(crate) fn lose(&self, why: String) -> BackendError {
         lock(&self.lost).get_or_insert(why.clone());
         BackendError::DeviceLost(why)
     }
 
-    /// Notes an error that no error scope caught; the next call returns it.
+    /// Notes an error that no error scope caught. The next call returns it.
     pub(crate) fn note(&self, error: &wgpu::Error) {
         let error = self.translate("work begun earlier", 0, error);
         lock(&self.pending).get_or_insert(error);
     }
 
-    /// The seam's error for wgpu's, with what was being made.
+    /// Converts a wgpu error into a backend error that names the failed operation.
     pub(crate) fn translate(&self, what: &str, bytes: u64, error: &wgpu::Error) -> BackendError {
         lock(&self.messages).push(format!("{what}: {error}"));
         match error {
@@ -46,7 +46,7 @@ impl Faults {
         }
     }
 
-    /// Returns what is due: the device's loss for ever, any other fault once.
+    /// Returns a pending error: the device's loss on every call, any other error once.
     pub(crate) fn check(&self) -> backend::Result<()> {
         if let Some(why) = lock(&self.lost).as_ref() {
             return Err(BackendError::DeviceLost(why.clone()));
@@ -54,14 +54,14 @@ impl Faults {
         lock(&self.pending).take().map_or(Ok(()), Err)
     }
 
-    /// Everything that wgpu refused, in order.
+    /// Returns all errors of wgpu, in order.
     pub(crate) fn messages(&self) -> Vec<String> {
         lock(&self.messages).clone()
     }
 }
 
-/// What the validation layer called an error so far, in this process. Layers older than SPIR-V's number for WGSL as a source
-/// language call the names that wgpu gives its own translations an error; that is left out.
+/// Returns the errors that the validation layer has reported in this process. Old layers do not know SPIR-V's number
+/// for WGSL as a source language. Their error about names in wgpu's translations is left out.
 pub(crate) fn layer_messages() -> Vec<String> {
     static HEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
     let unknown_language = |m: &String| m.ends_with("Invalid source language operand: 10");

@@ -1,4 +1,4 @@
-//! The device and its queue; every call to them that can fail passes through here.
+//! The device and its queue, with error handling for all calls that can fail.
 
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
 use crate::buffers::{READBACK, make, unmap};
@@ -15,26 +15,26 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use wgpu::{ErrorFilter, Features, PollType, SubmissionIndex};
 
-/// A device with what every part of the backend needs of it.
+/// A device with its queue, limits and features.
 pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
     pub(crate) features: Features,
-    /// Whether kernels go in as WGSL with checks.
+    /// Whether kernels are passed as WGSL with checks.
     pub(crate) checks_kernels: bool,
-    /// Whether it was opened with validation.
+    /// Whether the device was opened with validation.
     pub(crate) is_validated: bool,
-    /// Nanoseconds a tick of the device's clock.
+    /// Nanoseconds per tick of the device's clock.
     pub(crate) tick_ns: f64,
     pub(crate) faults: Arc<Faults>,
-    /// Buffers made, or lent by a program in place of others.
+    /// Number of buffers that were created, or lent by a program in place of others.
     buffers_made: AtomicU64,
-    /// Compiled kernels of earlier runs, where they are kept.
+    /// Cache of compiled kernels, if they are stored.
     pub(crate) cache: Option<PipelineCache>,
-    /// Nothing but to ask whether the device is still there.
+    /// Used only to check whether the device is lost.
     probe: Option<Mutex<wgpu::Buffer>>,
-    /// Goes last.
+    /// Dropped last.
     pub(crate) device: OpenDevice,
 }
 
@@ -66,7 +66,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Takes a device as an engine opened it; its callbacks stay the engine's.
+    /// Wraps a device that an engine opened. The engine keeps its callbacks.
     pub(crate) fn lent(
         device: wgpu::Device,
         queue: wgpu::Queue,
@@ -92,7 +92,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Hears of losses and of errors that no scope caught.
+    /// Registers for the device's loss and for errors that no scope catches.
     fn listen(&self) {
         let faults = Arc::clone(&self.faults);
         self.device
@@ -105,12 +105,12 @@ impl Gpu {
         });
     }
 
-    /// Whether kernels go in as SPIR-V.
+    /// Returns whether kernels are passed as SPIR-V.
     pub(crate) fn takes_spirv(&self) -> bool {
         !self.checks_kernels && takes_spirv(&self.info, self.features)
     }
 
-    /// How invocations search together here.
+    /// Returns the kind of packets for this device, if it can trace packets.
     pub(crate) fn packets(&self) -> Option<Packets> {
         let sizes = (self.info.subgroup_min_size, self.info.subgroup_max_size);
         let has_subgroups = self.takes_spirv() && self.features.contains(Features::SUBGROUP);
@@ -118,7 +118,7 @@ impl Gpu {
         Packets::for_device(has_subgroups.then_some(sizes), is_software)
     }
 
-    /// Notes that a buffer was made or lent.
+    /// Notes that a buffer was created or lent.
     pub(crate) fn count_buffer(&self) {
         self.buffers_made.fetch_add(1, Ordering::Relaxed);
     }
@@ -135,12 +135,12 @@ impl Gpu {
         let validation = scope(ErrorFilter::Validation);
         let memory = scope(ErrorFilter::OutOfMemory);
         let made = work();
-        // On native devices a scope knows its error at once, so nothing waits here.
+        // On native devices a scope knows its error at once, so this does not block.
         let memory = pollster::block_on(memory.pop());
         let validation = pollster::block_on(validation.pop());
         let internal = pollster::block_on(internal.pop());
         match memory.or(validation).or(internal) {
-            // Of what was made after a loss that we never heard of, wgpu says that it is invalid.
+            // After a loss that was not reported to us, wgpu rejects new objects as invalid.
             Some(wgpu::Error::Validation { .. }) if self.is_lost() => {
                 Err(self.faults.lose(format!("{what} came too late")))
             }
@@ -149,7 +149,7 @@ impl Gpu {
         }
     }
 
-    /// A lost device refuses to map a buffer, at once.
+    /// Returns whether the device is lost: a lost device rejects a mapping at once.
     fn is_lost(&self) -> bool {
         let Some(probe) = &self.probe else {
             return false;
@@ -157,7 +157,7 @@ impl Gpu {
         let probe = lock(probe);
         let refused = Arc::new(AtomicBool::new(false));
         let hears = Arc::clone(&refused);
-        // The probe itself may have been made too late.
+        // The probe itself may have been created after the loss.
         let scope = self.device.push_error_scope(ErrorFilter::Validation);
         probe.map_async(wgpu::MapMode::Read, .., move |mapped| {
             hears.store(mapped.is_err(), Ordering::Relaxed);
@@ -167,13 +167,13 @@ impl Gpu {
         lost || !is_unmapped || pollster::block_on(scope.pop()).is_some()
     }
 
-    /// Commands to be recorded.
+    /// Creates a command encoder.
     pub(crate) fn encoder(&self, what: &str) -> Result<wgpu::CommandEncoder> {
         let desc = wgpu::CommandEncoderDescriptor { label: Some(what) };
         self.guard(what, 0, || self.device.create_command_encoder(&desc))
     }
 
-    /// Submits and says where the work stands in the queue.
+    /// Submits command buffers and returns the index of the submission.
     pub(crate) fn submit(
         &self,
         encoders: impl IntoIterator<Item = wgpu::CommandEncoder>,
@@ -182,12 +182,12 @@ impl Gpu {
         self.guard("a submission", 0, || self.queue.submit(all))
     }
 
-    /// Lets callbacks run, without waiting.
+    /// Runs pending callbacks. Never blocks.
     pub(crate) fn poll(&self) -> Result<()> {
         self.poll_by(PollType::Poll)
     }
 
-    /// Waits for a submission and lets callbacks run.
+    /// Blocks until a submission has finished, and runs pending callbacks.
     pub(crate) fn wait_for(&self, submission: SubmissionIndex) -> Result<()> {
         self.poll_by(PollType::Wait {
             submission_index: Some(submission),
@@ -195,14 +195,14 @@ impl Gpu {
         })
     }
 
-    /// Waits until the device has nothing left to do.
+    /// Blocks until the device is idle.
     pub(crate) fn wait_idle(&self) -> Result<()> {
         self.poll_by(PollType::wait_indefinitely())
     }
 
     fn poll_by(&self, how: PollType) -> Result<()> {
         self.faults.check()?;
-        // wgpu panics when it learns of a device's loss while it polls; to our caller that is an error.
+        // wgpu panics if it notices the device's loss while polling. Return an error to the caller instead.
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => self.faults.check(),
@@ -216,7 +216,7 @@ impl Gpu {
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        // A lost device has nothing to wait for.
+        // An error means that the device is lost; there is nothing to wait for.
         let _ = self.wait_idle();
         if let Some(cache) = &self.cache {
             cache.store();
@@ -224,7 +224,7 @@ impl Drop for Gpu {
     }
 }
 
-/// A device that is let go of while no thread compiles kernels.
+/// A device that is dropped while no thread compiles kernels.
 pub(crate) struct OpenDevice(Option<wgpu::Device>);
 
 impl Deref for OpenDevice {

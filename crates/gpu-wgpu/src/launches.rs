@@ -1,4 +1,4 @@
-//! Dispatches with all that they are bound to, their parameters on pages of their own.
+//! Dispatches with their bind groups, and pages of parameters.
 
 use crate::buffers::{make, write};
 use crate::gpu::Gpu;
@@ -12,24 +12,24 @@ use std::collections::HashMap;
 use std::num::NonZeroU64;
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferUsages, ComputePass, ComputePipeline};
 
-/// Rows of parameters in one buffer; more dispatches take more buffers.
+/// Rows of parameters per buffer. Buffers are added as needed.
 const ROWS: usize = 64;
 
-/// A dispatch, ready to go.
+/// A dispatch that is ready to be recorded.
 pub(crate) struct Launch {
     pipeline: ComputePipeline,
     group: BindGroup,
-    /// Of its parameters.
+    /// Offset of its parameters.
     offset: u32,
     groups: [u32; 2],
 }
 
-/// What the dispatches of one recording are bound to.
+/// Resources of the dispatches of one recording.
 pub(crate) struct Launches {
     pages: Vec<Buffer>,
     groups: Groups,
     stride: usize,
-    /// Parameters, as they will lie in the pages.
+    /// Parameters, to be written to the pages.
     rows: Vec<u8>,
 }
 
@@ -52,12 +52,12 @@ impl Launches {
         }
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         self.pages.iter().map(Buffer::size).sum()
     }
 
-    /// Lets go of the buffers of a scene.
+    /// Drops the buffers of a scene.
     pub(crate) fn forget(&mut self) {
         self.groups.made.clear();
     }
@@ -68,8 +68,8 @@ impl Launches {
         self.rows.clear();
     }
 
-    /// Binds dispatches to their buffers; `find` gives all but parameters and the slot's counts, which are those of the
-    /// dispatch's [place](shaders::work::Work::place).
+    /// Binds dispatches to their buffers. `find` returns all buffers except parameters and counts; the counts are those
+    /// of the dispatch's [place](shaders::work::Work::place).
     pub(crate) fn make(
         &mut self,
         gpu: &Gpu,
@@ -89,7 +89,7 @@ impl Launches {
         for (i, dispatch) in all.iter().enumerate() {
             let (page, row) = ((first + i) / ROWS, (first + i) % ROWS);
             let pipeline = dispatch.pipeline;
-            // Neighbours that differ in the offset alone share a group.
+            // Consecutive dispatches that differ only in the offset share a bind group.
             let is_same = |before: &Dispatch<'_, WgpuDevice>| {
                 before.pipeline.kernel.name == pipeline.kernel.name
                     && before.work.place == dispatch.work.place
@@ -116,7 +116,7 @@ impl Launches {
         Ok(made)
     }
 
-    /// Sends all parameters so far on their way.
+    /// Writes all parameters of the recording to the device.
     pub(crate) fn write(&self, gpu: &Gpu) -> Result<()> {
         let rows = self.rows.chunks(ROWS * self.stride);
         let mut pages = self.pages.iter().zip(rows);
@@ -132,8 +132,8 @@ impl Launches {
 
 /// Bind groups by kernel and buffers.
 ///
-/// A group keeps its buffers alive, so all are dropped when a buffer was made since: it may stand in for one that nothing
-/// else holds any more. A steady frame makes none.
+/// A bind group keeps its buffers alive. All are dropped once a new buffer was created, because it may replace one that
+/// only a bind group still holds. In a steady state no groups are created.
 #[derive(Default)]
 struct Groups {
     made: HashMap<(&'static str, Vec<Buffer>), BindGroup>,
@@ -141,7 +141,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Drops all if a buffer was made since the last call.
+    /// Drops all bind groups if a buffer was created since the last call.
     fn refresh(&mut self, gpu: &Gpu) {
         let now = gpu.buffers_made();
         if self.buffers_made != now {
@@ -150,7 +150,7 @@ impl Groups {
         }
     }
 
-    /// The group that binds a kernel to its buffers.
+    /// Returns the bind group of a kernel with its buffers.
     fn get<'a>(
         &mut self,
         gpu: &Gpu,
@@ -165,7 +165,7 @@ impl Groups {
             return Ok(found.clone());
         }
         let group = bind(gpu, pipeline, &key.1)?;
-        // Of the program's buffers each may be another.
+        // The program may pass different buffers each time, so do not keep the group.
         if !is_lent {
             self.made.insert(key, group.clone());
         }
@@ -180,7 +180,7 @@ fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup>
         .map(|(b, buffer)| wgpu::BindGroupEntry {
             binding: b.number,
             resource: match b.kind {
-                // One row of it.
+                // A single row.
                 Kind::Uniform => wgpu::BindingResource::Buffer(BufferBinding {
                     buffer,
                     offset: 0,

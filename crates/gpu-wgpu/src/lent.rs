@@ -1,5 +1,5 @@
-//! What is shared with the program on its own device, and no host sees. Positions that its kernels made go from buffer to buffer.
-//! Kernels bind its rays as they are, and shaders of its own trace the scene.
+//! Resources shared with the program on its own device, without copies through the host. Positions that its kernels
+//! wrote are copied from buffer to buffer. Kernels bind its ray buffers directly, and its shaders can trace the scene.
 
 use crate::buffers::{copy_part, make, write};
 use crate::gpu::Gpu;
@@ -14,32 +14,32 @@ use wgpu::{Buffer, BufferSlice, BufferUsages, CommandEncoder};
 
 const POINT: u64 = size_of::<Point>() as u64;
 
-/// The newest positions of them.
+/// The latest positions from buffers of the program.
 #[derive(Default)]
 pub(crate) struct DevicePoints {
-    /// Which of the scene's they are, in order.
+    /// Runs of the scene's positions that come from the program, in order.
     runs: Vec<Range<usize>>,
-    /// Those that no key frame has yet, and the place in a buffer where each run begins.
+    /// Runs that are in no key frame yet, with the buffer and the offset at which each begins.
     brought: Vec<(Range<usize>, (Buffer, u64))>,
-    /// The key frame that has all others.
+    /// The key frame that contains all other runs.
     newest: Option<Buffer>,
-    /// Copies that the next submission begins with.
+    /// Copies at the start of the next submission.
     copies: Vec<PointsCopy<Buffer>>,
 }
 
 impl DevicePoints {
-    /// Of these runs the parts that come from the host.
+    /// Returns the parts of `runs` that come from the host.
     pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
         without(runs, &self.runs)
     }
 
-    /// Has a key frame take them.
+    /// Schedules copies of all runs to a key frame.
     pub(crate) fn copy_to(&mut self, key: &Buffer) {
         if self.runs.is_empty() {
             return;
         }
         for run in &self.runs {
-            // That of the key frame before may be the same buffer.
+            // The previous key frame may have used the same buffer.
             let Some(from) = self.place(run).filter(|(buffer, _)| buffer != key) else {
                 continue;
             };
@@ -53,7 +53,7 @@ impl DevicePoints {
         self.newest = Some(key.clone());
     }
 
-    /// Where a run of them begins.
+    /// Returns the buffer and offset at which a run begins.
     fn place(&self, run: &Range<usize>) -> Option<(Buffer, u64)> {
         let brought = self.brought.iter().find(|(other, _)| other == run);
         match brought {
@@ -62,7 +62,8 @@ impl DevicePoints {
         }
     }
 
-    /// Those of the copies that a kernel can make, from buffers that it may bind: it takes half the time of a copy command.
+    /// Takes the copies that a kernel can perform, from buffers that it can bind. A kernel takes half the time of a
+    /// copy command.
     pub(crate) fn take_copies(&mut self, largest: u64) -> Vec<PointsCopy<Buffer>> {
         let is_bound = |copy: &mut PointsCopy<Buffer>| {
             let from = &copy.from.0;
@@ -71,7 +72,7 @@ impl DevicePoints {
         self.copies.extract_if(.., is_bound).collect()
     }
 
-    /// Writes the copies that are due.
+    /// Records the remaining copies.
     pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
         self.copies.drain(..).try_for_each(|copy| {
             let (from, to) = ((&copy.from.0, copy.from.1), (&copy.to.0, copy.to.1));
@@ -84,13 +85,13 @@ impl DevicePoints {
 #[derive(Default)]
 pub(crate) struct DeviceRays {
     lent: Vec<LentRays<Buffer>>,
-    /// For queries to come.
+    /// Rays of the next queries.
     pub(crate) due: VecDeque<LentRays<Buffer>>,
 }
 
 impl WgpuDevice {
-    /// Has the positions from `first` on come from a buffer of the program's on this device, in all key frames to come; the
-    /// submission of the next one copies them first. Whether the buffer can be copied from is for that to tell.
+    /// Makes the positions from `first` on come from a buffer of the program, in all later key frames. The next key
+    /// frame's submission copies them first. Does not check that the buffer allows copies.
     pub fn bring_points(&mut self, first: usize, from: BufferSlice<'_>) {
         let run = first..first + (from.size() / POINT) as usize;
         self.release_points(&run);
@@ -99,10 +100,10 @@ impl WgpuDevice {
         runs.insert(runs.partition_point(|r| r.start < run.start), run);
     }
 
-    /// Where a run of them lies, in bytes of a buffer, if it was brought: submits what brings it.
+    /// Returns the buffer and byte range of a run that came from the program. Submits pending copies first.
     ///
     /// # Errors
-    /// The buffers that they came from cannot be copied.
+    /// A source buffer does not allow copies.
     pub fn brought_points(&mut self, run: &Range<usize>) -> Result<Option<(Buffer, Range<u64>)>> {
         let (gpu, points) = (&self.gpu, &mut self.scene.points);
         if !points.runs.contains(run) {
@@ -117,23 +118,25 @@ impl WgpuDevice {
         Ok(place.map(|(buffer, at)| (buffer, at..at + run.len() as u64 * POINT)))
     }
 
-    /// Has a run of them come from the host again.
+    /// Makes a run of positions come from the host again.
     pub fn release_points(&mut self, run: &Range<usize>) {
         self.scene.points.brought.retain(|(other, _)| other != run);
         self.scene.points.runs = without(&self.scene.points.runs, std::slice::from_ref(run));
     }
 
-    /// Has the next queries of [`backend::Rays::OnDevice`] trace these, which kernels can bind: each the next of them.
+    /// Makes the next queries of [`backend::Rays::OnDevice`] trace these rays, one element per query. Kernels must be
+    /// able to bind the buffers.
     pub fn lend_rays(&mut self, rays: Vec<LentRays<Buffer>>) {
         if self.scene.rays.lent != rays {
-            // Groups keep the others alive until they are made anew.
+            // Bind groups keep the previous buffers alive until they are recreated.
             self.gpu.count_buffer();
         }
         self.scene.rays.due = rays.iter().cloned().collect();
         self.scene.rays.lent = rays;
     }
 
-    /// A buffer that holds these: another one if they are others, for what reads it may not be submitted yet.
+    /// Returns a buffer with these parameters. Changed parameters get a new buffer, because unsubmitted work may still
+    /// read the previous one.
     fn module_params(&mut self, params: Params) -> Result<Buffer> {
         if let Some((_, buffer)) = self.module.as_ref().filter(|(of, _)| *of == params) {
             return Ok(buffer.clone());
@@ -147,10 +150,11 @@ impl WgpuDevice {
     }
 }
 
-/// Parameters, the tree's nodes, its triangles, and how far coordinates reach.
+/// Parameters, nodes of the tree, triangle records, and range of the coordinates.
 pub type TracedScene = [Buffer; 4];
 
-/// The scene as the last submission leaves it; `None` if none brought it up to date, or by another method than the usual.
+/// Returns the scene's buffers as the last submission leaves them. Returns `None` if they are not up to date, or unless
+/// the method is `watertight` with layout `fast`.
 pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
     let Some((params, others)) = backend.traced_scene() else {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Commands that go into an encoder of the program's, which submits it itself.
+//! Submissions recorded into a command encoder that the program submits itself.
 
 use crate::buffers::{HostCopy, Mapping};
 use crate::gpu::Gpu;
@@ -8,22 +8,22 @@ use backend::{Result, Ticket};
 use std::collections::VecDeque;
 use wgpu::{Buffer, CommandEncoder, SubmissionIndex};
 
-/// The encoder that the next submission goes into, and submissions that went into others.
+/// The encoder for the next submission, and the submissions recorded into earlier encoders.
 #[derive(Default)]
 pub(crate) struct LentEncoder {
     pub(crate) encoder: Option<CommandEncoder>,
-    /// Not seen to be done, the oldest first, each with a later place in the queue if one is known.
+    /// Unfinished submissions, oldest first. Each has the index of a later submission to the queue, if one is known.
     pub(crate) under_way: VecDeque<(Ticket, Option<SubmissionIndex>)>,
 }
 
 impl LentEncoder {
-    /// Whether nothing of the submission, nor of those before it, is under way in an encoder. What the queue writes would come
-    /// before those.
+    /// Returns whether no encoder contains an unfinished submission up to `ticket`. Queue writes would run before such
+    /// a submission.
     pub(crate) fn is_past(&self, ticket: u64) -> bool {
         self.under_way.iter().all(|(of, _)| of.0 > ticket)
     }
 
-    /// Waits for the submission, if it is such a one and is known to be in the queue.
+    /// Waits for a submission in an encoder, if it is known to be in the queue.
     pub(crate) fn wait(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<()> {
         let of = self.under_way.iter_mut().find(|(of, _)| *of == ticket);
         match of.and_then(|(_, place)| place.take()) {
@@ -32,20 +32,20 @@ impl LentEncoder {
         }
     }
 
-    /// A submission is done, and so are all before it.
+    /// Notes that a submission and all before it have finished.
     pub(crate) fn finished(&mut self, ticket: Ticket) {
         self.under_way.retain(|(of, _)| *of > ticket);
     }
 
-    /// A submission was dropped with its encoder.
+    /// Notes that a submission was dropped with its encoder.
     pub(crate) fn dropped(&mut self, ticket: Ticket) {
         self.under_way.retain(|(of, _)| *of != ticket);
     }
 }
 
 impl WgpuDevice {
-    /// Writes a recording into an encoder; gives its report, and the positions that it copies. The encoder of a program leaves
-    /// the ticket as a stamp in the report.
+    /// Records a submission into an encoder. Returns the mapping of its report, and the copy of the positions. In a
+    /// program's encoder, the report contains the ticket as a stamp.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -65,29 +65,29 @@ impl WgpuDevice {
         Ok((slot.report(encoder), copy))
     }
 
-    /// Commands of nothing yet.
+    /// Creates an empty encoder.
     pub fn encoder(&self) -> Result<CommandEncoder> {
         self.gpu.encoder("nothing")
     }
 
-    /// Has the next submission go into this encoder instead of the queue. What went into the one before should be in the
-    /// queue by now.
+    /// Makes the next submission go into this encoder instead of the queue. The program should have submitted the
+    /// previous encoder.
     pub fn lend_encoder(&mut self, encoder: CommandEncoder) -> Result<()> {
         let lent = &mut self.scene.encoder;
         lent.encoder = Some(encoder);
         if let Some((_, place @ None)) = lent.under_way.back_mut() {
-            // Of a program's own submission nobody tells the place.
+            // The index of the program's own submission is unknown, so a later one is used.
             *place = Some(self.gpu.submit([])?);
         }
         Ok(())
     }
 
-    /// The encoder lent last, unless it was taken back.
+    /// Takes back the encoder lent last, unless it was taken already.
     pub fn take_encoder(&mut self) -> Option<CommandEncoder> {
         self.scene.encoder.encoder.take()
     }
 
-    /// Whether encoders with submissions are not seen to be done.
+    /// Returns whether any encoder contains unfinished submissions.
     pub fn has_encoded(&self) -> bool {
         !self.scene.encoder.under_way.is_empty()
     }

@@ -1,15 +1,16 @@
-//! The wgpu backend: the same kernels as `gpu-vulkan` runs, on whatever wgpu reaches (Vulkan, Metal, DirectX 12).
+//! The wgpu backend: the kernels of `gpu-vulkan` on every interface that wgpu supports (Vulkan, Metal, DirectX 12).
 //!
 //! It is `gpu-common`'s [`ComputeBackend`](gpu_common::ComputeBackend) over a [`WgpuDevice`].
 //!
-//! All work goes through wgpu's one queue, a frame a submission, so order needs no semaphores: a tree written before a
-//! submission is there when it runs, and vertices copied at its end are those it made. What is read by the host (counts,
-//! timestamps, vertices) is mapped asynchronously and looked at when it has arrived.
+//! All work goes through wgpu's one queue, one submission per frame, so no semaphores are needed: a tree written before
+//! a submission is there when it runs, and vertices copied at its end are its own. Data that the host reads (counts,
+//! timestamps, vertices) is mapped asynchronously and read when it has arrived.
 //!
-//! Where the adapter takes SPIR-V as it is, it gets the words that `gpu-vulkan` loads; elsewhere WGSL whose arithmetic no
-//! translator can see through. Both are put to the test when the device is opened, and both give the same bits.
+//! If the adapter accepts SPIR-V unchanged, it gets the same words as `gpu-vulkan`. Otherwise it gets WGSL whose
+//! arithmetic no translator can simplify. Both forms are tested when the device is opened, and both produce the same
+//! bits.
 //!
-//! An engine that has a wgpu device already lends it by [`from_device`].
+//! An engine that already has a wgpu device lends it by [`from_device`].
 
 mod adapters;
 mod buffers;
@@ -29,6 +30,6 @@ pub use adapters::adapters;
 pub use gpu_common::LentRays;
 pub use lent::{TracedScene, traced_scene};
 pub use limits::{required_features, required_limits, useful_features};
-/// WGSL that shaders of the program's own call; it reads a [`TracedScene`], which is bound in group 0.
+/// WGSL functions for shaders of the program. They read a [`TracedScene`], which is bound in group 0.
 pub use shaders::MODULE as SHADER_MODULE;
 pub use wgpu_device::{WgpuBackend, WgpuDevice, from_device};

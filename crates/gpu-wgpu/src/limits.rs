@@ -1,4 +1,4 @@
-//! What the backend needs of a device, and what a scene needs of it.
+//! Features and limits that the backend or a scene requires of a device.
 
 use crate::marks::WITHIN_PASSES;
 use backend::{BackendError, Intersector, Result};
@@ -6,16 +6,20 @@ use geom::Animation;
 use shaders::{KERNELS, Kernel, Params, storage_buffers};
 use wgpu::{Features, Limits};
 
-/// Features without which [`crate::from_device`] refuses a device: none.
+/// Features without which [`crate::from_device`] rejects a device: currently no feature.
 #[must_use]
 pub fn required_features() -> Features {
     Features::empty()
 }
 
-/// Features that an engine should ask for where its adapter has them: timestamps, without which stages are not timed;
-/// timestamps within passes, without which each stage takes a pass of its own, and so some microseconds more; shaders
-/// passed through, which spares the kernels some arithmetic on Vulkan; subgroups, by which rays search together; and the
-/// least of numbers of 64 bits, by which the first hits of large scenes are found triangle by triangle.
+/// Features that an engine should request if its adapter has them:
+///
+/// - Timestamps. Without them stages are not timed.
+/// - Timestamps within passes. Without them each stage needs a pass of its own, which takes some microseconds.
+/// - Passthrough shaders, which save arithmetic in kernels on Vulkan.
+/// - Subgroups, for packet traversal.
+/// - Pipeline caches, which save compilation.
+/// - A 64-bit atomic minimum, for rasterizing the first hits of large scenes.
 #[must_use]
 pub fn useful_features() -> Features {
     Features::TIMESTAMP_QUERY
@@ -26,20 +30,20 @@ pub fn useful_features() -> Features {
         | LEAST_OF_64_BITS
 }
 
-/// What kernels of rasterization ask for: an atomic minimum that returns the former value.
+/// Features that rasterization requires: a 64-bit atomic minimum that returns the former value.
 pub(crate) const LEAST_OF_64_BITS: Features =
     Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_ALL_OPS);
 
-/// The limits that an engine's device needs for `animation`, traced by up to `rays` rays at a time.
+/// Returns the limits that an engine's device needs for `animation`, traced with up to `rays` rays at a time.
 ///
-/// They are the least that suffice; merge them with the engine's own by [`Limits::or_better_values_from`].
+/// They are the minimum. Merge them with the engine's own by [`Limits::or_better_values_from`].
 #[must_use]
 pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     let leaves = animation.live_count() as u64;
     let largest = [
         animation.vertex_count() as u64 * 12,
         animation.triangle_count() as u64 * 12,
-        // Nodes, of layout `fast` at the worst, and so records of triangles: see `tree.rs`.
+        // Upper bound of the nodes, with layout `fast`, and of the triangle records. See `Treelets::rows`.
         leaves * 80 + 64,
         rays as u64 * 32,
         shaders::occluded_words(Intersector::Exact, rays as u64) * 4,
@@ -53,7 +57,7 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     }
 }
 
-/// What every scene needs.
+/// Returns the limits that every scene requires.
 fn least() -> Limits {
     let all = KERNELS.iter().map(|k| storage_buffers(k.bindings));
     Limits {
@@ -62,7 +66,7 @@ fn least() -> Limits {
     }
 }
 
-/// What to ask of an adapter of our own: what is needed, with buffers as large as it allows.
+/// Returns the limits to request from an adapter: those required, with buffers as large as the adapter allows.
 pub(crate) fn generous(adapter: &Limits) -> Limits {
     Limits {
         max_buffer_size: adapter.max_buffer_size,
@@ -74,12 +78,12 @@ pub(crate) fn generous(adapter: &Limits) -> Limits {
     }
 }
 
-/// Refuses a device that no scene fits.
+/// Checks that a device meets the requirements of every scene.
 pub(crate) fn check(limits: &Limits) -> Result<()> {
     check_kernels(limits, &|k| !k.makes_trees())
 }
 
-/// Refuses a device on which one of these kernels cannot run.
+/// Checks that the `asked` kernels can run on a device.
 pub(crate) fn check_kernels(limits: &Limits, asked: &dyn Fn(&Kernel) -> bool) -> Result<()> {
     let kernels = || KERNELS.iter().filter(|k| asked(k));
     let most = |of: fn(&Kernel) -> u32| kernels().map(of).max().unwrap_or(0);
@@ -101,7 +105,7 @@ pub(crate) fn check_kernels(limits: &Limits, asked: &dyn Fn(&Kernel) -> bool) ->
     checked
 }
 
-/// What bounds the work on such a device: names and values, to be shown.
+/// Returns names and values of limits that affect the work, for display.
 pub(crate) fn named(limits: &Limits) -> Vec<(&'static str, String)> {
     let group = limits
         .max_compute_invocations_per_workgroup
@@ -129,7 +133,7 @@ pub(crate) fn named(limits: &Limits) -> Vec<(&'static str, String)> {
     all.map(|(name, value)| (name, value.to_string())).to_vec()
 }
 
-/// Bytes that one storage buffer may span. Kernels count words in 32 bits, so never more than 4 GiB.
+/// Returns the maximum bytes of a storage buffer. Kernels compute sizes in 32 bits, so it is at most 4 GiB.
 pub(crate) fn span(limits: &Limits) -> u64 {
     let largest = limits
         .max_storage_buffer_binding_size
@@ -137,7 +141,7 @@ pub(crate) fn span(limits: &Limits) -> u64 {
     largest.min(u64::from(u32::MAX)) / 16 * 16
 }
 
-/// Distance from one dispatch's parameters to the next one's.
+/// Returns the distance in bytes between the parameters of consecutive dispatches.
 pub(crate) fn params_stride(limits: &Limits) -> u64 {
     let align = u64::from(limits.min_uniform_buffer_offset_alignment).max(16);
     (size_of::<Params>() as u64).next_multiple_of(align)

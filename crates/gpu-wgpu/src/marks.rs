@@ -1,4 +1,4 @@
-//! Marks of time: a query set, and what runs from each of its timestamps on.
+//! Timestamps: a query set, and the stage that starts at each timestamp.
 
 use crate::buffers::make;
 use crate::gpu::Gpu;
@@ -9,25 +9,25 @@ use wgpu::{
     QuerySet,
 };
 
-/// Timestamps of one submission; what comes after the last of them is not timed.
+/// Timestamps per submission. Later stages are not timed.
 const MARKS: usize = 32;
 /// Bytes of all timestamps.
 pub(crate) const BYTES: u64 = MARKS as u64 * 8;
 
-/// What lets stages share a pass and still be timed each.
+/// Feature with which several stages of one pass are timed separately.
 pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
 
-/// Timestamps, and what runs from each of them on.
+/// Timestamps of one submission, and the stage that starts at each.
 pub(crate) struct Marks {
     set: QuerySet,
     resolved: Buffer,
-    /// Whether passes take timestamps between their dispatches, so that stages can share a pass.
+    /// Whether timestamps can be written between the dispatches of a pass, so that stages can share a pass.
     pub(crate) within: bool,
     pub(crate) stages: Vec<Option<Stage>>,
 }
 
 impl Marks {
-    /// `None` where the device has no timestamps.
+    /// Returns `None` if the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu) -> Result<Option<Self>> {
         if !gpu.features.contains(Features::TIMESTAMP_QUERY) {
             return Ok(None);
@@ -46,12 +46,13 @@ impl Marks {
         }))
     }
 
-    /// Bytes of device memory.
+    /// Returns the bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
         self.resolved.size()
     }
 
-    /// The first of the timestamps for a pass: one before each of its stages, and one behind them. None if too few are left.
+    /// Reserves the timestamps of a pass: one before each stage, and one at the end. Returns the index of the first, or
+    /// `None` if too few are left.
     pub(crate) fn take(&mut self, stages: impl ExactSizeIterator<Item = Stage>) -> Option<u32> {
         let first = self.stages.len();
         (stages.len() > 0 && first + stages.len() < MARKS).then(|| {
@@ -60,7 +61,8 @@ impl Marks {
         })
     }
 
-    /// Before and behind a pass of so many stages. Such timestamps take 2 us less than those within (an H200).
+    /// Returns the timestamps at the start and the end of a pass of `stages` stages. They take 2 us less than
+    /// timestamps within a pass (H200).
     pub(crate) fn around(&self, first: u32, stages: usize) -> ComputePassTimestampWrites<'_> {
         ComputePassTimestampWrites {
             query_set: &self.set,
@@ -69,14 +71,14 @@ impl Marks {
         }
     }
 
-    /// Before the `i`-th stage of a pass, but the first.
+    /// Writes the timestamp before the `i`-th stage of a pass, except the first stage.
     pub(crate) fn mark(&self, pass: &mut ComputePass<'_>, first: u32, i: usize) {
         if i > 0 {
             pass.write_timestamp(&self.set, first + i as u32);
         }
     }
 
-    /// Records that the timestamps go to `back`, from byte `at` on.
+    /// Records a copy of the timestamps to `back`, from byte `at`.
     pub(crate) fn resolve(&self, encoder: &mut CommandEncoder, back: &Buffer, at: u64) {
         let marks = self.stages.len() as u32;
         if marks > 0 {

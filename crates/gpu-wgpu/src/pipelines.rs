@@ -1,4 +1,4 @@
-//! A kernel made ready, its layout read from the kernel's own bindings; and what is kept of it for the next run.
+//! Compute pipelines, with layouts derived from the kernels' bindings, and the cache of compiled kernels.
 #![expect(
     unsafe_code,
     reason = "wgpu asks for trust in kernels and caches that it does not check itself"
@@ -16,7 +16,7 @@ use wgpu::{
     ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource,
 };
 
-/// A kernel ready to be bound.
+/// A compiled kernel.
 pub struct Pipeline {
     pub(crate) kernel: &'static Kernel,
     pub(crate) wgpu: ComputePipeline,
@@ -91,7 +91,7 @@ fn compute_pipeline(
     gpu.device.create_compute_pipeline(&desc)
 }
 
-/// A kernel in one of its forms.
+/// Loads a kernel in the form that the device accepts.
 fn load(gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
     let load = || match (gpu.checks_kernels, gpu.takes_spirv()) {
         (true, _) => gpu.device.create_shader_module(wgsl(kernel, code)),
@@ -108,7 +108,7 @@ fn wgsl(kernel: &Kernel, code: Code) -> ShaderModuleDescriptor<'_> {
     }
 }
 
-/// The very words that `gpu-vulkan` loads.
+/// Loads the same SPIR-V as `gpu-vulkan`.
 fn pass_through(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
     let [x, y, z] = kernel.workgroup;
     let entry = wgpu::PassthroughShaderEntryPoint {
@@ -121,12 +121,12 @@ fn pass_through(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderMod
         spirv: Some(bytemuck::pod_collect_to_vec(code.spirv).into()),
         ..Default::default()
     };
-    // SAFETY: the words were validated by the build that made them; their bindings are those of the layout.
+    // SAFETY: the build validated the words that it created; their bindings match the layout.
     unsafe { device.create_shader_module_passthrough(desc) }
 }
 
 fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
-    // Every check by name: nothing is left to a default that may change.
+    // Each check is listed, because defaults may change.
     let checks = ShaderRuntimeChecks {
         bounds_checks: false,
         force_loop_bounding: false,
@@ -135,19 +135,20 @@ fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
         mesh_shader_primitive_indices_clamp: false,
         int_div_checks: false,
     };
-    // SAFETY: kernels stay within buffers whose sizes follow from a checked record of the tree and a
-    // checked animation, their loops pop a finite stack, and they divide no integers by what may be zero.
+    // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation. Their
+    // loops pop a finite stack, and no integer divisor can be zero.
     unsafe { device.create_shader_module_trusted(wgsl(kernel, code), checks) }
 }
 
-/// wgpu's cache of pipelines, and the file that it came from.
+/// wgpu's pipeline cache and its file.
 pub(crate) struct PipelineCache {
     wgpu: wgpu::PipelineCache,
     file: CacheFile,
 }
 
 impl PipelineCache {
-    /// The cache kept in a folder for this adapter and driver, where the device can keep one.
+    /// Loads the cache of this adapter and driver from a folder. Returns `None` without a folder, or if the device has
+    /// no pipeline cache.
     pub(crate) fn open(
         device: &wgpu::Device,
         info: &AdapterInfo,
@@ -163,7 +164,8 @@ impl PipelineCache {
             data: data.as_deref(),
             fallback: true,
         };
-        // SAFETY: the data is what wgpu gave for this adapter, as its digest says; wgpu leaves another driver's aside.
+        // SAFETY: the file's digest shows that wgpu wrote the data for this adapter; wgpu ignores data of another
+        // driver.
         let wgpu = unsafe { device.create_pipeline_cache(&desc) };
         Some(Self { wgpu, file })
     }
@@ -172,7 +174,7 @@ impl PipelineCache {
         &self.wgpu
     }
 
-    /// Keeps what was added.
+    /// Stores new entries.
     pub(crate) fn store(&self) {
         let data = self.wgpu.get_data();
         data.iter().for_each(|data| self.file.store(data));

@@ -1,6 +1,6 @@
-//! What one submission needs for itself: commands, parameters, counts, timestamps.
+//! Resources of one submission: commands, parameters, counts and timestamps.
 //!
-//! Commands are kept as a list until the submission, which knows the encoder that they go into.
+//! Commands are kept as a list until the submission, when their encoder is known.
 
 use crate::buffers::{Mapping, READBACK, STORAGE, make, unmap, unreadable, write};
 use crate::gpu::Gpu;
@@ -16,38 +16,40 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassDescriptor, MapMode,
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
-/// Traces of a submission that count apart: wgpu has dispatches wait for each other that write one buffer.
+/// Number of traces per submission with counts of their own. In wgpu, dispatches that write the same buffer wait for
+/// each other.
 const PLACES: usize = 16;
 
-/// Where the stamp is in a report.
+/// Offset of the stamp in a report.
 const STAMP: u64 = marks::BYTES + COUNTS * PLACES as u64;
 
-/// Used by one submission at a time.
+/// Resources of one submission at a time.
 pub struct Slot {
-    /// One for each place that a trace had so far.
+    /// One buffer for each index of a trace so far.
     counts: Vec<Buffer>,
-    /// Places that this submission has.
+    /// Number of counts buffers that this submission uses.
     places: usize,
     marks: Option<Marks>,
-    /// Timestamps, counts and the stamp on their way to the host.
+    /// Report: timestamps, counts and the stamp, on the way to the host.
     back: Buffer,
-    /// Holds the ticket of a submission in a program's encoder, which copies it to the report.
+    /// Contains the ticket of a submission in a program's encoder, which copies it to the report.
     stamp: Buffer,
-    /// That ticket, or 0.
+    /// The ticket in `stamp`, or 0.
     stamped: u64,
     /// Whether the program's commands were submitted without having any effect.
     is_refused: bool,
     launches: Launches,
     commands: Vec<Command>,
-    /// What belongs to no stage yet.
+    /// Dispatches whose stage has not ended yet.
     waiting: Vec<Launch>,
-    /// The place in the queue, unless the program submits it, if it does; and the report.
+    /// Mapping of the report, once the recording was encoded, with the index of its submission unless the program
+    /// submits it.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
     gpu: Arc<Gpu>,
 }
 
 enum Command {
-    /// The first so many bytes of counts are 0 again.
+    /// Sets the first bytes of the counts to 0.
     Clear(u64),
     Stage(Stage, Vec<Launch>),
 }
@@ -71,10 +73,10 @@ impl Slot {
         })
     }
 
-    /// Writes all that was recorded, and has the report copied, with the ticket as its stamp if there is one.
+    /// Writes the recording and the copy of the report into an encoder, with the ticket as a stamp if there is one.
     ///
-    /// wgpu notices only when the program finishes its encoder that this is another device's, or that a pass is open. The report
-    /// is mapped all the same, but then has another stamp.
+    /// wgpu checks only when the program finishes its encoder that it belongs to the same device and has no open pass.
+    /// If not, the report is mapped all the same, but has another stamp.
     pub(crate) fn encode(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -99,7 +101,8 @@ impl Slot {
                     })?;
                 }
                 Command::Stage(stage, launches) => {
-                    // Geometry and rays each have a pass: a timestamp within one would lengthen what it ends.
+                    // Geometry and rays have separate passes, because a timestamp within a pass would lengthen the
+                    // stage before it.
                     if stage == Stage::TracePrimary {
                         self.passes(encoder, &mut parts)?;
                     }
@@ -107,7 +110,7 @@ impl Slot {
                 }
             }
         }
-        // Its memory is kept.
+        // Keep the vector's capacity.
         self.commands = commands;
         self.passes(encoder, &mut parts)?;
         self.untimed(encoder)?;
@@ -126,18 +129,18 @@ impl Slot {
         })
     }
 
-    /// Has the report mapped: the last that may be asked of an encoder.
+    /// Requests the mapping of the report. This must be the last call on the encoder.
     pub(crate) fn report(&self, encoder: &CommandEncoder) -> Mapping {
         Mapping::on_submit(encoder, &self.back, MapMode::Read)
     }
 
-    /// The encoder was refused: wgpu maps the report all the same.
+    /// Unmaps the report after the submission failed, since wgpu maps it all the same.
     pub(crate) fn recall(&self) {
-        // A device that is gone took the report with it, as what comes next will tell.
+        // If the device is lost, the next call reports it.
         let _ = unmap(&self.gpu.device, &self.back);
     }
 
-    /// Writes passes of these stages: one, if they can be timed in it.
+    /// Writes these stages, as one pass if they can be timed within it.
     fn passes(
         &mut self,
         encoder: &mut CommandEncoder,
@@ -182,10 +185,10 @@ impl Slot {
         })
     }
 
-    /// Waits for the submission and says what it left behind.
+    /// Waits for the submission and returns its output.
     pub(crate) fn finish(&mut self) -> Result<Finished> {
         let gpu = &self.gpu;
-        // An earlier wait that failed took it.
+        // An earlier failed wait took it.
         let lost = || gpu.faults.lose("a submission never ended".into());
         let (place, mapping) = self.sent.take().ok_or_else(lost)?;
         match place {
@@ -228,7 +231,7 @@ impl Slot {
 }
 
 impl Slot {
-    /// Forgets the submission if its commands were dropped or refused. Returns whether they were.
+    /// Forgets the submission if its commands were dropped or rejected. Returns whether they were.
     pub(crate) fn give_up_dropped(&mut self) -> bool {
         let sent = self.sent.as_ref();
         let is_dropped = self.is_refused || sent.is_some_and(|(_, mapping)| mapping.is_dropped());

@@ -1,5 +1,7 @@
-//! Memory of the host that rays and trees are sent from. wgpu's queue would take new memory for each write, and fill it on
-//! this thread. For positions that was no slower: they lie in order already, and busy threads would take them up late.
+//! Host memory from which rays and trees are uploaded.
+//!
+//! wgpu's queue would allocate new memory for each write and fill it on this thread. Positions are still written by the
+//! queue: they are contiguous, and several threads were not faster.
 
 use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write};
 use crate::gpu::Gpu;
@@ -10,20 +12,20 @@ use gpu_common::with_slack;
 use rayon::prelude::*;
 use wgpu::{Buffer, MapMode, WriteOnly};
 
-/// Bytes that a thread writes at a time: whole points, rays and hits.
+/// Bytes that a task writes at a time: a multiple of the sizes of points, rays and hits.
 const RUN: usize = 12 << 10;
 
-/// Bytes that are sent at a time, at most: while the device copies them, the next ones are written.
+/// Maximum bytes per copy. The next piece is written while the device copies.
 const PIECE: usize = 512 * RUN;
 
-/// Bytes up to which the queue's own memory is as good.
+/// Bytes up to which writes through the queue are equally fast.
 const FEW: usize = 1 << 20;
 
-/// Buffers that the device reads or has read, and what tells that they are mapped again.
+/// Buffers that the device reads or has read, with the mappings that make them writable again.
 #[derive(Default)]
 pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
 
-/// Writes all parts, one after another; says whether there was room.
+/// Writes the parts one after another. Returns `false` if they do not fit.
 pub(crate) fn fill(to: &mut Buffer, parts: &[&[u32]]) -> bool {
     let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
     if bytes as u64 > to.size() {
@@ -42,7 +44,7 @@ pub(crate) fn fill(to: &mut Buffer, parts: &[&[u32]]) -> bool {
 }
 
 impl Staging {
-    /// Memory of at least so many bytes.
+    /// Returns a mapped buffer of at least `bytes`.
     pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
         let mut best: Option<(u64, usize)> = None;
@@ -61,7 +63,7 @@ impl Staging {
         }
     }
 
-    /// Sends so many bytes that were written to a place in a buffer, before all that is submitted later.
+    /// Copies the first `bytes` bytes to a position in a buffer, before all later submissions.
     pub(crate) fn send(
         &mut self,
         gpu: &Gpu,
@@ -79,7 +81,7 @@ impl Staging {
         Ok(())
     }
 
-    /// Writes the first rows of a buffer by all threads, before all that is submitted later.
+    /// Writes the first rows of a buffer on several threads, before all later submissions.
     pub(crate) fn write<T: Pod + Send>(
         &mut self,
         gpu: &Gpu,
@@ -93,7 +95,7 @@ impl Staging {
             set_each(&mut rows, row);
             return write(gpu, to, 0, &rows);
         }
-        // A lent device may have no room for more than it was asked for.
+        // A lent device may not allow larger buffers than it was requested with.
         let limit = usize::try_from(gpu.limits.max_buffer_size).unwrap_or(PIECE);
         let bytes = PIECE.min(limit) / RUN * RUN;
         let most = bytes / size_of::<T>();
@@ -108,7 +110,7 @@ impl Staging {
     }
 }
 
-/// Writes so many rows by all threads.
+/// Writes `count` rows on several threads.
 fn fill_rows<T: Pod + Send>(
     to: &Buffer,
     count: usize,

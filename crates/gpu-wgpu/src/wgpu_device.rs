@@ -1,4 +1,4 @@
-//! What wgpu does for a backend.
+//! The implementation of [`GpuDevice`] for wgpu.
 
 use crate::adapters::{driver, kind};
 use crate::buffers::{Arrived, HostCopy, STORAGE, make, unmap, unreadable, upload, write};
@@ -24,13 +24,13 @@ use wgpu::Buffer;
 /// The backend that computes through wgpu.
 pub type WgpuBackend = ComputeBackend<WgpuDevice>;
 
-/// Computes on a device that an engine opened, with the features and limits it has: see [`crate::required_features`],
-/// [`crate::useful_features`] and [`crate::required_limits`]. The engine's error handler and its callback for a lost device
-/// are left alone.
+/// Creates a backend on a device that an engine opened, with its features and limits. See [`crate::required_features`],
+/// [`crate::useful_features`] and [`crate::required_limits`]. Leaves the engine's error handler and its callback for a
+/// lost device unchanged.
 ///
 /// # Errors
-/// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that the device does not reach,
-/// or [`BackendError::NoDevice`](backend::BackendError::NoDevice) if its arithmetic is wrong.
+/// [`BackendError::Limit`](backend::BackendError::Limit) with the limit that is too low, or
+/// [`BackendError::NoDevice`](backend::BackendError::NoDevice) if the device's arithmetic is wrong.
 pub fn from_device(
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -40,18 +40,18 @@ pub fn from_device(
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu)))
 }
 
-/// A device of wgpu's, with its one queue: what is written to a buffer or copied goes in order with submissions.
+/// A wgpu device with its one queue. Writes and copies run in order with submissions.
 pub struct WgpuDevice {
     pub(crate) scene: SceneState,
-    /// What the program's shaders read last.
+    /// Parameters that the program's shaders read last, and their buffer.
     pub(crate) module: Option<(Params, Buffer)>,
     pub(crate) gpu: Arc<Gpu>,
 }
 
-/// What is let go of with a scene.
+/// State that is dropped with a scene.
 #[derive(Default)]
 pub(crate) struct SceneState {
-    /// Through which the host looks at buffers.
+    /// Host-visible buffers for reads of device buffers.
     windows: Vec<Buffer>,
     staging: Staging,
     pub(crate) spares: Spares<Arrived>,
@@ -141,8 +141,8 @@ impl GpuDevice for WgpuDevice {
         self.gpu.buffers_made()
     }
 
-    /// wgpu passes on the layer's errors in builds with debug assertions alone, and for the process as a whole. Where the layer
-    /// is not installed, it has nothing to say.
+    /// wgpu reports the layer's errors only in builds with debug assertions, and for the whole process. Without the
+    /// layer there are no messages.
     fn complaints(&self) -> Vec<String> {
         let mut messages = self.gpu.faults.messages();
         if self.gpu.is_validated {
@@ -227,7 +227,7 @@ impl GpuDevice for WgpuDevice {
         Slot::new(&self.gpu)
     }
 
-    /// Or leaves the recording in the program's encoder.
+    /// Submits the recording, or leaves it in the program's encoder if one was lent.
     fn submit(
         &mut self,
         slot: &mut Slot,
@@ -267,7 +267,7 @@ impl GpuDevice for WgpuDevice {
 
     fn is_done(&self, slot: &Slot, _: Ticket) -> Result<bool> {
         self.gpu.poll()?;
-        // After a wait that failed there is no report, and another wait fails at once.
+        // After a failed wait there is no report, and another wait fails at once.
         let report = slot.sent.as_ref();
         report.map_or(Ok(true), |(_, mapping)| mapping.poll(&self.gpu))
     }

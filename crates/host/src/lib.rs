@@ -1,5 +1,7 @@
-//! What the host lends: regular files only, since a pipe or a device may never end, or answer at all; memory that is
-//! there before it is allocated; cores; and what NVIDIA's driver is called.
+//! Operating system services: regular files, available memory, number of cores, and library names of NVIDIA's driver.
+//!
+//! Only regular files are opened, because reading a pipe or a device may block or never end. Memory is checked before
+//! it is allocated.
 
 use std::collections::TryReserveError;
 use std::fmt;
@@ -8,37 +10,37 @@ use std::io::{self, ErrorKind, Read};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
-/// Libraries of NVIDIA's driver that Vulkan goes through. The first needs no display libraries.
+/// Libraries of NVIDIA's Vulkan driver. The first one works without display libraries.
 pub const NVIDIA_LIBRARIES: [&str; 2] = ["libEGL_nvidia.so.0", "libGLX_nvidia.so.0"];
 
-/// Logical cores that this process may use.
+/// Returns the number of logical cores that this process may use.
 #[must_use]
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }
 
-/// Memory that may still be allocated.
+/// Memory that can still be allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Free {
-    /// How much.
+    /// Number of free bytes.
     pub bytes: u64,
-    /// What limits it.
+    /// Name of the limit.
     pub by: &'static str,
 }
 
-/// More memory is needed than there is.
+/// Error of a request for more memory than is free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{} of memory are needed, {} are free ({})", Size(*need), Size(free.bytes), free.by)]
 pub struct NotEnough {
-    /// Bytes that are needed.
+    /// Requested bytes.
     pub need: u64,
-    /// What there is.
+    /// Free memory.
     pub free: Free,
 }
 
-/// Checks that so many bytes can be had, where the system tells.
+/// Checks that `need` bytes can be allocated. Always succeeds if the free memory is unknown.
 pub fn check(need: u64) -> Result<(), NotEnough> {
-    // Asking takes longer than having.
+    // Small requests are not checked, because the query takes longer than the allocation.
     const ALWAYS: u64 = 1 << 20;
     if need <= ALWAYS {
         return Ok(());
@@ -46,7 +48,7 @@ pub fn check(need: u64) -> Result<(), NotEnough> {
     within(need, free())
 }
 
-/// Checks that so many bytes are at most what is free, if that is known.
+/// Checks that `need` is at most the free memory. Succeeds if `free` is `None`.
 pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     match free {
         Some(free) if need > free.bytes => Err(NotEnough { need, free }),
@@ -54,14 +56,15 @@ pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
     }
 }
 
-/// An empty list with room for so many elements, unless the allocator refuses.
+/// Returns an empty list with capacity for `count` elements, or an error if the allocator refuses.
 pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut list = Vec::new();
     list.try_reserve_exact(count)?;
     Ok(list)
 }
 
-/// The least of what the machine, its control groups and the limits of this process leave; on Linux, nowhere else.
+/// Returns the minimum of the free memory of the machine, its control groups and the process limits. Only implemented
+/// for Linux, otherwise `None`.
 #[must_use]
 pub fn free() -> Option<Free> {
     #[cfg(target_os = "linux")]
@@ -70,7 +73,7 @@ pub fn free() -> Option<Free> {
     return None;
 }
 
-/// Bytes of this process that are resident, where the system tells.
+/// Returns the resident bytes of this process, or `None` if they are unknown.
 #[must_use]
 pub fn resident() -> Option<u64> {
     #[cfg(target_os = "linux")]
@@ -79,15 +82,15 @@ pub fn resident() -> Option<u64> {
     return None;
 }
 
-/// Opens a regular file; never waits for a writer at the other end of a pipe.
+/// Opens a regular file. Never waits for the writer of a pipe.
 ///
 /// # Errors
-/// The system's, or [`ErrorKind::InvalidInput`] for what is no regular file.
+/// Returns errors of the operating system, and [`ErrorKind::InvalidInput`] for anything but a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
-    // Opening some devices does something, so they are refused before.
+    // Opening some devices has side effects, so they are refused before.
     regular(&fs::metadata(path)?)?;
     let file = without_waiting().open(path)?;
-    // What has the name may have changed since.
+    // The path may refer to another file since the first check.
     regular(&file.metadata()?)?;
     Ok(file)
 }
@@ -95,7 +98,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads a whole regular file.
 ///
 /// # Errors
-/// Those of [`open`] and of [`refuse_pointer`], or [`ErrorKind::OutOfMemory`].
+/// Returns errors of [`open`] and [`refuse_pointer`], and [`ErrorKind::OutOfMemory`] if memory is insufficient.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
@@ -106,10 +109,10 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Refuses the first bytes of a Git LFS pointer, which has a file's name where its contents were not downloaded.
+/// Refuses contents that begin like a Git LFS pointer, which replaces a file that was not downloaded.
 ///
 /// # Errors
-/// [`ErrorKind::InvalidData`].
+/// Returns [`ErrorKind::InvalidData`] for a pointer.
 pub fn refuse_pointer(bytes: &[u8]) -> io::Result<()> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
         let message = "a Git LFS pointer, not the file's contents; 'git lfs pull' downloads them";
@@ -153,7 +156,7 @@ fn kind(of: FileType) -> &'static str {
     }
 }
 
-/// The folder that a file is in.
+/// Returns the folder of a file, or `.` for a bare file name.
 #[must_use]
 pub fn parent(file: &Path) -> &Path {
     match file.parent() {
@@ -162,7 +165,7 @@ pub fn parent(file: &Path) -> &Path {
     }
 }
 
-/// The folder of a file that names others.
+/// Folder of a file that refers to other files.
 #[derive(Clone, Debug)]
 pub struct Folder {
     folder: PathBuf,
@@ -170,7 +173,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// The folder that `file` is in. With `allow_outside` it may name files anywhere.
+    /// Returns the folder of `file`. With `allow_outside`, references may lead to files anywhere.
     #[must_use]
     pub fn of(file: &Path, allow_outside: bool) -> Self {
         Self {
@@ -179,15 +182,16 @@ impl Folder {
         }
     }
 
-    /// Where a name leads, seen from the folder.
+    /// Returns the path of a name relative to the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// Reads a regular file in the folder or below, by its name seen from there.
+    /// Reads a regular file by its name relative to the folder.
     ///
     /// # Errors
-    /// Those of [`read`], or [`ErrorKind::PermissionDenied`] for a file that is elsewhere, links followed.
+    /// Returns errors of [`read`], and [`ErrorKind::PermissionDenied`] for a file that is outside the folder after
+    /// following links, unless that is allowed.
     pub fn read(&self, name: &str) -> io::Result<Vec<u8>> {
         let path = self.path(name);
         if self.allow_outside {
@@ -246,14 +250,14 @@ mod linux {
         read_to_string("/proc/self/status").unwrap_or_default()
     }
 
-    /// A line `NAME  N kB`.
+    /// Returns the bytes in a line `NAME  N kB`.
     pub(super) fn kilobytes(text: &str, name: &str) -> Option<u64> {
         let line = text.lines().find_map(|l| l.strip_prefix(name))?;
         let number: u64 = line.split_whitespace().next()?.parse().ok()?;
         Some(number * 1024)
     }
 
-    /// Files of a group's limit and use, and what of its statistics are files that are only cached.
+    /// Names of the limit, of the usage, and of the statistic for inactive file cache, by version of control groups.
     const VERSION_1: [&str; 3] = [
         "memory.limit_in_bytes",
         "memory.usage_in_bytes",
@@ -261,7 +265,7 @@ mod linux {
     ];
     const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
 
-    /// What control groups leave, of version 1 and 2: the least of each and of all above it.
+    /// Returns the free memory of control groups of versions 1 and 2: the minimum over each group and its ancestors.
     pub(super) fn in_groups(groups: &str, root: &Path) -> Option<u64> {
         let one = |line: &str| {
             let mut parts = line.splitn(3, ':').skip(1);
@@ -280,7 +284,7 @@ mod linux {
         groups.lines().filter_map(one).min()
     }
 
-    /// The limit less what is in use; what only caches files is given up where it is needed.
+    /// Returns the limit minus the usage of a group. Inactive file cache counts as free, since the kernel reclaims it.
     fn left_in(group: &Path, [limit, used, cache]: [&str; 3]) -> Option<u64> {
         let number = |name: &str| read_to_string(group.join(name)).ok()?.trim().parse().ok();
         let (limit, used): (u64, u64) = (number(limit)?, number(used)?);

@@ -1,7 +1,7 @@
-//! Whole files or none.
+//! Atomic writing of output files.
 //!
-//! A file is written under a temporary name in its own directory and renamed over its final name. Targets that are no
-//! plain files (devices, pipes) cannot be renamed over without destroying them; they get the finished bytes in one go.
+//! A file is written under a temporary name in its own directory and renamed to its final name. Renaming over a device
+//! or a pipe would destroy it. Such targets receive the finished bytes directly.
 
 use geom::lock;
 use std::collections::BTreeSet;
@@ -14,11 +14,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use tempfile::NamedTempFile;
 
-/// Bytes collected before they go to the file.
+/// Size of the write buffer in bytes.
 const BUFFER: usize = 1 << 18;
 
-/// What keeps a run from a file or a folder that it needs: what was found there, and what is wanted. Nothing is left under
-/// the name of a file that could not be written but what was there before.
+/// Error in a file or a folder that a run needs, with the cause. A file that could not be written keeps its previous
+/// content, or remains absent.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct OutputError(pub(crate) String);
@@ -33,39 +33,39 @@ impl OutputError {
     }
 }
 
-/// How temporary files are named.
+/// Naming scheme of temporary files.
 const PREFIX: &str = ".abvh-";
 const SUFFIX: &str = ".part";
 
-/// Temporary files that exist, of this process.
+/// Existing temporary files of this process.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     lock(&UNFINISHED)
 }
 
-/// Removes every temporary file of this process, which is about to end. None is made while the result is held.
+/// Removes all temporary files of this process, which is about to exit. Holding the result prevents new ones.
 #[must_use]
 pub fn remove_unfinished() -> impl Sized {
     let files = unfinished();
     for file in files.iter() {
-        // One that has got its final name is gone already.
+        // Fails harmlessly for a file that has just been renamed.
         let _ = fs::remove_file(file);
     }
     files
 }
 
-/// A file under a temporary name beside its final one.
+/// File under a temporary name in the directory of its final path.
 #[derive(Debug)]
 pub(crate) struct UnfinishedFile {
     path: PathBuf,
-    // Dropping it on the way out of an error removes it.
+    // Dropping the temporary file on an error path removes it.
     temporary: (UnfinishedName, NamedTempFile),
 }
 
 impl UnfinishedFile {
-    /// Begins the file `path`, links followed, which appears when it is finished. `None` for a device, a pipe or a socket:
-    /// it is written to where it is.
+    /// Begins the file `path`, after following links. It appears under its name when it is finished. Returns `None` for
+    /// a device, a pipe or a socket, which must be written to directly.
     pub(crate) fn beside(path: &Path) -> io::Result<Option<Self>> {
         let begin = |path: PathBuf| {
             let temporary = temporary_in(host::parent(&path))?;
@@ -74,19 +74,19 @@ impl UnfinishedFile {
         plain_target(path)?.map(begin).transpose()
     }
 
-    /// Where it lies meanwhile.
+    /// Returns the temporary path.
     pub(crate) fn path(&self) -> &Path {
         self.temporary.1.path()
     }
 
-    /// Gives it its final name, which keeps what it had where that fails.
+    /// Renames the file to its final name. On failure, a file with that name is unchanged.
     pub(crate) fn finish(self) -> io::Result<()> {
         let (_known, file) = self.temporary;
         file.persist(&self.path).map(drop).map_err(|e| e.error)
     }
 }
 
-/// Has a temporary file be known as long as it exists.
+/// Registration of a temporary file in [`UNFINISHED`] while the file exists.
 #[derive(Debug)]
 struct UnfinishedName(PathBuf);
 
@@ -96,12 +96,12 @@ impl Drop for UnfinishedName {
     }
 }
 
-/// Writes `bytes` to `path`, all of them or none.
+/// Writes `bytes` to `path` atomically.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     write_with(path, |out| out.write_all(bytes))
 }
 
-/// Lets `fill` write a file, which appears at `path` only if `fill` succeeds.
+/// Writes a file with `fill`. The file appears at `path` only if `fill` succeeds.
 pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -117,28 +117,30 @@ pub fn write_with(
     write().map_err(|e| OutputError::writing(path, e))
 }
 
-/// What is there already, to be written to.
+/// Opens an existing file for writing.
 pub(crate) fn open_as_it_is(path: &Path) -> io::Result<fs::File> {
     fs::OpenOptions::new().write(true).open(path)
 }
 
-/// Finds out before long work whether a file could be written at `path`, without touching it. There may be no such
-/// directory, no permission, or a directory in the way. Removes what killed runs left beside it.
+/// Checks, before a long computation, that a file can be written at `path`. Does not change the file.
+///
+/// Fails if the directory is missing or not writable, or if `path` is a directory. Removes temporary files of killed
+/// runs in that directory.
 pub fn check_writable(path: &Path) -> Result<(), OutputError> {
     let check = || match plain_target(path)? {
         Some(file) => {
-            // A folder that may be written to need not be readable.
+            // Errors are ignored, because a writable folder may be unreadable.
             let _ = remove_abandoned(host::parent(&file));
             temporary_in(host::parent(&file)).map(drop)
         }
-        // Whoever reads a pipe would take the end of this look for the end of the file.
+        // Opening and closing a pipe would look like the end of the file to its reader.
         None if is_pipe(path)? => Ok(()),
         None => open_as_it_is(path).map(drop),
     };
     check().map_err(|e| OutputError::writing(path, e))
 }
 
-/// Finds out before long work whether files could be made in the directory `dir`, without making it.
+/// Checks, before a long computation, that files can be created in the directory `dir`. Does not create it.
 pub fn check_dir(dir: &Path) -> Result<(), OutputError> {
     let mut above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
     let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
@@ -150,8 +152,8 @@ pub fn check_dir(dir: &Path) -> Result<(), OutputError> {
     check().map_err(|e| OutputError::writing(dir, e))
 }
 
-/// Makes the directory `dir` and those above it, and finds out whether files can be made in it.
-/// Removes what killed runs left there.
+/// Creates the directory `dir` with its parents, and checks that files can be created in it. Removes temporary files
+/// that killed runs left in it.
 pub fn prepare_dir(dir: &Path) -> Result<(), OutputError> {
     let prepare = || {
         fs::create_dir_all(dir)?;
@@ -171,7 +173,7 @@ fn is_pipe(_: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// The file that a path names or would name, links followed; `None` for a device, a pipe or a socket.
+/// Returns the regular file, existing or new, that a path leads to. Returns `None` for a device, a pipe or a socket.
 fn plain_target(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Some(path.to_owned())),
@@ -193,7 +195,7 @@ fn fill_and_finish(
     file.finish()
 }
 
-/// Removes what runs that were killed left in `dir`: temporary files that no living process holds.
+/// Removes temporary files of killed runs in `dir`: those that no living process has locked.
 fn remove_abandoned(dir: &Path) -> io::Result<()> {
     for entry in fs::read_dir(dir)? {
         let path = entry?.path();
@@ -201,7 +203,7 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
         if !name.starts_with(PREFIX) || !name.ends_with(SUFFIX) {
             continue;
         }
-        // Who writes a file holds its lock; where there are no locks, nobody can tell.
+        // The writer of a file holds its lock. Without support for locks, `try_lock` fails and the file is kept.
         let file = fs::OpenOptions::new().write(true).open(&path);
         if file.is_ok_and(|file| file.try_lock().is_ok()) {
             fs::remove_file(&path)?;
@@ -210,7 +212,7 @@ fn remove_abandoned(dir: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes a link, a pipe or a device that stands where a file is to be written, so that nothing is written where it leads.
+/// Removes a link, a pipe or a device at `path`. A following write then creates a regular file there.
 pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
     match fs::symlink_metadata(path) {
         Ok(about) if !about.is_file() && !about.is_dir() => {
@@ -220,7 +222,7 @@ pub fn remove_special_file(path: &Path) -> Result<(), OutputError> {
     }
 }
 
-/// A temporary file that is locked as long as it is open, so that nobody takes it for abandoned.
+/// Creates a temporary file that is locked while it is open, so that [`remove_abandoned`] keeps it.
 fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
     loop {
         let mut files = unfinished();
@@ -228,7 +230,7 @@ fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
         files.insert(file.path().to_owned());
         drop(files);
         let known = UnfinishedName(file.path().to_owned());
-        // Locked or removed in between by somebody who tidies up: another one is made.
+        // Another process may lock or remove the file before it is locked here. Then another file is created.
         let is_ours = match file.as_file().try_lock() {
             Ok(()) => file.path().exists(),
             Err(fs::TryLockError::WouldBlock) => false,
@@ -243,13 +245,13 @@ fn temporary_in(dir: &Path) -> io::Result<(UnfinishedName, NamedTempFile)> {
 fn unlocked_in(dir: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
-    // Temporary files are private by default; results are as readable as the user's mask allows.
+    // Temporary files are private by default. Results get the permissions that the user's mask allows.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(dir).map_err(without_path)
 }
 
-/// `tempfile` adds the temporary name to its errors; the final name says more.
+/// Removes the temporary path that `tempfile` adds to errors, since the caller adds the final path.
 fn without_path(e: io::Error) -> io::Error {
     match e.to_string().split_once(" at path ") {
         Some((reason, _)) => io::Error::new(e.kind(), reason),

@@ -1,7 +1,8 @@
-//! Hits as `.npz` archives of plain arrays.
+//! Hit files: `.npz` archives of NumPy arrays.
 //!
-//! Arrays are stored, not deflated: at its fastest, deflate shrinks a frame of 1280x720 from 15.7 to 4.7 MB, but takes
-//! 0.4 s of a core, as long as tracing it. Entries carry the format's earliest date, so that equal hits are equal files.
+//! Arrays are stored without compression. The fastest deflate level shrinks a frame of 1280x720 from 15.7 to 4.7 MB,
+//! but takes 0.4 s on one core, as long as tracing the frame. Entries have the format's earliest date, so that equal
+//! hits produce equal files.
 
 use crate::OutputError;
 use crate::atomic::write_whole;
@@ -12,24 +13,24 @@ use std::path::Path;
 use zip::write::{FileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime};
 
-/// More than the heads of five arrays and the archive's directory take.
+/// Upper bound of the bytes for the headers of all arrays and the archive's directory.
 const ROOM_FOR_HEADS: usize = 4096;
 
-/// Closest hits of a list or a picture of rays, as they are written to a file.
+/// Closest hits of a list or picture of rays, in the form in which they are written.
 #[derive(Clone, Copy, Debug)]
 pub struct HitArrays<'a> {
     /// `[height, width]`, or `[rays]`.
     pub shape: &'a [u64],
-    /// One hit for each ray, row by row.
+    /// One hit per ray, row by row.
     pub hits: &'a [Hit],
-    /// 1 where the light is blocked. Absent without shadow rays.
+    /// 1 for rays whose hit is in shadow. `None` without shadow rays.
     pub shadow: Option<&'a [u8]>,
-    /// The point that was subtracted from the scene's coordinates.
+    /// Point that was subtracted from the scene's coordinates.
     pub offset: Option<[f64; 3]>,
 }
 
 impl<'a> HitArrays<'a> {
-    /// Hits without shadows and without an offset.
+    /// Creates arrays without shadows and without an offset.
     #[must_use]
     pub fn of(hits: &'a [Hit], shape: &'a [u64]) -> Self {
         Self {
@@ -40,11 +41,11 @@ impl<'a> HitArrays<'a> {
         }
     }
 
-    /// Writes arrays `triangle` u32 (4294967295 = miss) and `t`, `u`, `v` f32 (miss: inf, 0, 0) of the shape. Where they are
-    /// present, `shadow` u8 of the same shape and `offset` f64 (3,) follow.
+    /// Writes the arrays `triangle` u32 (4294967295 = miss) and `t`, `u`, `v` f32 (miss: inf, 0, 0) of the given shape.
+    /// The optional arrays `shadow` u8 of the same shape and `offset` f64 (3,) follow.
     ///
     /// # Errors
-    /// Those of the system.
+    /// If the file cannot be written.
     ///
     /// # Panics
     /// If the lengths do not match the shape.
@@ -64,7 +65,7 @@ impl<'a> HitArrays<'a> {
     }
 }
 
-/// Writes the one array `hit` u8 of shape (N,): 1 where a ray met anything.
+/// Writes the single array `hit` u8 of shape (N,): 1 for rays that hit any triangle.
 pub fn write_found(path: &Path, found: &[u8]) -> Result<(), OutputError> {
     write_archive(path, found.len(), |zip| {
         add(zip, &[found.len() as u64], "hit", found.iter().copied())
@@ -73,8 +74,8 @@ pub fn write_found(path: &Path, found: &[u8]) -> Result<(), OutputError> {
 
 type Archive = ZipWriter<Cursor<Vec<u8>>>;
 
-/// Makes an archive of about so many bytes in memory: over a sink that fails, the archive writer
-/// complains to standard error when it is dropped, past any caller.
+/// Builds an archive of about `bytes` bytes in memory. If it wrote to a sink that fails, `ZipWriter` would print to
+/// standard error when dropped.
 fn write_archive(
     path: &Path,
     bytes: usize,
@@ -101,7 +102,7 @@ fn add<T: AutoSerialize>(
         .last_modified_time(DateTime::default())
         .large_file(bytes >= u64::from(u32::MAX) - (1 << 16));
     zip.start_file(format!("{name}.npy"), options)?;
-    // Numbers are written one by one, and the archive sums each write up by itself.
+    // Buffers the numbers, because the archive updates its checksum on every write.
     let mut out = BufWriter::with_capacity(1 << 16, zip);
     let npy = WriteOptions::new().default_dtype().shape(shape);
     let mut npy = npy.writer(&mut out).begin_nd()?;
@@ -178,7 +179,7 @@ mod tests {
         HitArrays::of(&hits(), &[6]).write(&path).unwrap();
         assert_eq!(names(), "t.npy triangle.npy u.npy v.npy");
         let bytes = fs::read(&path).unwrap();
-        // Bytes 10..14 of a local file header: time and date. 1980-01-01 00:00 is (0, 0x0021).
+        // Bytes 10..14 of a local file header are time and date. 1980-01-01 00:00 is (0, 0x0021).
         assert_eq!(bytes[10..14], [0, 0, 0x21, 0]);
         HitArrays::of(&hits(), &[6]).write(&path).unwrap();
         let again = fs::read(&path).unwrap();

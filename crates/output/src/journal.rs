@@ -1,8 +1,10 @@
-//! What a run into a folder is: `abvh-run.json`, which says whether another run may go on with it. Which of its files are
-//! whole: `abvh-run.jsonl`, a line for each frame that is done.
+//! Manifest and journals of a run into a folder.
 //!
-//! A line is written after the files that it names have their final names; of several lines about a frame the last counts.
-//! A shard has a journal of its own, so that several may fill one folder at once. Whoever writes a journal holds its lock.
+//! The manifest `abvh-run.json` determines whether a later run may continue the run. The journal `abvh-run.jsonl` has
+//! one line per finished frame, with the digests of its files.
+//!
+//! A line is written after the files that it lists have their final names. If a frame has several lines, the last one
+//! counts. Each shard has its own journal, so several shards can fill one folder. A writer locks its journal.
 
 use crate::{FrameStats, OutputError, remove_special_file, write_json};
 use rayon::prelude::*;
@@ -16,32 +18,32 @@ use std::path::{Path, PathBuf};
 
 const MANIFEST: &str = "abvh-run.json";
 
-/// All that decides a byte of a run's pictures and hits.
+/// Everything that determines the pictures and hits of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// That of [`crate::SCHEMA`].
+    /// Schema version, see [`crate::SCHEMA`].
     pub schema: u32,
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
-    /// What is rendered.
+    /// Rendered scene.
     pub scene: SceneId,
-    /// Whole times of the motion.
+    /// Number of whole times in the motion.
     pub key_times: usize,
-    /// By name.
+    /// Values of the options, by name.
     pub options: BTreeMap<String, Value>,
 }
 
-/// What is rendered: the name of a demo or of inputs that are joined, and the files that are read.
+/// Identity of the rendered scene: the name of a demo or of joined inputs, and the files that are read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneId {
-    /// Of a scene that its files do not tell whole.
+    /// Name of the scene, if its files do not identify it completely.
     pub name: Option<String>,
-    /// Each with its name, in the order in which they are read.
+    /// Digests of the files with their names, in the order in which they are read.
     pub files: Vec<NamedDigest>,
 }
 
 impl Manifest {
-    /// The one that a folder holds, if any.
+    /// Reads the manifest of a folder. Returns `None` if there is no manifest.
     pub fn in_folder(folder: &Path) -> Result<Option<Self>, OutputError> {
         let file = folder.join(MANIFEST);
         let text = match host::read(&file) {
@@ -54,14 +56,14 @@ impl Manifest {
         })
     }
 
-    /// Writes it into a folder.
+    /// Writes the manifest into a folder.
     pub fn write_to(&self, folder: &Path) -> Result<(), OutputError> {
         let file = folder.join(MANIFEST);
         remove_special_file(&file)?;
         write_json(&file, self)
     }
 
-    /// The first thing in which two runs differ.
+    /// Returns a description of the first difference between two runs, or `None` if they are equal.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Option<String> {
         let (mine, theirs) = (self.named(), other.named());
@@ -76,7 +78,7 @@ impl Manifest {
         })
     }
 
-    /// All that it says, each with what it is called.
+    /// Returns all fields with their display names.
     fn named(&self) -> Vec<(String, Value)> {
         let fixed = [
             ("schema", json!(self.schema)),
@@ -85,7 +87,7 @@ impl Manifest {
             ("number of key times", json!(self.key_times)),
         ];
         let fixed = fixed.map(|(name, value)| (name.to_owned(), value));
-        // Several may have one name, in folders of their own.
+        // Numbered, because files in different folders may have equal names.
         let files = (1..).zip(&self.scene.files);
         let files = files.map(|(i, (name, digest))| (format!("file {i}, {name}"), json!(digest)));
         let options = self.options.iter();
@@ -94,19 +96,19 @@ impl Manifest {
     }
 }
 
-/// A file by its name in a folder.
+/// Name of a file within its folder, and its digest.
 pub type NamedDigest = (String, Digest);
 
-/// A file's length and digest.
+/// Length and digest of a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Digest {
-    /// Bytes.
+    /// Length in bytes.
     pub bytes: u64,
-    /// SHA-256, in lower-case hexadecimal digits.
+    /// SHA-256 in lower-case hexadecimal.
     pub sha256: String,
 }
 
-/// Reads a regular file for its digest; refuses a pipe or a device, which may never end.
+/// Computes the digest of a regular file. Refuses pipes and devices, which may never end.
 fn digest_of(file: &Path) -> io::Result<Digest> {
     let mut file = host::open(file)?;
     let mut hash = Sha256::new();
@@ -115,7 +117,7 @@ fn digest_of(file: &Path) -> io::Result<Digest> {
     Ok(Digest { bytes, sha256 })
 }
 
-/// What a journal says of files, or a manifest.
+/// Computes the digests of `files` in parallel, in their order.
 pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
     let digest = |file: &PathBuf| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
@@ -128,7 +130,7 @@ pub fn digests(files: &[PathBuf]) -> Result<Vec<NamedDigest>, OutputError> {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum JournalLine {
-    /// What the run is to make, and its statistics without frames.
+    /// Frames that the run will make, and its statistics without frames.
     Run { list: Vec<u64>, stats: Value },
     Frame {
         files: Vec<NamedDigest>,
@@ -136,18 +138,18 @@ enum JournalLine {
     },
 }
 
-/// What all journals of a folder say.
+/// Combined contents of all journals of a folder.
 #[derive(Debug, Default)]
 pub struct Finished {
-    /// The whole list of frames, of all runs together, in order.
+    /// Frames of all runs together, in ascending order without duplicates.
     pub list: Vec<u64>,
-    /// Statistics without frames, of the last run.
+    /// Statistics without frames, of the last run that has any.
     pub stats: Option<Value>,
     frames: BTreeMap<u64, (Vec<NamedDigest>, FrameStats)>,
 }
 
 impl Finished {
-    /// Reads every journal of a folder. A line that was cut short says nothing.
+    /// Reads all journals of a folder. Truncated lines are ignored.
     pub fn in_folder(folder: &Path) -> Result<Self, OutputError> {
         let mut done = Self::default();
         for file in journals(folder)? {
@@ -170,7 +172,7 @@ impl Finished {
         Ok(done)
     }
 
-    /// What a file of statistics says, which stands alone.
+    /// Creates the contents from a statistics file, which lists no output files.
     #[must_use]
     pub fn of_stats(list: Vec<u64>, rows: Vec<FrameStats>, stats: Value) -> Self {
         let rows = rows.into_iter();
@@ -182,7 +184,7 @@ impl Finished {
         }
     }
 
-    /// The row of a frame whose file `name` is in `folder`, whole.
+    /// Returns the statistics of a frame if its file `name` in `folder` is unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn whole(&self, frame: u64, folder: &Path, name: &str) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
@@ -191,7 +193,7 @@ impl Finished {
         (found == *digest).then_some(row)
     }
 
-    /// The row of a frame all of whose files are whole, as they were written.
+    /// Returns the statistics of a frame if all of its files in `folder` are unchanged. Returns `None` otherwise.
     #[must_use]
     pub fn all_whole(&self, frame: u64, folder: &Path) -> Option<&FrameStats> {
         let (files, row) = self.frames.get(&frame)?;
@@ -200,7 +202,7 @@ impl Finished {
     }
 }
 
-/// Whether names are those of files which runs make in a folder of theirs; a journal may have been tampered with.
+/// Returns whether all names are plausible outputs of a run. The journal may have been tampered with.
 fn are_ours(files: &[NamedDigest]) -> bool {
     files.iter().all(|(name, _)| {
         let is_plain = Path::new(name).file_name() == Some(name.as_ref());
@@ -224,7 +226,7 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, OutputError> {
     Ok(all)
 }
 
-/// Removes the files that the journals of a folder name, and the journals, unless another run is writing one of them.
+/// Removes the journals of a folder and the files that they list. Fails if another run is writing one of the journals.
 pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     let done = Finished::in_folder(folder)?;
     let journals = journals(folder)?;
@@ -245,10 +247,10 @@ pub fn clear_run(folder: &Path) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// Opens a journal, which is made if there is none, and holds it as long as it is open.
+/// Opens a journal, creating it if necessary, and locks it until the file is closed.
 fn open_locked(path: &Path) -> Result<File, OutputError> {
     let cannot = |e| OutputError::writing(path, e);
-    // Whoever opens a pipe waits for its other end.
+    // Opening a pipe for writing would block until it has a reader, so `host::open` refuses it first.
     match host::open(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => {}
         there => drop(there.map_err(cannot)?),
@@ -260,12 +262,12 @@ fn open_locked(path: &Path) -> Result<File, OutputError> {
             let name = path.display();
             Err(OutputError(format!("another run is writing {name}")))
         }
-        // Where there are no locks, nobody can tell.
+        // Without support for locks, another writer cannot be detected.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// A journal that is being written.
+/// Journal that is open for writing.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -273,7 +275,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Takes hold of the journal of a folder, or of one shard of so many. Fails if another run is writing it.
+    /// Opens and locks the journal of a folder, or of one shard `[number, of]`. Fails if another run is writing it.
     pub fn open(folder: &Path, shard: Option<[usize; 2]>) -> Result<Self, OutputError> {
         let path = folder.join(match shard {
             Some([number, of]) => format!("abvh-run-{number}-of-{of}.jsonl"),
@@ -283,10 +285,10 @@ impl Journal {
         Ok(Self { path, file })
     }
 
-    /// Goes on with it: what the run is to make, and its statistics.
+    /// Appends a line with the frames that the run will make, and its statistics.
     pub fn begin(&mut self, list: Vec<u64>, stats: Value) -> Result<(), OutputError> {
         let path = &self.path;
-        // The last line may have been cut short: nothing is to be added to it.
+        // The last line may be truncated. It is ended here, so that the new line is separate.
         let text = host::read(path).map_err(|e| OutputError::reading(path, e))?;
         if text.last().is_some_and(|&end| end != b'\n') {
             (self.file.write_all(b"\n")).map_err(|e| OutputError::writing(path, e))?;
@@ -294,7 +296,7 @@ impl Journal {
         self.write(&JournalLine::Run { list, stats })
     }
 
-    /// Says that these files of a frame are whole, with its row of the statistics.
+    /// Records that `files` of a frame are complete, with the frame's statistics.
     pub fn add(&mut self, files: Vec<NamedDigest>, row: &FrameStats) -> Result<(), OutputError> {
         let row = Box::new(row.clone());
         self.write(&JournalLine::Frame { files, row })

@@ -1,8 +1,8 @@
-//! Measured points to charts; arrays, pictures, videos and rows to whole files.
+//! Output files: arrays, pictures, videos, timelines, statistics, and charts of measurements.
 //!
-//! Every file is written beside its final name and renamed when it is whole, so that nobody ever reads half a file. After
-//! an error the final name holds what it held before. What a file holds depends on what it is given and on nothing else
-//! (no clock, no thread count), so that equal results are equal bytes.
+//! Each file is written under a temporary name in its directory and renamed when it is complete, so readers never see a
+//! partial file. After an error, a file with the final name is unchanged. The content depends only on the data, not on
+//! the clock or the thread count. So equal results produce equal bytes.
 
 mod atomic;
 mod hits;

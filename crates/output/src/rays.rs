@@ -1,4 +1,5 @@
-//! Rays as `.npy` arrays: f32 or f64 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended.
+//! Ray files: `.npy` arrays of f32 or f64. The shape is (N, 6) for `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max`
+//! appended.
 
 use crate::atomic::{OutputError, write_with};
 use geom::Ray;
@@ -9,10 +10,10 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// A header of two dimensions and one type takes about a hundred bytes; longer ones are no rays.
+/// Maximum header size in bytes. A header for a two-dimensional array takes about 100 bytes.
 const MAX_HEADER: u32 = 4096;
 
-/// An open file of rays whose header was checked.
+/// Open file of rays with a checked header.
 pub struct RayFile {
     path: PathBuf,
     header: NpyHeader,
@@ -22,7 +23,7 @@ pub struct RayFile {
     format: Format,
 }
 
-/// The type of the numbers.
+/// Type of the numbers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Single,
@@ -42,7 +43,7 @@ impl RayFile {
     /// Opens a file of either byte order, in C or Fortran order.
     ///
     /// # Errors
-    /// The system's, or what was found in the file and what is expected.
+    /// If the file cannot be read or is no array of rays. The message names the found and the expected format.
     pub fn open(path: &Path) -> Result<Self, OutputError> {
         let name = path.display();
         let unreadable = |cause| OutputError::reading(path, cause);
@@ -78,17 +79,17 @@ impl RayFile {
         self.rays
     }
 
-    /// Reads the rays. `offset` is subtracted from the origins in double precision, before all numbers are rounded to single
-    /// precision.
+    /// Reads the rays. `offset` is subtracted from the origins in double precision, before all numbers are rounded to
+    /// single precision.
     ///
-    /// Without `t_min t_max` a ray covers `(0, inf)`. Numbers that are not finite are kept: such rays miss (see
+    /// Without `t_min t_max`, rays cover `(0, inf)`. Non-finite numbers are kept, because such rays miss (see
     /// [`Ray::is_valid`]).
     ///
     /// # Errors
-    /// The system's, also if memory does not hold the rays.
+    /// If the file cannot be read or the rays do not fit into memory.
     pub fn read(self, offset: [f64; 3]) -> Result<Vec<Ray>, OutputError> {
         let unreadable = |cause| OutputError::reading(&self.path, cause);
-        // Numbers are read into a list that grows by doubling. There are no more than the file has bytes.
+        // The list of numbers grows by doubling. The file's size bounds its length.
         let values = (self.rays * self.columns).next_power_of_two() * self.format.bytes();
         let bytes = values.saturating_add(self.rays.saturating_mul(size_of::<Ray>()));
         let checked = host::check(bytes as u64);
@@ -108,11 +109,11 @@ impl RayFile {
     }
 }
 
-/// Writes so many rays in C order, (N, 6) if all cover `(0, inf)`, else (N, 8). The numbers are little-endian f32, or f64 with
-/// the `offset` added to the origins.
+/// Writes `count` rays in C order, as (N, 6) if all cover `(0, inf)`, else as (N, 8). The numbers are little-endian
+/// f32, or f64 with the `offset` added to the origins.
 ///
 /// # Errors
-/// Those of the system.
+/// If the file cannot be written.
 pub fn write_rays(
     path: &Path,
     count: usize,
@@ -154,7 +155,8 @@ fn write_numbers<T: AutoSerialize>(
     npy.finish()
 }
 
-/// The header and its length in bytes, after checks that keep a hostile one from costing stack, memory or a panic.
+/// Reads the header and returns it with its length in bytes. The checks keep malicious headers from causing stack
+/// overflows, large allocations or panics.
 fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     let ended = |_| "the file ends within its header";
     let mut bytes = vec![0; 8];
@@ -176,7 +178,7 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     if shape_digits(&bytes[start..]) > 19 {
         return Err("its header describes an array too large to exist".to_owned());
     }
-    // The parser draws a picture of the place below its first words.
+    // The parser appends a drawing of the error location after its message.
     let first_words = |e: io::Error| match e.to_string().split_once("-->") {
         Some((words, _)) => words.trim().to_owned(),
         None => e.to_string(),
@@ -185,8 +187,8 @@ fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, u64), String> {
     Ok((header, bytes.len() as u64))
 }
 
-/// Digits after the key `shape`, up to the end of its tuple. The product of numbers with `n` digits in all is below `10^n`;
-/// up to 19 it fits u64, which `npyz` takes for granted.
+/// Counts the digits between the key `shape` and the end of its tuple. The product of numbers with `n` digits in total
+/// is below `10^n`. With at most 19 digits it fits u64, which `npyz` assumes.
 fn shape_digits(header: &[u8]) -> usize {
     let text = String::from_utf8_lossy(header);
     let (_, after) = text.split_once("shape").unwrap_or(("", &text));
@@ -194,7 +196,7 @@ fn shape_digits(header: &[u8]) -> usize {
     tuple.bytes().filter(u8::is_ascii_digit).count()
 }
 
-/// The type of the numbers, and how many rays and columns there are.
+/// Returns the type of the numbers, and the numbers of rays and columns.
 fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
     let dtype = header.dtype();
     let bytes = match &dtype {
@@ -218,7 +220,7 @@ fn check(header: &NpyHeader) -> Result<(Format, [u64; 2]), String> {
     }
 }
 
-/// How numbers make up rays.
+/// Layout of the numbers in memory, and the offset to subtract.
 struct Table {
     rays: usize,
     columns: usize,
@@ -248,7 +250,7 @@ impl Table {
     }
 }
 
-/// A shape as Python writes it.
+/// Formats a shape in Python syntax.
 fn shape_text(shape: &[u64]) -> String {
     match shape {
         [n] => format!("({n},)"),
@@ -265,14 +267,14 @@ mod tests {
     fn rays(n: usize) -> Vec<Ray> {
         let ray = |i| {
             let x = i as f32;
-            // Those that mean nothing are read, too: they miss.
+            // Rays with non-finite numbers are read too, because they miss.
             let far = if i == 3 { f32::INFINITY } else { 1e-40 };
             Ray::new([x, x + 0.1, x + 0.2], [x + 0.3, -x, far])
         };
         (0..n).map(ray).collect()
     }
 
-    /// A `.npy` file, version 1, from a header and data.
+    /// Returns a `.npy` file, version 1, with the given header and data.
     fn npy(header: &str, data: &[u8]) -> Vec<u8> {
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
         bytes.extend((header.len() as u16).to_le_bytes());

@@ -1,4 +1,4 @@
-//! The statistics file: one JSON object, schema 1. What is not known is `null`.
+//! Statistics file: one JSON object with schema version 1. Unknown values are `null`.
 
 use crate::{OutputError, write_whole};
 use backend::DeviceBytes;
@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-/// The version of the file's schema.
+/// Version of the file's schema.
 pub const SCHEMA: u32 = 1;
 
-/// One frame. Times in milliseconds.
+/// Statistics of one frame. Times are in milliseconds, except that `time` is the frame's time in the animation.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[expect(
     missing_docs,
@@ -32,7 +32,8 @@ pub struct FrameStats {
     pub tree_generation: u64,
     pub tree_age_frames: u64,
     pub adopted: bool,
-    /// A finished tree was no better than the one in use, or its moment too far off.
+    /// Whether a finished tree was rejected, because it was no better than the current one or its target time was too
+    /// far off.
     pub rejected: bool,
     pub build_ms: Option<f64>,
     pub convert_ms: Option<f64>,
@@ -44,14 +45,14 @@ pub struct FrameStats {
     pub blocked: u64,
     pub inactive: u64,
     pub degenerate: u64,
-    /// Rays that exact arithmetic settled.
+    /// Number of rays that were decided by exact arithmetic.
     pub settled: u64,
     pub host_bytes: Option<u64>,
     pub device_bytes: Option<u64>,
 }
 
 impl FrameStats {
-    /// The row of a frame that is done just now.
+    /// Returns the statistics of a frame that has just finished. `host_bytes` is measured by this call.
     #[must_use]
     pub fn of(record: &FrameRecord) -> Self {
         let (times, report) = (&record.report.times, &record.report);
@@ -90,14 +91,14 @@ impl FrameStats {
     }
 }
 
-/// What `auto` took, and why.
+/// Choice that an `auto` option made, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Taken {
-    /// What was left open, such as `backend`.
+    /// Name of the option, such as `backend`.
     pub what: String,
-    /// What was taken.
+    /// Chosen value.
     pub takes: String,
-    /// The reason.
+    /// Reason for the choice.
     pub why: String,
 }
 
@@ -108,22 +109,22 @@ impl fmt::Display for Taken {
     }
 }
 
-/// One quantity over all frames that know it.
+/// Summary of one quantity over all frames with a known value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// The middle one (of an even number, the mean of the middle two).
+    /// Median. For an even number of values, the mean of the middle two.
     #[serde(serialize_with = "short")]
     pub median: f64,
-    /// The least that 95 of 100 do not exceed (nearest rank).
+    /// 95th percentile by nearest rank.
     #[serde(serialize_with = "short")]
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     #[serde(serialize_with = "short")]
     pub worst: f64,
 }
 
 impl Summary {
-    /// Of `values`; `None` if there are none.
+    /// Summarizes `values`. Returns `None` if they are empty.
     #[must_use]
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.into_iter().collect();
@@ -138,10 +139,10 @@ impl Summary {
     }
 }
 
-/// Reads one time of a frame, or another amount.
+/// Function that reads a time, or another quantity, of a frame.
 pub type Time = fn(&FrameStats) -> Option<f64>;
 
-/// The times that are summed up, in the order of the stages.
+/// Times that are summarized, in stage order.
 pub const TIMES: [(&str, Time); 11] = [
     ("interpolate_ms", |f| f.interpolate_ms),
     ("preprocess_ms", |f| f.preprocess_ms),
@@ -156,13 +157,13 @@ pub const TIMES: [(&str, Time); 11] = [
     ("convert_ms", |f| f.convert_ms),
 ];
 
-/// Memory that is summed up beside times: what of this process is resident, and what the backend holds.
+/// Memory that is summarized: the resident bytes of this process, and the bytes that the backend has allocated.
 const BYTES: [(&str, Time); 2] = [
     ("host_bytes", |f| Some(f.host_bytes? as f64)),
     ("device_bytes", |f| Some(f.device_bytes? as f64)),
 ];
 
-/// Sums everything up over the frames that know it, by name.
+/// Summarizes each quantity over all frames with a known value, by name.
 #[must_use]
 pub fn overview(frames: &[FrameStats]) -> BTreeMap<&'static str, Option<Summary>> {
     let of = |time: Time| Summary::of(frames.iter().filter_map(time));
@@ -178,7 +179,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError
     write_whole(path, &bytes)
 }
 
-/// Six digits after the point: nanoseconds of a millisecond.
+/// Rounds to six decimals, which is one nanosecond for times in milliseconds.
 fn rounded(x: f64) -> f64 {
     (x * 1e6).round() / 1e6
 }
@@ -188,7 +189,7 @@ fn short<S: Serializer>(x: &f64, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_f64(rounded(*x))
 }
 
-/// What became of trees, in a sentence.
+/// Returns a line of text about adopted and rejected trees and their age.
 #[must_use]
 pub fn trees(frames: &[FrameStats]) -> String {
     let adopted = frames.iter().filter(|f| f.adopted).count();
@@ -207,13 +208,13 @@ pub fn trees(frames: &[FrameStats]) -> String {
     text + "\n"
 }
 
-/// Rays a second, in millions: of `count` rays in `ms` milliseconds.
+/// Returns million rays per second, for `count` rays in `ms` milliseconds. Returns `None` if `ms` is 0.
 #[must_use]
 pub fn mrays(count: f64, ms: f64) -> Option<f64> {
     (ms > 0.0).then(|| count / ms * 1e-3)
 }
 
-/// Primary and shadow rays a second over all frames, in a sentence.
+/// Returns a line of text with the primary and shadow rays per second over all frames.
 #[must_use]
 pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
     let rate = |count: &dyn Fn(&FrameStats) -> u64, time: Time| {
@@ -233,7 +234,7 @@ pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
     format!("rays: {primary} M/s primary, {shadow} M/s shadow\n")
 }
 
-/// The most memory that was held, in a sentence for each that tells.
+/// Returns the peak memory as one line of text per known quantity.
 #[must_use]
 pub fn memory(frames: &[FrameStats]) -> String {
     let most = |(name, of): &(&str, Time)| {

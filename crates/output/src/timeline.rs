@@ -1,13 +1,14 @@
-//! What host and device did when, side by side, as a trace that browsers draw.
+//! Timeline of host and device activity, in a format that browsers can display.
 //!
-//! The object form of the *Trace Event Format* (Google, 2016), which Perfetto and Chrome's own viewer open: an object whose
-//! `traceEvents` holds one event a line, times in microseconds. A track is what the format calls a thread. Times are
-//! rounded to whole nanoseconds, begin and end alike, so that spans that meet still meet.
+//! The file is the object form of the *Trace Event Format* (Google, 2016), which Perfetto and Chrome's viewer open. Its
+//! `traceEvents` has one event per line, with times in microseconds. The format calls a track a thread. Begin and end
+//! times are rounded to whole nanoseconds in the same way, so adjacent spans remain adjacent.
 //!
-//! Six tracks: what comes before the first frame, the frame loop, the device, vertices on their way to the builder, the
-//! builder, and trees on their way to the device. One more for each thread that writes files; beside them, how old and
-//! how good the tree was. The host's times are its own. Where the device's lie among them, [`place_on_host`] says; within
-//! a submission its stages follow each other without a gap.
+//! There are six fixed tracks: start-up, frame loop, device, read-back of vertices for the builder, builder, and upload
+//! of trees. Each thread that writes files adds a track. Counters show the tree's age and quality.
+//!
+//! Host times are measured directly. [`place_on_host`] maps device times to the host's clock. The stages of a
+//! submission follow each other without gaps.
 
 use crate::{OutputError, write_with};
 use backend::StageTimes;
@@ -18,30 +19,30 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::Instant;
 
-/// All that a run did, noted while it does it.
+/// Recorded activity of a run.
 #[derive(Debug, Default)]
 pub struct RunTimeline {
-    /// What came before the first frame, each with its end; the first entry is the beginning of the run.
+    /// Steps of the start-up with their end times. The first entry is the beginning of the run.
     pub start_up: Vec<(&'static str, Instant)>,
-    /// Frames, and how long each waited for those before it to be written.
+    /// Frames, with the interval that each waited for earlier frames to be written.
     frames: Vec<(FrameRecord, [Instant; 2])>,
-    /// Frames whose files were written, by which thread, and when.
+    /// Written files: the frame, the index of the writing thread, and the interval.
     files: Vec<(u64, usize, [Instant; 2])>,
 }
 
 impl RunTimeline {
-    /// A frame is traced, and waited between these moments until it could be written.
+    /// Adds a traced frame. `waited` is the interval in which it waited to be written.
     pub fn add(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
         self.frames.push((record.clone(), waited));
     }
 
-    /// The calling thread wrote a frame's files between these moments.
+    /// Records that the calling thread wrote the files of `frame` during the interval `ends`.
     pub fn wrote(&mut self, frame: u64, ends: [Instant; 2]) {
         let thread = rayon::current_thread_index().unwrap_or_default();
         self.files.push((frame, thread, ends));
     }
 
-    /// Writes it, with such remarks on the whole.
+    /// Writes the timeline with `remarks` as its metadata.
     pub fn write(&self, path: &Path, mut remarks: Value) -> Result<(), OutputError> {
         let aligned = self.submissions().all(|(_, s)| s.times.begun_ms.is_some());
         remarks["device_clock"] = json!(if aligned {
@@ -83,7 +84,7 @@ impl RunTimeline {
         chart.events
     }
 
-    /// All submissions in order, with the frame each belongs to.
+    /// Returns all submissions in order, each with the index of its frame.
     fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
         self.frames.iter().flat_map(|(record, _)| {
             let both = record.fetched.into_iter().chain([record.traced]);
@@ -92,7 +93,7 @@ impl RunTimeline {
     }
 }
 
-/// One event a line.
+/// Writes the file with one event per line.
 fn write(out: &mut dyn Write, remarks: &Value, events: &[Value]) -> io::Result<()> {
     let head = r#"{"displayTimeUnit":"ms","otherData":"#;
     write!(out, "{head}{remarks},\"traceEvents\":[")?;
@@ -103,7 +104,7 @@ fn write(out: &mut dyn Write, remarks: &Value, events: &[Value]) -> io::Result<(
     out.write_all(b"\n]}\n")
 }
 
-/// Tracks by name, numbered from 1 on. Those of threads that write files come after them.
+/// Names of the fixed tracks, numbered from 1. The tracks of threads that write files follow.
 const TRACKS: [&str; 6] = [
     "start-up",
     "frame loop",
@@ -119,20 +120,20 @@ const READBACK: usize = 4;
 const BUILDER: usize = 5;
 const UPLOAD: usize = 6;
 
-/// Microseconds, in whole nanoseconds.
+/// Converts milliseconds to microseconds, rounded to whole nanoseconds.
 fn micros(ms: f64) -> f64 {
     (ms * 1e6).round() * 1e-3
 }
 
 struct Chart {
-    /// The moment that counts as zero.
+    /// Time that is shown as zero.
     origin: Instant,
-    /// In the format's own fields and letters.
+    /// Events in the fields of the Trace Event Format.
     events: Vec<Value>,
 }
 
 impl Chart {
-    /// Milliseconds after the origin, which nothing precedes.
+    /// Returns milliseconds since the origin, which is the earliest time.
     fn ms(&self, at: Instant) -> f64 {
         (at - self.origin).as_secs_f64() * 1e3
     }
@@ -145,7 +146,7 @@ impl Chart {
         self.events.push(fields);
     }
 
-    /// Says what a track is called, and its place.
+    /// Sets the name and the position of a track.
     fn name(&mut self, track: usize, name: &str) {
         let name = json!({ "args": { "name": name } });
         self.event("M", track, "thread_name", name);
@@ -153,7 +154,7 @@ impl Chart {
         self.event("M", track, "thread_sort_index", place);
     }
 
-    /// Something that lasted between two moments.
+    /// Adds a span between two times.
     fn span(&mut self, track: usize, name: &str, ends: [Instant; 2], args: &Value) {
         self.span_ms(track, name, ends.map(|at| self.ms(at)), args);
     }
@@ -166,21 +167,21 @@ impl Chart {
         }
     }
 
-    /// Something that happened at once in the frame loop.
+    /// Adds an instant event to the track of the frame loop.
     fn mark(&mut self, name: &str, at: Instant, args: &Value) {
         let ts = micros(self.ms(at));
         let mark = json!({ "ts": ts, "s": "t", "args": args });
         self.event("i", FRAMES, name, mark);
     }
 
-    /// A quantity that has `value` from a moment on, drawn as a curve of its own.
+    /// Sets a counter to `value` from a given time on. Each counter is drawn as a curve.
     fn counter(&mut self, name: &str, at: Instant, value: f64) {
         let ts = micros(self.ms(at));
         let counter = json!({ "ts": ts, "args": { "value": value } });
         self.event("C", 0, name, counter);
     }
 
-    /// What the frame loop did for a frame.
+    /// Adds the activity of the frame loop for a frame.
     fn host(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
         let m = record.moments;
         let frame = json!({ "frame": record.frame.index });
@@ -215,7 +216,7 @@ impl Chart {
         }
     }
 
-    /// The way of the tree that a frame swapped to.
+    /// Adds the read-back, build and upload of the tree that a frame adopted.
     fn tree(&mut self, record: &FrameRecord, tree: &Adopted) {
         let generation = record.tree_generation.0;
         let (m, build) = (tree.moments, tree.moments.build);
@@ -238,7 +239,7 @@ impl Chart {
         self.mark("adopt", m.adopted, &args);
     }
 
-    /// The stages of a submission, one after the other.
+    /// Adds the stages of a submission, one after the other.
     fn device(&mut self, frame: u64, times: &StageTimes, span: Span) {
         let mut begin = span.begin_ms;
         for (name, ms) in [

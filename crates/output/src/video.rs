@@ -1,5 +1,5 @@
-//! Frames as pictures; or as one video, in order: uncompressed as YUV4MPEG2, or encoded by `ffmpeg`, which reads that from
-//! a pipe.
+//! Pictures, and videos of all frames in order. Videos are uncompressed YUV4MPEG2, or encoded by `ffmpeg`, which reads
+//! YUV4MPEG2 from a pipe.
 
 use crate::atomic::{UnfinishedFile, open_as_it_is};
 use crate::{OutputError, write_with};
@@ -21,7 +21,7 @@ pub use planes::{Chroma, Planes};
 
 type Result<T, E = OutputError> = std::result::Result<T, E>;
 
-/// Fills `rgb` with the first three bytes of every four.
+/// Fills `rgb` with the first three bytes of every four bytes in `rgba`.
 pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
     rgb.resize(rgba.len() / 4 * 3, 0);
     let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
@@ -30,10 +30,10 @@ pub fn drop_alpha(rgba: &[u8], rgb: &mut Vec<u8>) {
     }
 }
 
-/// Writes 8-bit sRGB pixels as PNG, three bytes each, row 0 at the top.
+/// Writes 8-bit sRGB pixels as PNG. Pixels have three bytes each, with row 0 at the top.
 ///
 /// # Panics
-/// If `rgb` does not hold `3 * width * height` bytes.
+/// If `rgb` does not contain `3 * width * height` bytes.
 pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {
     write_with(path, |out| {
         PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive)
@@ -45,12 +45,12 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<(
     })
 }
 
-/// Writes videos on a thread of its own, of frames `F` that hold [`Planes`].
+/// Writes videos on a separate thread from frames `F` that contain [`Planes`].
 ///
-/// Dropped before its end, it leaves no file: whoever drops it waits for that.
+/// Dropping an unfinished video waits for the thread and discards the unfinished files.
 #[derive(Debug)]
 pub struct Video<F> {
-    /// Frames with their places; `None` after the last.
+    /// Queue of frames with their indices. `None` marks the end.
     frames: Option<Sender<Option<(usize, F)>>>,
     thread: Option<JoinHandle<Result<()>>>,
 }
@@ -63,9 +63,11 @@ impl<F> Drop for Video<F> {
 }
 
 impl<F: AsRef<Planes> + Send + 'static> Video<F> {
-    /// Begins what is wanted; `None` if nothing is. One file is encoded by `ffmpeg`, its format told by its ending. The other is
-    /// YUV4MPEG2, `-` for standard output. Of so many pixels (width, height) and frames a second. Fails where there is
-    /// no `ffmpeg`, or a file cannot be made. Neither gets a byte before the first frame.
+    /// Begins up to two videos, or returns `None` if both paths are `None`. `encoded` is encoded by `ffmpeg`, with its
+    /// format selected by the file extension. `y4m` is YUV4MPEG2, with `-` for standard output.
+    ///
+    /// `size` is width and height in pixels, and `fps` is in frames per second. Fails if `ffmpeg` is missing or a file
+    /// cannot be created. No byte is written before the first frame.
     pub fn begin(
         [encoded, y4m]: [Option<&Path>; 2],
         size: [u32; 2],
@@ -80,7 +82,7 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
         }
         let (frames, receiver) = channel();
         let [width, height] = size.map(|n| n as usize);
-        // Frames a second to a thousandth.
+        // The frame rate has a resolution of 0.001 per second.
         let rate = y4m::Ratio::new((fps * 1000.0).round() as usize, 1000);
         let header = move || y4m::encode(width, height, rate);
         let thread = thread::Builder::new().spawn(move || write(&receiver, sinks, &header));
@@ -91,24 +93,29 @@ impl<F: AsRef<Planes> + Send + 'static> Video<F> {
         }))
     }
 
-    /// Takes the frame at a place in the run; places may come in any order. It is dropped when it is written.
+    /// Queues the frame with index `place` of the run. Frames may arrive in any order. They are dropped once written.
     pub fn take(&self, place: usize, frame: F) {
         self.send(Some((place, frame)));
     }
 
     fn send(&self, frame: Option<(usize, F)>) {
-        // Why nobody listens any more, `finish` says.
+        // If the receiver is gone, `finish` returns the cause.
         let _ = self.frames.as_ref().map(|frames| frames.send(frame));
     }
 
-    /// Whether writing has ended early.
+    /// Returns whether the writing thread has ended early.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits until all frames are written, and gives each file its name. Fails where the encoder ended early, or a file
-    /// cannot be written; panics if the writing thread did.
+    /// Waits until all frames are written, and renames the files to their final names.
+    ///
+    /// # Errors
+    /// If the encoder ended early or a file cannot be written.
+    ///
+    /// # Panics
+    /// If the writing thread panicked.
     pub fn finish(mut self) -> Result<()> {
         self.send(None);
         let ended = self.thread.take().map_or(Ok(Ok(())), JoinHandle::join);
@@ -121,7 +128,7 @@ fn write<F: AsRef<Planes>>(
     sinks: Vec<(Bytes, Sink)>,
     header: &impl Fn() -> EncoderBuilder,
 ) -> Result<()> {
-    // Nothing is written for a run that fails before its first frame.
+    // A run that fails before its first frame writes nothing.
     let Ok(first) = frames.recv() else {
         return Ok(());
     };
@@ -140,14 +147,14 @@ fn write<F: AsRef<Planes>>(
             next += 1;
         }
     }
-    // A run that ended early leaves no video.
+    // The end marker is missing, so the run ended early and leaves no video.
     Ok(())
 }
 
-/// Where a video's bytes go. It is dropped before its sink: no encoder writes a file that is gone.
+/// Destination of a video's bytes. It must be dropped before its sink, so that no encoder writes to a removed file.
 type Bytes = Box<dyn Write + Send>;
 
-/// A video: full size (4:4:4) in a file of its own, and for an encoder the half of it that it takes (4:2:0).
+/// Destination of a video. Files receive full chroma (4:4:4), and encoders receive halved chroma (4:2:0).
 struct Sink {
     encoder: Option<Encoder>,
     file: Option<UnfinishedFile>,
@@ -155,7 +162,7 @@ struct Sink {
 }
 
 impl Sink {
-    /// Begins a file, which an encoder writes if it has a format; `-` is standard output.
+    /// Opens a file, or standard output for `-`. If `format` is given, an encoder writes the file.
     fn open(path: &Path, format: Option<&str>) -> Result<(Bytes, Self)> {
         let cannot = |e| OutputError::writing(path, e);
         let is_named = path.as_os_str() != "-";
@@ -214,13 +221,13 @@ impl Sink {
     }
 }
 
-/// Whether a file with bytes lies there. An encoder may have put another in the place of the one it was given.
+/// Returns whether the path contains a non-empty regular file. The encoder may have replaced the given file.
 fn holds_any(file: &UnfinishedFile) -> bool {
     let about = fs::symlink_metadata(file.path());
     about.is_ok_and(|about| about.is_file() && about.len() > 0)
 }
 
-/// Endings of files, and `ffmpeg`'s names for their formats.
+/// File extensions with the format names of `ffmpeg`.
 const FORMATS: [(&str, &str); 4] = [
     ("mp4", "mp4"),
     ("webm", "webm"),
@@ -238,10 +245,10 @@ fn format_of(path: &Path) -> Result<&'static str> {
     })
 }
 
-/// `ffmpeg`. Dropped before its end, it is stopped.
+/// Running `ffmpeg` process. Dropping it stops the process.
 struct Encoder {
     child: Child,
-    /// What it complains of.
+    /// Captured standard error.
     complaints: File,
 }
 
@@ -256,7 +263,7 @@ impl Encoder {
         let complaints = tempfile::tempfile().map_err(cannot)?;
         let mut child = Command::new("ffmpeg")
             .args("-loglevel error -y -f yuv4mpegpipe -i pipe:0".split(' '))
-            // Most players want even sizes and this format.
+            // Most players require even sizes and this pixel format.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,format=yuv420p"])
             .args(["-f", format])
             .arg(file)
@@ -268,7 +275,7 @@ impl Encoder {
         let pipe = child.stdin.take();
         let encoder = Self { child, complaints };
         let pipe = pipe.ok_or_else(|| OutputError("--video: ffmpeg reads nothing".to_owned()))?;
-        // As much as may be asked for without privileges: the fewer turns to take, the better.
+        // Maximum size without privileges. A larger pipe needs fewer context switches.
         #[cfg(target_os = "linux")]
         let _ = rustix::pipe::fcntl_setpipe_size(&pipe, 1 << 20);
         Ok((encoder, pipe))
@@ -282,9 +289,9 @@ impl Encoder {
         }
     }
 
-    /// With the encoder's own words, where it has any.
+    /// Returns an error with the encoder's last message, or else with `why`.
     fn failed(mut self, why: &str) -> OutputError {
-        // What it is about to say may say why.
+        // The process must end first, because its last message may contain the cause.
         let _ = self.child.wait();
         let mut said = Vec::new();
         let read = self.complaints.rewind();

@@ -3,6 +3,7 @@
 mod candidate;
 mod patience;
 mod read_back;
+mod retained;
 mod run;
 mod trees;
 mod warm_up;
@@ -19,6 +20,7 @@ use bvh_layout::Spare;
 use candidate::Candidate;
 use geom::{Animation, Point, Pose};
 use patience::Patience;
+use retained::Retained;
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -79,6 +81,8 @@ pub struct Driver {
     tree: Option<Tree>,
     /// The tree to come; at most one.
     candidate: Option<Candidate>,
+    /// The tree before the current one, while it is on the device and the motion is unknown.
+    retained: Option<Retained>,
     /// The last tree that was asked for; generations only rise.
     newest: Generation,
     /// Whether trees may be requested, after others were rejected.
@@ -143,6 +147,7 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             candidate: None,
+            retained: None,
             patience: Patience::default(),
             newest: FIRST,
             spare: Spare::default(),
@@ -201,6 +206,7 @@ impl Driver {
         if let Some(candidate) = &mut self.candidate {
             candidate.advance(candidate::State::Arrived);
         }
+        self.retained = None;
     }
 
     /// Gives the backend back, to be loaded anew. A build under way is cancelled.
@@ -231,6 +237,9 @@ impl Driver {
             self.pose = None;
             if let Some(candidate) = &mut self.candidate {
                 candidate.abandoned();
+            }
+            if let Some(retained) = &mut self.retained {
+                retained.abandoned();
             }
         }
         begun
@@ -276,6 +285,9 @@ impl Driver {
         if let Some(candidate) = &mut self.candidate {
             candidate.submitted(ticket);
         }
+        if let Some(retained) = &mut self.retained {
+            retained.submitted(ticket);
+        }
         self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
         self.record.tree_generation = tree.generation;
@@ -317,10 +329,12 @@ impl Driver {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
+        let tree_pose = tree.pose;
+        self.return_cheaper()?;
         let newest = self
             .candidate
             .as_ref()
-            .map_or(tree.pose, |c| c.request.pose);
+            .map_or(tree_pose, |c| c.request.pose);
         let in_flight = self.in_flight()?;
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
@@ -340,7 +354,7 @@ impl Driver {
         if asked {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.record.adopted.is_some())
+        Ok(moved || self.record.adopted.is_some() || self.record.returned)
     }
 
     /// Whether the backend makes the trees.
@@ -367,6 +381,7 @@ impl Driver {
             pose,
             middle: f64::NAN,
             cost: 0.0,
+            returned: false,
         });
         Ok(true)
     }

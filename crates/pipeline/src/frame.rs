@@ -35,6 +35,8 @@ pub struct FrameRecord {
     pub asked: Option<Generation>,
     /// The tree this frame swapped to, if it did.
     pub adopted: Option<Adopted>,
+    /// Whether the frame made the tree before the current one current again, because it costs less.
+    pub returned: bool,
     /// Whether the backend made the tree within this frame.
     pub made: bool,
     /// The tree this frame could have swapped to, but that it was no better than the one in use, or built for a moment
@@ -66,6 +68,7 @@ impl FrameRecord {
             tree_age_frames: 0,
             asked: None,
             adopted: None,
+            returned: false,
             made: false,
             rejected: None,
             sah_ratio: None,

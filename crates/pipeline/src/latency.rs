@@ -154,6 +154,11 @@ impl LatencyPredictor {
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
     }
 
+    /// Returns for how many frames a tree that is adopted now is used, rounded up.
+    pub(crate) fn frames_of_use(&self) -> u64 {
+        self.expected().ceil() as u64
+    }
+
     fn expected(&self) -> f64 {
         let built = self.latency().or(self.guess).unwrap_or(0.0);
         built + self.evaluation

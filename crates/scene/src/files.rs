@@ -1,4 +1,4 @@
-//! Paths as words; and the files that a scene is made of, found without reading its meshes.
+//! Encoding of paths as strings, and the list of files that a scene depends on.
 
 use crate::join::inputs;
 use crate::source::{entries, exists, extension, matches};
@@ -10,25 +10,25 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Before a byte that is not UTF-8. No path holds it.
+/// Escape character before a byte that is not UTF-8. Paths never contain it.
 const NUL: char = '\0';
 
-/// The word by which [`crate::open`] and [`crate::files`] know a path or several joined ones. Each byte that is not
-/// UTF-8 stands as a NUL and two hexadecimal digits; all else stands as it is.
+/// Encodes a path, or several joined by `+`, as a scene name for [`crate::open`] and [`crate::files`]. Each byte that
+/// is not UTF-8 becomes a NUL and two hexadecimal digits. All other characters are unchanged.
 #[must_use]
 pub fn word(path: &OsStr) -> String {
     let mut word = String::new();
     for chunk in path.as_encoded_bytes().utf8_chunks() {
         word += chunk.valid();
         for byte in chunk.invalid() {
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = write!(word, "{NUL}{byte:02x}");
         }
     }
     word
 }
 
-/// The path that a word stands for.
+/// Decodes a path from a scene name.
 #[cfg(unix)]
 pub(crate) fn path(word: &str) -> PathBuf {
     use std::os::unix::ffi::OsStringExt;
@@ -42,7 +42,7 @@ pub(crate) fn path(word: &str) -> PathBuf {
         }
         Some(std::ffi::OsString::from_vec(bytes).into())
     };
-    // Else it is no path: whoever opens it says so.
+    // A malformed escape is no path. Opening the undecoded string reports the error.
     decoded().unwrap_or_else(|| word.into())
 }
 
@@ -51,8 +51,9 @@ pub(crate) fn path(word: &str) -> PathBuf {
     word.into()
 }
 
-/// All files that decide what the scene named by `spec` holds: key frames, materials, buffers, times; sorted, each once.
-/// A demo has none. Every input must be there.
+/// Returns all files that determine the content of the scene `spec`: key frames, materials, buffers and times.
+///
+/// The list is sorted and has no duplicates. Demos have no files. Fails if an input does not exist.
 pub fn files(spec: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for input in inputs(spec, &exists)? {
@@ -90,7 +91,7 @@ fn in_folder(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// A file and those that it names.
+/// Adds a file and the files that it refers to.
 fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     let unreadable = |e| SceneError::unreadable(file, e);
     all.push(file.to_owned());
@@ -107,7 +108,7 @@ fn with_companions(file: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// The names after `mtllib`, as the reader of meshes finds them.
+/// Returns the names after `mtllib`, with the same line rules as the OBJ reader.
 fn materials(obj: &Path) -> std::io::Result<Vec<String>> {
     let mut names = Vec::new();
     for part in BufReader::new(fs::File::open(obj)?).split(b'\n') {

@@ -1,7 +1,7 @@
-//! Several inputs as one scene: `hall.obj+figure.glb@2,0,-1*0.5`.
+//! Joins several inputs into one scene: `hall.obj+figure.glb@2,0,-1*0.5`.
 //!
-//! Inputs stand in the order of their names, so the first one's triangles come first. Inputs that move must have
-//! equally many key frames; one with a single key frame stands still and is repeated.
+//! The triangles are in the order of the inputs. All moving inputs must have the same number of key frames. The key
+//! frame of a static input is repeated.
 
 use crate::mesh::joined_triangles;
 use crate::rounding::Position;
@@ -10,21 +10,20 @@ use crate::{Facts, Options, Result, Scene, SceneError, source, stream};
 use geom::{Animation, Point};
 use std::sync::Arc;
 
-/// Between two inputs.
+/// Separator between inputs.
 const AND: char = '+';
-/// Between an input and where it stands.
+/// Separator between an input and its placement.
 const AT: char = '@';
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Input<'a> {
-    /// What names it alone.
+    /// Name of the input without its placement.
     pub(crate) spec: &'a str,
-    /// `None` if it stands as it is.
+    /// `None` if the input has no placement.
     pub(crate) place: Option<Placement>,
 }
 
-/// A point `p` comes to stand at `p * scale + at`, each operation rounded once.
-/// So a zero is a positive one, even where an input stands as it is.
+/// Maps a point `p` to `p * scale + at`. Each operation rounds once. Even for the identity, -0 becomes +0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     at: Position,
@@ -37,7 +36,7 @@ impl Placement {
         scale: 1.0,
     };
 
-    /// Returns where the placement puts a point, in double precision.
+    /// Returns the transformed point in double precision.
     fn put_exactly(self, p: Position) -> Position {
         std::array::from_fn(|i| p[i] * f64::from(self.scale) + self.at[i])
     }
@@ -47,8 +46,8 @@ impl Placement {
     }
 }
 
-/// The inputs that a scene's name is made of. A name that `exists` as it is, is one input whatever it contains. What follows
-/// an `@` must be a place, and what is joined or placed must have a name.
+/// Splits the name of a scene into inputs. A name that `exists` as a whole is one input, whatever characters it
+/// contains. Returns an error if an input has an invalid placement or no name.
 pub(crate) fn inputs<'a>(all: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Vec<Input<'a>>> {
     let (mut inputs, mut rest) = (Vec::new(), Some(all));
     while let Some(spec) = rest {
@@ -64,9 +63,10 @@ pub(crate) fn inputs<'a>(all: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<
     Ok(inputs)
 }
 
-/// The longest beginning that names something, up to a `+` or the end; else what is before the first `+`.
+/// Splits off the longest prefix that ends at a `+` or at the end and names an existing input. Otherwise splits at the
+/// first `+`.
 ///
-/// Several inputs are found by beginnings of some length alone, lest many take the square of their number.
+/// Prefixes that end at a `+` are limited in length. Otherwise the time would be quadratic in the number of inputs.
 fn first_input<'a>(spec: &'a str, exists: &dyn Fn(&str) -> bool) -> (&'a str, Option<&'a str>) {
     const LONGEST: usize = 1024;
     let all = spec.match_indices(AND).map(|(at, _)| at);
@@ -92,7 +92,7 @@ fn input<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Result<Input<'a>> 
     Ok(Input { spec, place })
 }
 
-/// `x,y,z` or `x,y,z*scale`.
+/// Parses `x,y,z` or `x,y,z*scale`.
 fn parse(text: &str) -> Option<Placement> {
     let number = |t: &str| t.parse::<f64>().ok().filter(|x| (*x as f32).is_finite());
     let (at, scale) = text.split_once('*').unwrap_or((text, "1"));
@@ -103,7 +103,7 @@ fn parse(text: &str) -> Option<Placement> {
     })
 }
 
-/// Opens every input and joins them. Those that move must have equally many key frames.
+/// Opens and joins all inputs. Moving inputs must have the same number of key frames.
 pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Result<Scene> {
     if !inputs.iter().any(|i| source::has_clips(i.spec)) {
         source::refuse_clip(spec, options)?;
@@ -155,8 +155,8 @@ pub(crate) fn open(spec: &str, inputs: &[Input<'_>], options: &Options) -> Resul
     })
 }
 
-/// Places inputs whose coordinates have offsets of their own relative to one offset, and returns it: the centre of the
-/// first input.
+/// Makes all placements relative to one common offset, since each input was recentred by its own offset. Returns the
+/// common offset: the centre of the first input.
 fn recentre(places: &mut [Placement], scenes: &[Scene]) -> Position {
     let mut common = None;
     for (place, scene) in places.iter_mut().zip(scenes) {
@@ -167,7 +167,7 @@ fn recentre(places: &mut [Placement], scenes: &[Scene]) -> Position {
     common.unwrap_or_default()
 }
 
-/// With the times that the key frames of all inputs that move have in common, if they have times of their own.
+/// Applies the key-frame times of the moving inputs, if any has times. All moving inputs must have equal times.
 fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation> {
     let moving = || {
         scenes
@@ -190,7 +190,7 @@ fn timed(spec: &str, joined: Animation, scenes: &[Scene]) -> Result<Animation> {
         .map_err(|e| bad(e.to_string()))
 }
 
-/// Key frames of all: those of any input that has more than one.
+/// Returns the number of key frames of the joined scene: that of the moving inputs, or 1.
 fn key_count(scenes: &[Scene]) -> Result<usize> {
     let count = |scene: &Scene| scene.animation.key_count();
     let mut moving = scenes.iter().filter(|s| count(s) > 1);
@@ -238,7 +238,7 @@ mod tests {
 
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
-    /// An input, and where it stands with its scale.
+    /// Name of an input, and its placement as translation and scale.
     type Told<'a> = (&'a str, Option<(Position, f32)>);
 
     fn exists(name: &str) -> bool {
@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(told("demo:hall+b.glb@0,1,0*0.5"), placed);
         let again = [("b@1,2,3", Some(([4.0, 5.0, 6.0], 1.0))), ("a.obj", None)];
         assert_eq!(told("b@1,2,3@4,5,6+a.obj"), again);
-        // What is not there is told of as it was written.
+        // Inputs that do not exist keep their names as written, for the error message.
         assert_eq!(told("x.obj+y@z.obj"), [("x.obj", None), ("y@z.obj", None)]);
         for nameless in ["a.obj+", "+", "+a.obj", "a.obj++b.glb", "@1,2,3"] {
             refused(inputs(nameless, &exists), &[nameless, "has no name"]);
@@ -309,7 +309,7 @@ mod tests {
         assert_eq!((scene.name.as_str(), scene.colours.len()), ("still+two", 2));
         let facts = &scene.facts;
         assert_eq!((facts.files.len(), facts.format.as_str()), (3, "obj"));
-        // The file's -0 would be a vertex that moves.
+        // The -0 in the file would otherwise count as motion.
         assert_eq!(a.static_parts().triangles, [true, false]);
     }
 

@@ -1,9 +1,10 @@
-//! Files or demo names in; animations with colours out.
+//! Reads animated triangle meshes, with colours, from files or from the name of a built-in demo.
 //!
-//! A scene is named by one word: `demo:NAME[:TRIANGLES]`, a directory or a glob of `.obj` or `.ply` files (one key
-//! frame each, in natural order), or one `.obj`, `.ply`, `.gltf` or `.glb` file; or by several such words with `+`
-//! between them, each with its place after an `@` if it is to stand elsewhere (`@x,y,z` or `@x,y,z*scale`). Whatever is
-//! wrong with it comes back as one clear line; no input makes this crate panic.
+//! A scene is named by a string. It is `demo:NAME[:TRIANGLES]`, one `.obj`, `.ply`, `.gltf` or `.glb` file, or a
+//! directory or glob of `.obj` or `.ply` files. Each file of a directory or glob is one key frame, in natural order.
+//! Several names joined by `+` make one scene. Each may be followed by its placement: `@x,y,z` or `@x,y,z*scale`.
+//!
+//! Every error is one line of text. No input makes this crate panic.
 
 mod clip;
 mod demo;
@@ -34,56 +35,56 @@ pub type Rgb = [u8; 3];
 /// Moving triangles with colours.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Short name, for captions: of the demo, the directory or the file.
+    /// Short name of the demo, the directory or the file, for captions.
     pub name: String,
-    /// What rays hit.
+    /// Triangles and their motion.
     pub animation: Arc<geom::Animation>,
-    /// sRGB, one a triangle.
+    /// sRGB colour of each triangle.
     pub colours: Arc<[Rgb]>,
-    /// Where it came from.
+    /// Description of the source.
     pub facts: Facts,
 }
 
-/// Where a scene came from and what was noticed on the way.
+/// Description of a scene's source, with remarks from reading it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facts {
-    /// `demo`, `obj`, `ply`, `gltf` or `glb`; of several inputs, theirs with `+` between them.
+    /// `demo`, `obj`, `ply`, `gltf` or `glb`. Joined inputs give their formats joined by `+`.
     pub format: String,
-    /// The files read as key frames, in order; buffers and materials beside them are not listed.
+    /// Files read as key frames, in order. Buffers and material libraries are not listed.
     pub files: Vec<PathBuf>,
-    /// The animation clip that was sampled.
+    /// Name of the sampled animation clip.
     pub clip: Option<String>,
-    /// Seconds between key frames, where the source tells.
+    /// Seconds between key frames, if the source specifies them.
     pub seconds_per_key: Option<f64>,
-    /// The point that was subtracted from all coordinates, in the units of the files. Absent unless
-    /// [`Options::recentre`] requested it; demos have no offset.
+    /// The point that was subtracted from all coordinates, in the units of the files. `None` unless
+    /// [`Options::recentre`] is set; demos have no offset.
     pub offset: Option<[f64; 3]>,
-    /// Remarks for the reader: what was skipped, assumed or missing.
+    /// Remarks for the user: data that was skipped, assumed or missing.
     pub notes: Vec<String>,
 }
 
-/// The highest rate a clip is sampled at.
+/// Highest supported sampling rate of a clip, in key frames per second.
 pub const MAX_FPS: f64 = 10_000.0;
 
-/// How to read sources that leave a choice.
+/// Options for reading a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Key frames sampled from each second of a clip.
+    /// Key frames sampled per second of a clip.
     pub fps: f64,
-    /// Name or index of the clip to sample; the first if absent.
+    /// Name or index of the clip to sample. `None` selects the first clip.
     pub clip: Option<String>,
-    /// Whether a scene's files may name files outside its folder.
+    /// Whether the files of a scene may refer to files outside its folder.
     pub allow_outside: bool,
-    /// Whether the centre of the first key frame is subtracted from all coordinates, before they are rounded to single
-    /// precision. [`Facts::offset`] returns it.
+    /// Whether the centre of the first key frame is subtracted from all coordinates before they are rounded to single
+    /// precision. [`Facts::offset`] holds that centre.
     pub recentre: bool,
-    /// Bytes that all key frames may take to be held. Those of larger scenes are read while they are played.
+    /// Largest size in bytes of key frames that are held in memory. Larger sequences are read during playback.
     pub key_bytes: u64,
-    /// Bytes that may be taken; what the host has free, if absent.
+    /// Memory limit in bytes. `None` selects the host's available memory.
     pub memory: Option<u64>,
-    /// Bytes that whoever opens the scene takes besides, whatever it holds: there must be room for them too.
+    /// Bytes that the caller needs in addition to the scene. They count towards the memory limit.
     pub more_bytes: u64,
-    /// The same for each triangle, as for trees.
+    /// Bytes that the caller needs per triangle, for example for trees. They count towards the memory limit.
     pub triangle_bytes: u64,
 }
 
@@ -102,24 +103,24 @@ impl Default for Options {
     }
 }
 
-/// Why a scene cannot be opened: one clear line, which names the file and the place where there is one.
+/// Reason why a scene cannot be opened: one line, with the file and the location if known.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct SceneError(pub(crate) String);
 
-/// What comes of reading a scene.
+/// Result of reading a scene.
 pub type Result<T, E = SceneError> = std::result::Result<T, E>;
 
-/// Where in a file something is wrong: a line counted from 1, or a byte or an item of a list counted from 0.
+/// Location of an error in a file: a line counted from 1, or a byte or a list item counted from 0.
 pub(crate) type Location = (&'static str, usize);
 
 impl SceneError {
-    /// What is at `place`, a path or a scene's name, cannot be used.
+    /// Creates an error for `place`, which is a path or the name of a scene.
     pub(crate) fn unusable(place: impl AsRef<Path>, cause: impl Display) -> Self {
         Self(format!("{}: {cause}", place.as_ref().display()))
     }
 
-    /// A file breaks its format's rules. Line breaks in `cause` become spaces.
+    /// Creates an error for a file that violates its format. Line breaks in `cause` become spaces.
     pub(crate) fn malformed(
         path: &Path,
         location: impl Into<Option<Location>>,
@@ -136,7 +137,7 @@ impl SceneError {
         Self::unusable(path, location.unwrap_or_default() + &cause)
     }
 
-    /// The system refused `path`.
+    /// Creates an error for a path that the operating system cannot read.
     pub(crate) fn unreadable(path: &Path, source: io::Error) -> Self {
         match source.kind() {
             io::ErrorKind::NotFound => Self::unusable(path, "no such file or directory"),
@@ -155,7 +156,7 @@ mod testing {
     use std::path::PathBuf;
     use tempfile::TempDir;
 
-    /// Writes a file of a folder, and the folders on the way to it.
+    /// Writes a file in `folder` and creates its parent directories.
     pub(crate) fn put(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         let path = folder.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -163,7 +164,7 @@ mod testing {
         path
     }
 
-    /// Triangles over the vertices that they use.
+    /// Triangles with the vertices that they use.
     pub(crate) struct Surface {
         pub(crate) points: Vec<Point>,
         pub(crate) triangles: Vec<[u32; 3]>,
@@ -177,14 +178,14 @@ mod testing {
         Surface { points, triangles }
     }
 
-    /// Opens the inputs of a folder with these names.
+    /// Opens the inputs `names`, joined by `+`, in `folder`.
     pub(crate) fn open_in(folder: &TempDir, names: &str, options: &Options) -> Result<Scene> {
         let root = folder.path().to_str().unwrap();
         let spec: Vec<String> = names.split('+').map(|n| format!("{root}/{n}")).collect();
         crate::open(&spec.join("+"), options)
     }
 
-    /// It was refused in one line, with all these words.
+    /// Asserts that `tried` failed with a message of one line that contains all of `says`.
     #[track_caller]
     pub(crate) fn refused<T>(tried: Result<T>, says: &[&str]) {
         let message = tried.err().expect("it is refused").to_string();

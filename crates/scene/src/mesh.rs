@@ -1,4 +1,4 @@
-//! One mesh file of any format: vertices, faces and colours, and how it is compared with the next key frame.
+//! A mesh file of any format: vertices, faces and colours, and the comparison with the next key frame.
 
 use crate::ply::Pattern;
 use crate::rounding::Position;
@@ -7,44 +7,44 @@ use crate::{Location, Result, Rgb, SceneError};
 use std::path::Path;
 
 pub(crate) struct Mesh {
-    /// Positions of the file's vertices, used or not.
+    /// Positions of all vertices in the file, used or not.
     pub(crate) points: Vec<Position>,
-    /// The faces, on which key frames must agree.
+    /// Faces, which must be equal in all key frames.
     pub(crate) topology: Topology,
     pub(crate) paint: Paint,
     pub(crate) notes: Vec<String>,
-    /// Bytes that later key frames repeat, if they can be compared without being parsed.
+    /// Bytes that later key frames repeat. `None` if the file cannot be compared without parsing.
     pub(crate) pattern: Option<Pattern>,
 }
 
-/// Vertices and faces as the file numbers them, without faces of fewer than three vertices.
+/// Vertices and faces as numbered in the file. Faces with fewer than three vertices are dropped.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Topology {
-    /// Vertices in the file, used or not.
+    /// Number of vertices in the file, used or not.
     pub(crate) vertices: usize,
-    /// Vertices of all faces, from 0, one face after another.
+    /// Concatenated vertex indices of all faces, counted from 0.
     corners: Vec<u32>,
-    /// Where each face ends in `corners`.
+    /// End of each face in `corners`.
     ends: Vec<usize>,
 }
 
-/// What a file says about colours.
+/// Colours of a mesh file, as the file specifies them.
 pub(crate) enum Paint {
     None,
-    /// One sRGB colour for each of the file's vertices.
+    /// One sRGB colour per vertex of the file.
     Vertices(Vec<Rgb>),
-    /// One sRGB colour for each face.
+    /// One sRGB colour per face.
     Faces(Vec<Rgb>),
-    /// Materials by name, from libraries beside the file.
+    /// Material names, with the libraries that define them.
     Materials {
         libraries: Vec<String>,
-        /// (First face, name) wherever the material changes.
+        /// Pairs of first face and material name, one per change of material.
         uses: Vec<(usize, String)>,
     },
 }
 
 impl Topology {
-    /// Adds a face of three or more vertices.
+    /// Adds a face of at least three vertices.
     pub(crate) fn push(&mut self, corners: impl IntoIterator<Item = u32>) {
         self.corners.extend(corners);
         self.ends.push(self.corners.len());
@@ -57,7 +57,7 @@ impl Topology {
             .map(|(start, &end)| &self.corners[start..end])
     }
 
-    /// Returns one value for each triangle from one for each face, since a face of n vertices has n - 2 triangles.
+    /// Expands one value per face to one value per triangle. A face of n vertices has n - 2 triangles.
     pub(crate) fn per_triangle<T: Copy>(&self, of_faces: &[T]) -> Vec<T> {
         let faces = self.faces().zip(of_faces);
         let repeated = faces.map(|(corners, &value)| std::iter::repeat_n(value, corners.len() - 2));
@@ -68,7 +68,7 @@ impl Topology {
         self.corners.len() - 2 * self.ends.len()
     }
 
-    /// Checks that everything can be numbered and that there is a triangle.
+    /// Checks that all indices fit their types and that there is at least one triangle.
     pub(crate) fn check(&self, path: &Path) -> Result<()> {
         let hint = match self.vertices {
             0 => String::new(),
@@ -77,7 +77,7 @@ impl Topology {
         check_counts(path, [self.vertices, self.triangle_count()], &hint)
     }
 
-    /// Checks that the key frame in `path` has the topology of the `first`.
+    /// Checks that the key frame in `path` has the topology of the `first` one.
     pub(crate) fn check_same(&self, path: &Path, first: (&Path, &Self)) -> Result<()> {
         let (first, expected) = (first.0.display(), first.1);
         let bad = |cause: String| {
@@ -102,7 +102,7 @@ impl Topology {
     }
 }
 
-/// The triangles of several meshes, each with the number of its vertices, over the vertices of all.
+/// Concatenates the triangles of several meshes. Each mesh has its number of vertices as the second value.
 pub(crate) fn joined_triangles<'a>(
     meshes: impl Iterator<Item = (&'a [[u32; 3]], usize)>,
 ) -> Vec<[u32; 3]> {
@@ -115,9 +115,9 @@ pub(crate) fn joined_triangles<'a>(
     all
 }
 
-/// Renumbers triangles over the vertices they use, and returns these vertices in their order.
+/// Renumbers the triangles to use consecutive vertices, and returns the used vertices in ascending order.
 ///
-/// Unused vertices would spoil every camera that is made from the scene's bounds.
+/// Unused vertices would distort cameras that are computed from the scene's bounds.
 pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut used = vec![false; vertices];
     let corners = triangles.as_flattened_mut();
@@ -133,15 +133,15 @@ pub(crate) fn compact(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     kept
 }
 
-/// Of what has no colour.
+/// Default colour of meshes without colours.
 pub(crate) const CLAY: Rgb = [204, 196, 184];
 
-/// From components that are already meant for display; out of range or not a number is clamped.
+/// Converts sRGB components from floats. Values outside 0 to 1 are clamped; NaN becomes 0.
 pub(crate) fn from_display(colour: [f32; 3]) -> Rgb {
     colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }
 
-/// Returns the remark on faces that are not read because they have fewer than three vertices.
+/// Returns a remark about faces that were skipped because they have fewer than three vertices.
 pub(crate) fn short_faces_note(path: &Path, count: usize, first: Location) -> Option<String> {
     let (file, (what, at)) = (path.display(), first);
     let note =
@@ -149,7 +149,7 @@ pub(crate) fn short_faces_note(path: &Path, count: usize, first: Location) -> Op
     (count > 0).then_some(note)
 }
 
-/// Colours as a file has them, one after another.
+/// Colours as stored in a file.
 #[derive(Default)]
 pub(crate) struct Colours(Vec<[f32; 3]>);
 
@@ -162,9 +162,9 @@ impl Colours {
         self.0.push(colour);
     }
 
-    /// Converts all colours. If a component is above 1, they range to 255, which adds a remark.
+    /// Converts all colours. If any component is above 1, the file's range is taken as 0 to 255, and a remark is added.
     pub(crate) fn into_display(self, path: &Path, notes: &mut Vec<String>) -> Vec<Rgb> {
-        /// Rounding leaves components of white slightly above 1.
+        /// Tolerance for white components that rounding leaves slightly above 1.
         const MAX_ONE: f32 = 1.01;
         let is_above_one = |c: &f32| *c > MAX_ONE && c.is_finite();
         let mut scale = 1.0;
@@ -182,7 +182,7 @@ impl Colours {
     }
 }
 
-/// From linear light (IEC 61966-2-1).
+/// Converts linear components to sRGB (IEC 61966-2-1).
 pub(crate) fn from_linear(colour: [f32; 3]) -> Rgb {
     from_display(colour.map(|c| {
         let c = f64::from(c.clamp(0.0, 1.0));

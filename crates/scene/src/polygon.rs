@@ -1,25 +1,25 @@
-//! Triangles of polygons, n - 2 for each polygon of n vertices, in the order of the faces.
+//! Triangulation of polygons into n - 2 triangles per polygon of n vertices, in the order of the faces.
 //!
-//! A polygon that the fan from its first vertex covers becomes that fan; every convex polygon is one. The ears of others
-//! are clipped in the polygon's plane. Both keep the polygon's orientation.
+//! A polygon that is covered by the fan from its first vertex becomes that fan. This includes every convex polygon.
+//! Other polygons are triangulated by ear clipping in their plane. Both methods keep the polygon's orientation.
 
 use crate::mesh::Topology;
 use crate::rounding::Position;
 use earcut::Earcut;
 
-/// The most vertices of a polygon whose ears are clipped, which takes up to quadratic time.
+/// Maximum number of vertices for ear clipping, whose time is up to quadratic.
 const MAX_CLIPPED: usize = 1 << 15;
 
-/// A surface of triangles.
+/// Triangles of all faces.
 #[derive(Debug, Default)]
 pub(crate) struct Triangulation {
-    /// Vertices of each triangle.
+    /// Vertex indices of each triangle.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Concave polygons that have too many vertices for their ears to be clipped, and became fans.
+    /// Number of concave polygons that became fans because they have more than [`MAX_CLIPPED`] vertices.
     pub(crate) fanned: usize,
 }
 
-/// Triangulates all faces of a topology whose vertices are at `points`.
+/// Triangulates all faces of a topology with vertex positions `points`.
 pub(crate) fn triangulate(topology: &Topology, points: &[Position]) -> Triangulation {
     let mut clipper = Clipper {
         points,
@@ -41,14 +41,14 @@ pub(crate) fn triangulate(topology: &Topology, points: &[Position]) -> Triangula
     found
 }
 
-/// Buffers that are reused from polygon to polygon.
+/// Buffers that are reused for all polygons.
 struct Clipper<'a> {
     points: &'a [Position],
     earcut: Earcut<f64>,
-    /// The polygon's vertices in its plane, counter-clockwise.
+    /// The polygon's vertices projected to a plane, counter-clockwise.
     flat: Vec<[f64; 2]>,
     indices: Vec<u32>,
-    /// Triangles by their corners' places in the polygon, in rising order.
+    /// Ears as sorted positions of their corners in the polygon.
     ears: Vec<[u32; 3]>,
 }
 
@@ -70,10 +70,10 @@ impl Clipper<'_> {
         });
     }
 
-    /// Projects a polygon along the longest axis of its normal, by Newell's method. This is an affine map of the polygon's
-    /// plane, so that inside and outside stay the same. It rounds no coordinate.
+    /// Projects a polygon along the longest axis of its normal, which Newell's method computes. The projection is an
+    /// affine map of the polygon's plane, so it preserves inside and outside. It rounds no coordinate.
     ///
-    /// Returns whether the polygon has a plane: all vertices are finite, and some area is left.
+    /// Returns whether the polygon has a plane: all vertices are finite, and its projected area is not 0.
     fn flatten(&mut self, corners: &[u32]) -> bool {
         let point = |&vertex: &u32| self.points[vertex as usize];
         let first = point(&corners[0]);
@@ -102,7 +102,7 @@ impl Clipper<'_> {
         normal.iter().all(|n| n.is_finite()) && size[axis] > 0.0
     }
 
-    /// Whether no triangle of the fan from the first vertex is turned over.
+    /// Returns whether no triangle of the fan from the first vertex is flipped.
     fn is_covered_by_fan(&self) -> bool {
         let [x, y] = self.flat[0];
         let from_first = |p: [f64; 2]| [p[0] - x, p[1] - y];
@@ -121,22 +121,24 @@ impl Clipper<'_> {
             ear.sort_unstable();
             ear
         }));
-        // By the first corner, then by the last one, the farthest first.
+        // Sorts by first corner, then by last corner in descending order.
         self.ears.sort_unstable_by_key(|&[a, b, c]| (a, !c, b));
     }
 }
 
-/// Emits `vertices - 2` triangles that fill a polygon, as places in rising order, so that each has the polygon's orientation.
+/// Emits `vertices - 2` triangles that fill a polygon. Corners are positions in ascending order, so each triangle has
+/// the polygon's orientation.
 ///
-/// `ears` are triangles that do not cross, sorted. Some may be missing: collinear and repeated vertices make ears without
-/// area, which are not clipped, and a polygon that crosses itself has no triangulation. Fans fill the gaps.
+/// `ears` is sorted, and its triangles do not cross. Some ears may be missing: ears without area, from collinear and
+/// repeated vertices, are not clipped, and a polygon that crosses itself has no triangulation. Fans fill the gaps.
 fn complete(ears: &[[u32; 3]], vertices: usize, mut emit: impl FnMut([u32; 3])) {
     let apex = |from: u32, to: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !to));
         let ear = ears.get(at).filter(|ear| (ear[0], ear[2]) == (from, to));
         ear.map(|ear| ear[1])
     };
-    // The end of the longest chord from a place that ends at `limit` or before; an edge of the polygon else.
+    // Returns the end of the longest chord that starts at `from` and ends at `limit` or before. Without such a chord,
+    // returns the end of the polygon's edge.
     let reach = |from: u32, limit: u32| {
         let at = ears.partition_point(|&[a, _, c]| (a, !c) < (from, !limit));
         let ear = ears.get(at).filter(|ear| ear[0] == from);

@@ -1,10 +1,10 @@
-//! Coordinates in double precision, and how they are rounded to the single precision of key frames.
+//! Double-precision coordinates, and their rounding to the single precision of key frames.
 
 use crate::Options;
 use geom::Point;
 use std::path::Path;
 
-/// A position as files have it.
+/// Position in the file's precision.
 pub(crate) type Position = [f64; 3];
 
 /// Subtracts one offset from all key frames of a scene and rounds the differences.
@@ -13,7 +13,7 @@ pub(crate) struct Rounding {
     pub(crate) offset: Position,
 }
 
-/// The bounds of positions that single precision can hold.
+/// Bounds of the positions that are finite in single precision.
 struct Bounds {
     min: Position,
     max: Position,
@@ -34,7 +34,7 @@ impl Bounds {
         }))
     }
 
-    /// The length of the diagonal.
+    /// Returns the length of the diagonal.
     fn size(&self) -> f64 {
         let [x, y, z] = std::array::from_fn(|i| self.max[i] - self.min[i]);
         x.hypot(y).hypot(z)
@@ -42,7 +42,8 @@ impl Bounds {
 }
 
 impl Rounding {
-    /// Chooses the offset for the vertices of the first key frame: their centre if the scene is recentred, else 0.
+    /// Returns the rounding for a scene: its offset is the centre of the first key frame if the scene is recentred,
+    /// else 0.
     pub(crate) fn of(first: &[Position], options: &Options) -> Self {
         let bounds = Bounds::of(first).filter(|_| options.recentre);
         let centre = |b: Bounds| std::array::from_fn(|i| b.min[i].midpoint(b.max[i]));
@@ -59,12 +60,12 @@ impl Rounding {
         all.iter().map(|&p| self.point(p)).collect()
     }
 
-    /// Returns the offset if the scene is recentred.
+    /// Returns the offset, or `None` if the scene is not recentred.
     pub(crate) fn chosen(&self, options: &Options) -> Option<Position> {
         options.recentre.then_some(self.offset)
     }
 
-    /// Returns a remark if rounding moves a coordinate by more than a thousandth of the first key frame's size.
+    /// Returns a remark if rounding moves a coordinate by more than 0.001 of the first key frame's size.
     pub(crate) fn remark(
         &self,
         path: &Path,
@@ -93,7 +94,7 @@ impl Rounding {
     }
 }
 
-/// Writes a number with about three digits.
+/// Formats a number with about three digits.
 fn figure(number: f64) -> String {
     match number {
         0.01..1e6 => format!("{number:.3}"),

@@ -1,4 +1,4 @@
-//! Key frames from mesh files, one file each, all of one topology; and when they are, as `times.json` beside them says.
+//! Key frames from mesh files of equal topology, one per file, with optional times from `times.json`.
 
 use crate::mesh::{CLAY, Mesh, Paint, Topology, compact, mean};
 use crate::ply::Pattern;
@@ -25,9 +25,9 @@ fn read(path: &Path) -> Result<Mesh> {
     }
 }
 
-/// The animation whose key frames are `files` of one extension, `obj` or `ply`, of which there is one at least.
+/// Opens `files` as the key frames of one animation. There is at least one file, and all are `.obj` or all `.ply`.
 ///
-/// The first key frame decides how polygons are triangulated. The others have the same faces, and so the same triangles.
+/// The first key frame determines the triangulation of polygons. Later ones have equal faces, so equal triangles.
 pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let path = files[0].as_path();
     let mesh = read(path)?;
@@ -88,31 +88,31 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     })
 }
 
-/// Returns the points of these vertices.
+/// Returns the points of `vertices`.
 fn pick(points: &[Position], vertices: &[u32]) -> Vec<Position> {
     vertices.iter().map(|&v| points[v as usize]).collect()
 }
 
-/// Files that are read again where their key frames are not held.
+/// Key-frame files, which are read again when a key frame is not in memory.
 struct Sequence {
     files: Vec<PathBuf>,
-    /// What the files were when they were first read.
+    /// Size and modification time of each file when it was first read.
     stamps: Vec<OnceLock<Stamp>>,
-    /// Those that differ from the first in their vertices alone, by number.
+    /// Whether each file is known to differ from the first in its vertices only.
     alike: Vec<AtomicBool>,
-    /// Of all of them.
+    /// Common topology of all files.
     topology: Topology,
     pattern: Option<Pattern>,
-    /// Vertices that faces use, by their numbers in the files.
+    /// Indices, as numbered in the files, of the vertices that faces use.
     kept: Vec<u32>,
     rounding: Rounding,
-    /// The first key frame, until somebody asks for it.
+    /// Points of the first key frame, until they are first requested.
     first: Mutex<Option<Vec<Point>>>,
-    /// Remarks on later files, by their number.
+    /// Remarks on later files, by file index.
     notes: Mutex<BTreeMap<usize, Vec<String>>>,
 }
 
-/// A file's length and when it was written.
+/// Size of a file in bytes, and its modification time.
 type Stamp = (u64, Option<SystemTime>);
 
 impl Sequence {
@@ -135,7 +135,7 @@ impl Sequence {
         let mesh = read(path)?;
         mesh.topology
             .check_same(path, (&self.files[0], &self.topology))?;
-        // Remarks that every file of a sequence repeats are told once, for the first.
+        // Remarks that every file of a sequence repeats are reported once, for the first file.
         let notes = mesh.notes.into_iter();
         let notes: Vec<_> = notes.filter(|note| note.contains("cut short")).collect();
         if !notes.is_empty() && key > 0 {
@@ -144,7 +144,7 @@ impl Sequence {
         Ok(self.rounding.points(&pick(&mesh.points, &self.kept)))
     }
 
-    /// What was learnt of a file holds as long as it is the same.
+    /// Checks that a file still has the size and time of its first read. Cached results are valid only then.
     fn check_unchanged(&self, key: usize) -> Result<()> {
         let path = &self.files[key];
         let about = fs::metadata(path).map_err(|e| SceneError::unreadable(path, e))?;
@@ -159,13 +159,13 @@ impl Sequence {
     }
 }
 
-/// The faces of a mesh, and their triangles by the file's vertex numbers.
+/// Faces of a mesh, with their triangles as vertex indices of the file.
 struct Surface<'a> {
     topology: &'a Topology,
     triangles: &'a [[u32; 3]],
 }
 
-/// Returns one colour for each triangle.
+/// Returns one colour per triangle.
 fn colours(
     place: (&Path, &Folder),
     surface: &Surface<'_>,
@@ -191,7 +191,7 @@ fn colours(
     }
 }
 
-/// The file of times, as `abvh inspect --reduced-out` writes it.
+/// Contents of `times.json`, as written by `abvh inspect --reduced-out`.
 #[derive(Deserialize)]
 struct Times {
     end: f64,
@@ -205,7 +205,7 @@ struct Frame {
     time: f64,
 }
 
-/// Gives the key frames of a directory the times that are written there, if any are.
+/// Applies the key-frame times in `times.json` of the directory, if the file exists.
 pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
     let path = directory.join("times.json");
     let bytes = match host::read(&path) {

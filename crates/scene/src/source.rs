@@ -1,4 +1,4 @@
-//! From the word that names a scene to the files that make it.
+//! Opens the files or the demo that a scene name refers to.
 
 use crate::join::{self, Input};
 use crate::{Options, Result, Scene, SceneError, clip, demo, files, sequence};
@@ -13,7 +13,7 @@ pub fn open(spec: &str, options: &Options) -> Result<Scene> {
     }
 }
 
-/// Whether `spec` names an input by itself.
+/// Returns whether `spec` as a whole names an existing input.
 pub(crate) fn exists(spec: &str) -> bool {
     let matches = || glob::glob(spec).is_ok_and(|mut all| all.next().is_some());
     let is_pattern = spec.contains(['*', '?', '[']);
@@ -21,7 +21,7 @@ pub(crate) fn exists(spec: &str) -> bool {
     is_demo || files::path(spec).exists() || is_pattern && matches()
 }
 
-/// Whether what `spec` names may have clips to choose from.
+/// Returns whether the input has a format that supports clips.
 pub(crate) fn has_clips(spec: &str) -> bool {
     is_gltf(&files::path(spec))
 }
@@ -40,7 +40,7 @@ pub(crate) fn open_one(spec: &str, options: &Options) -> Result<Scene> {
     }
 }
 
-/// Refuses options that name a clip, for a source without clips.
+/// Returns an error if `options` name a clip, for sources without clips.
 pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &Options) -> Result<()> {
     options.clip.as_ref().map_or(Ok(()), |asked| {
         let cause = format!("no clip {asked:?}: only .gltf and .glb files have clips");
@@ -48,7 +48,7 @@ pub(crate) fn refuse_clip(place: impl AsRef<Path>, options: &Options) -> Result<
     })
 }
 
-/// Lower-case extension.
+/// Returns the extension in lower case.
 pub(crate) fn extension(path: &Path) -> String {
     let extension = path.extension().unwrap_or_default();
     extension.to_string_lossy().to_lowercase()
@@ -90,7 +90,7 @@ pub(crate) fn matches(pattern: &str) -> Result<glob::Paths> {
 }
 
 fn directory(path: &Path, options: &Options) -> Result<Scene> {
-    // Hidden files are no key frames: some systems leave "._1.obj" beside "1.obj".
+    // Hidden files are not key frames. Some systems create "._1.obj" next to "1.obj".
     let hidden = |f: &Path| {
         let name = f.file_name().unwrap_or_default();
         name.to_string_lossy().starts_with('.')
@@ -125,7 +125,7 @@ fn pattern(spec: &str, options: &Options) -> Result<Scene> {
     }
 }
 
-/// Key frames from the meshes among `files`, in natural order: `2.obj` before `10.obj`.
+/// Opens the meshes among `files` as key frames in natural order: `2.obj` before `10.obj`.
 fn frames(name: String, place: &Path, mut files: Vec<PathBuf>, options: &Options) -> Result<Scene> {
     let of = |kind: &str| files.iter().filter(|f| extension(f) == kind).count();
     let bad = |cause: String| Err(SceneError::unusable(place, cause));
@@ -159,7 +159,7 @@ mod tests {
 
     const TRIANGLE: &str = "f 1 2 3\n";
 
-    /// An OBJ file whose first vertex stands at `x`.
+    /// Returns an OBJ file whose first vertex is at `x`.
     fn obj(x: u32, faces: &str) -> String {
         format!("v {x} 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n{faces}")
     }
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn polygons_are_triangulated_in_the_first_key_frame() {
-        // Vertex 2 makes a notch, and leaves it in the second key frame.
+        // Vertex 2 forms a notch in the first key frame but not in the second.
         let with = |y: u32, faces: &str| format!("v 2 2 0\nv 0 {y} 0\nv -2 2 0\nv 0 0 0\n{faces}");
         let ply = |y: u32, face: &str| {
             format!(
@@ -271,7 +271,7 @@ mod tests {
                  element face 1\nproperty list uchar int vertex_index\nend_header\n2 2 0\n0 {y} 0\n-2 2 0\n0 0 0\n{face}"
             )
         };
-        // Ten key frames, of which the first differs from the others. More than eight may be paged.
+        // Opens ten key frames of which the first differs. Sequences of more than eight key frames may be paged.
         let opened = |kind: &str, first: String, later: &str, key_bytes| {
             let folder = tempfile::tempdir().unwrap();
             put(&folder, &format!("0.{kind}"), first);
@@ -299,7 +299,7 @@ mod tests {
                     assert_eq!(last.vertex(1), [0.0, later as f32, 0.0]);
                 }
             }
-            // The same triangles are not the same polygons.
+            // Equal triangles from different polygons are not the same topology.
             let triangles = with(3, "f 1 2 3\nf 1 3 4\n");
             let other = opened("obj", with(3, "f 1 2 3 4\n"), &triangles, key_bytes);
             refused(other, &["1.obj", "face 1 joins other vertices"]);

@@ -1,4 +1,4 @@
-//! Key frames of any source as an animation: held in memory, or read while they are played; and what there is room for.
+//! Animations from any source of key frames, held in memory or paged, and checks of the memory that they need.
 
 use crate::{Options, Result, SceneError};
 use geom::{Animation, KeyFrameError, Point};
@@ -19,14 +19,14 @@ impl From<KeyFrameError> for SceneError {
     }
 }
 
-/// Key frames that are kept of a stream, at least and at most.
+/// Minimum and maximum number of key frames that a paged animation keeps in memory.
 const WINDOW: [u64; 2] = [8, 64];
 
 pub(crate) fn bytes(vertices: usize) -> u64 {
     (vertices as u64).saturating_mul(size_of::<Point>() as u64)
 }
 
-/// Key frames that memory has to hold, of so many of so many vertices.
+/// Returns how many of `keys` key frames of `vertices` vertices are held in memory.
 pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
     let most = options.key_bytes / bytes(vertices).max(1);
     match keys as u64 <= most {
@@ -35,7 +35,7 @@ pub(crate) fn held(keys: usize, vertices: usize, options: &Options) -> usize {
     }
 }
 
-/// An animation over so many key frames of so many vertices.
+/// Creates an animation from a source of `keys` key frames of `vertices` vertices.
 pub(crate) fn animation(
     source: impl Fn(usize) -> Result<Vec<Point>, KeyFrameError> + Send + Sync + 'static,
     (keys, vertices): (usize, usize),
@@ -48,7 +48,7 @@ pub(crate) fn animation(
         return Ok(Animation::streamed(source, [keys, window], triangles)?);
     }
     let read = (0..keys).into_par_iter().map(source);
-    // Collected before looked at, so that the first bad one is named whichever thread is faster.
+    // Collects all results before checking them. Otherwise the reported key frame would depend on thread timing.
     let read: Vec<_> = read.collect();
     let keys = read.into_iter().collect::<Result<_, _>>()?;
     Ok(Animation::new(keys, triangles)?)
@@ -62,7 +62,7 @@ pub(crate) fn within(path: &Path, what: &str, found: usize, limit: usize) -> Res
     Err(SceneError::unusable(path, cause))
 }
 
-/// Refuses vertices and triangles that cannot be numbered, and a scene without triangles.
+/// Refuses counts of vertices or triangles that exceed their index types, and scenes without triangles.
 pub(crate) fn check_counts(
     path: &Path,
     [vertices, triangles]: [usize; 2],
@@ -76,7 +76,8 @@ pub(crate) fn check_counts(
     Ok(())
 }
 
-/// Refuses key frames that memory does not hold, with what follows them, before they are allocated.
+/// Refuses key frames that exceed the memory limit, before they are allocated. Includes the memory that the caller
+/// needs.
 pub(crate) fn check_keys(
     place: impl AsRef<Path>,
     (keys, vertices, triangles): (usize, usize, usize),
@@ -96,7 +97,7 @@ pub(crate) fn check_keys(
     check_memory(place, what, with_more(bytes, triangles, options), options)
 }
 
-/// Bytes of a scene, and of what follows it.
+/// Returns the bytes of a scene plus the memory that the caller needs for it.
 pub(crate) fn with_more(bytes: u64, triangles: usize, options: &Options) -> u64 {
     (triangles as u64)
         .saturating_mul(options.triangle_bytes)

@@ -1,14 +1,14 @@
-//! Text as other programs write it: line ends of three kinds, numbers that are not finite, and encodings that are refused.
+//! Parsing of text from other programs: three kinds of line ends, non-finite numbers, and refused encodings.
 
 use std::str::FromStr;
 
-/// Lines that end in a line feed, a carriage return, or both.
+/// Iterator over lines that end in a line feed, a carriage return, or both.
 #[derive(Clone)]
 pub(crate) struct Lines<'a> {
     rest: &'a [u8],
 }
 
-/// Splits `bytes` into lines. The last one may lack its end; nothing follows the last end.
+/// Splits `bytes` into lines. The last line may lack a line end. A final line end starts no empty line.
 pub(crate) fn lines(bytes: &[u8]) -> Lines<'_> {
     Lines { rest: bytes }
 }
@@ -29,7 +29,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Parses a number. `nan` and `inf` may be spelled as the C libraries print them: `-nan(ind)`, `1.#QNAN`, `-1.#INF00`.
+/// Parses a number. Accepts C library spellings of `nan` and `inf`: `-nan(ind)`, `1.#QNAN`, `-1.#INF00`.
 pub(crate) fn number<F: FromStr>(word: &str) -> Option<F> {
     let parsed = word.parse().ok();
     parsed.or_else(|| not_finite(word)?.parse().ok())
@@ -49,13 +49,13 @@ fn not_finite(word: &str) -> Option<&'static str> {
     (head.eq_ignore_ascii_case("nan(") && bare.ends_with(')')).then_some("nan")
 }
 
-/// Whether `name` follows `1.#` in a number of Visual C++, which pads names with digits, an exponent, or cuts them short.
+/// Returns whether `name` can follow `1.#` in Visual C++ output. Names are padded by digits or exponents, or cut.
 fn is_msvc_name(name: &str) -> bool {
     let letters = name.trim_end_matches(|c: char| c.is_ascii_digit() || "e+-".contains(c));
     !letters.is_empty() && letters.bytes().all(|b| b.is_ascii_uppercase())
 }
 
-/// Returns `line` up to its comment. The `#` within a number such as `1.#IND` does not start a comment.
+/// Returns `line` without its comment. The `#` in a number such as `1.#IND` does not start a comment.
 pub(crate) fn before_comment(line: &str) -> &str {
     let starts_comment = |&(at, _): &(usize, &str)| {
         let (before, after) = (&line[..at], &line[at + 1..]);
@@ -68,7 +68,7 @@ pub(crate) fn before_comment(line: &str) -> &str {
     comment.map_or(line, |(at, _)| &line[..at])
 }
 
-/// Refuses text of two or four bytes a character, which would be read as an empty file.
+/// Refuses UTF-16 and UTF-32 text, which would otherwise be read as an empty file.
 pub(crate) fn check_encoding(bytes: &[u8]) -> Result<(), String> {
     let name = match bytes {
         [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => "UTF-32",

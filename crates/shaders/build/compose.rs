@@ -1,4 +1,4 @@
-//! A kernel from its file and what that imports: plain WGSL with one entry point, without what that does not use.
+//! Composes a kernel from its file and its imports: plain WGSL with one entry point, without unused declarations.
 
 use anyhow::{Context, Result, anyhow};
 use std::collections::BTreeMap;
@@ -7,13 +7,13 @@ use std::path::Path;
 use wesl::syntax::{ModulePath, PathOrigin};
 use wesl::{CompileOptions, Feature, Features, Mangler, NoMangler, VirtualResolver};
 
-/// Names stay as they are: hosts find buffers by them, and a name stands for one thing in all files.
+/// Keeps all names: hosts find buffers by name, and each name has one meaning in all files.
 pub(crate) const KEPT: NoMangler = NoMangler;
 
 pub(crate) struct Sources {
-    /// All files, by their paths from the folder `wgsl` on without extension.
+    /// Contents of all files, by path relative to the folder `wgsl` and without extension.
     pub(crate) files: BTreeMap<String, String>,
-    /// All conditions that they may name.
+    /// All conditions that the files may use.
     pub(crate) conditions: Vec<String>,
 }
 
@@ -31,7 +31,8 @@ impl Sources {
         Ok(Self { files, conditions })
     }
 
-    /// Entry points of a file with all that they use, names of other files by the mangler, where the conditions `on` hold.
+    /// Returns the entry points of a file with everything they use, where the conditions `on` hold. `mangler` renames
+    /// declarations of other files.
     pub(crate) fn compose(
         &self,
         file: &str,
@@ -70,7 +71,7 @@ fn module(name: &str) -> ModulePath {
     ModulePath::new(PathOrigin::Absolute, parts.collect())
 }
 
-/// Gives each `@binding(next)` its number, from 1 on: the parameters have number 0.
+/// Numbers each `@binding(next)`, from 1 on. Binding 0 holds the parameters.
 fn number_bindings(source: &str) -> String {
     let mut parts = source.split("@binding(next)");
     let first = parts.next().unwrap_or_default().to_owned();

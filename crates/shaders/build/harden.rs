@@ -1,4 +1,4 @@
-//! SPIR-V whose arithmetic no driver may fuse, whose whole numbers are wide, and whose stacks no driver need clear.
+//! Changes SPIR-V: no driver may fuse its arithmetic, 32-bit products are wide, and arrays are not cleared.
 
 use anyhow::{Context, Result, anyhow, ensure};
 use rspirv::binary::Assemble;
@@ -19,8 +19,8 @@ pub(crate) fn harden_module(module: &mut Module) {
     module.debug_names.clear();
 }
 
-/// naga emits no NoContraction; without it both known drivers fuse and regroup.
-/// Functions named `loose_…` decide nothing and may be fused.
+/// Decorates float operations with NoContraction, which naga does not emit. Without it, both known drivers fuse and regroup.
+/// Functions named `loose_…` do not decide any hit and may be fused.
 fn forbid_contraction(module: &mut Module) {
     let loose: HashSet<u32> = named(module, |name| name.starts_with("loose_")).collect();
     let is_strict = |f: &&Function| !f.def_id().is_some_and(|id| loose.contains(&id));
@@ -42,7 +42,7 @@ fn forbid_contraction(module: &mut Module) {
     module.annotations.extend(decorations);
 }
 
-/// What goes by such a name in WGSL.
+/// Returns the ids of all objects whose WGSL name matches.
 fn named(module: &Module, is_it: impl Fn(&str) -> bool) -> impl Iterator<Item = u32> {
     let names = module.debug_names.iter();
     let names = names.filter(|i| i.class.opcode == Op::Name);
@@ -52,7 +52,7 @@ fn named(module: &Module, is_it: impl Fn(&str) -> bool) -> impl Iterator<Item = 
     })
 }
 
-/// naga clears every variable; stacks and the room for whole numbers need none of it.
+/// Removes the null initialisers of arrays. naga clears every variable, which stacks and long integers do not need.
 fn drop_null_initialisers(module: &mut Module) {
     let ids = |is_it: &dyn Fn(&Instruction) -> bool| -> HashSet<u32> {
         let found = module.types_global_values.iter().filter(|i| is_it(i));
@@ -71,16 +71,16 @@ fn drop_null_initialisers(module: &mut Module) {
     }
 }
 
-/// Whether the second operand is one of these.
+/// Returns whether the second operand is one of `ids`.
 fn is_second(i: &Instruction, ids: &HashSet<u32>) -> bool {
     matches!(i.operands.get(1), Some(Operand::IdRef(id)) if ids.contains(id))
 }
 
-/// A function of two words that gives two, the low one of their product first.
+/// Name of the function that multiplies two words and returns two, the low word of the product first.
 const MULTIPLY: &str = "multiply_32";
 
-/// Puts products of two words in one instruction, which WGSL cannot say, in place of what the function holds. (Not sums that
-/// carry: what Mesa 22.3's software driver makes of `OpIAddCarry` is wrong for some.)
+/// Replaces the body of `multiply_32` by one instruction, which WGSL cannot express. Sums with carry are not replaced:
+/// `OpIAddCarry` gives some wrong results on the software driver of Mesa 22.3.
 fn widen(module: &mut Module) -> Result<()> {
     let id = named(module, |name| name == MULTIPLY).next();
     let mut all = module.functions.iter();

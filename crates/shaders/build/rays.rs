@@ -1,4 +1,4 @@
-//! The stages of a ray-tracing pipeline: all entry points of one file, in one module.
+//! Compiles the stages of a ray-tracing pipeline: all entry points of one file, in one module.
 
 use crate::compose::{KEPT, Sources};
 use crate::{harden, include_words, options, parse, reflect};
@@ -11,11 +11,11 @@ use rspirv::dr::{Instruction, Module, Operand, load_words};
 use rspirv::spirv::{Capability, Op, StorageClass};
 use std::path::Path;
 
-/// The file of the stages, and that of the kernels beside them.
+/// File of the pipeline's stages, and file of the compute kernels that support the pipeline.
 pub(crate) const PIPELINE: &str = "traversal/driver_rays";
 pub(crate) const KERNELS: &str = "traversal/driver_counts";
 
-/// What stands in the file for address spaces and inputs that the crate `wesl` does not know.
+/// Placeholders in the file for address spaces and inputs that the crate `wesl` does not know.
 const UNKNOWN: [(&str, &str); 5] = [
     ("@ray_t_current_max", "@builtin(ray_t_current_max)"),
     ("@ray_invocation_id", "@builtin(ray_invocation_id)"),
@@ -24,7 +24,7 @@ const UNKNOWN: [(&str, &str); 5] = [
     ("@incoming\nvar<private>", "var<incoming_ray_payload>"),
 ];
 
-/// The pipeline's stages as a Rust constant.
+/// Compiles the pipeline. Returns its stages as a Rust constant.
 pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     let stages = [
         "closest_hit",
@@ -70,8 +70,8 @@ pub(crate) fn compile(out: &Path, sources: &Sources) -> Result<String> {
     ))
 }
 
-/// naga knows no attributes of hits: the only private variable stands for them. It gets their
-/// storage class, and no first value.
+/// Gives the only private variable the storage class of hit attributes, which naga does not know, and removes its
+/// initialiser.
 fn hand_over_attributes(module: &mut Module) -> Result<()> {
     let private = Operand::StorageClass(StorageClass::Private);
     let attributes = Operand::StorageClass(StorageClass::HitAttributeKHR);
@@ -98,7 +98,7 @@ fn hand_over_attributes(module: &mut Module) -> Result<()> {
     Ok(())
 }
 
-/// naga takes a triangle's number for that of geometry shaders; those that trace rays have it anyway.
+/// Drops the capability that naga adds for `primitive_index` in geometry shaders. Ray-tracing stages do not need it.
 fn drop_geometry(module: &mut Module) {
     let geometry = Operand::Capability(Capability::Geometry);
     module.capabilities.retain(|i| i.operands[0] != geometry);

@@ -1,4 +1,4 @@
-//! What a host must know of a kernel, read from the kernel itself.
+//! Reads the properties of a kernel that hosts need from the kernel itself.
 
 use anyhow::{Context, Result, bail};
 use naga::{AddressSpace, StorageAccess};
@@ -14,7 +14,7 @@ fn is_tree(module: &naga::Module, variable: &naga::GlobalVariable) -> bool {
     matches!(inner, naga::TypeInner::AccelerationStructure { .. })
 }
 
-/// Where the driver's tree is bound.
+/// Returns the binding of the driver's tree.
 pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
     let mut all = module.global_variables.iter().map(|(_, v)| v);
     let tree = all.find(|v| is_tree(module, v));
@@ -22,7 +22,7 @@ pub(crate) fn scene(module: &naga::Module) -> Result<u32> {
     Ok(binding.context("a tree of the driver's")?.binding)
 }
 
-/// Bytes that a workgroup shares, each variable in whole rows of 16.
+/// Returns the workgroup memory of a kernel in bytes, with each variable rounded up to 16.
 pub(crate) fn shared_bytes(module: &naga::Module) -> u32 {
     let shared = module.global_variables.iter().map(|(_, v)| v);
     let shared = shared.filter(|v| v.space == AddressSpace::WorkGroup);
@@ -30,7 +30,7 @@ pub(crate) fn shared_bytes(module: &naga::Module) -> u32 {
     bytes.map(|b| b.next_multiple_of(16)).sum()
 }
 
-/// The bindings of group 0 by their numbers, as Rust expressions; a driver's tree is left out.
+/// Returns the bindings of group 0 by number, as Rust expressions, without the driver's tree.
 pub(crate) fn bindings(module: &naga::Module) -> Result<BTreeMap<u32, String>> {
     let mut found = BTreeMap::new();
     for (_, variable) in module.global_variables.iter() {
@@ -59,7 +59,7 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<BTreeMap<u32, String>> {
     Ok(found)
 }
 
-/// `leaf_nodes` as `LeafNodes`.
+/// Converts `leaf_nodes` to `LeafNodes`.
 fn camel_case(name: &str) -> String {
     let words = name.split('_').map(|word| {
         let (first, rest) = word.split_at(word.len().min(1));

@@ -1,14 +1,14 @@
-//! Which kernels there are, and the variants of each: a comment above an entry point names the axes along which it differs.
+//! Lists the kernels and the variants of each. A comment above an entry point names the axes along which it varies.
 //!
-//! `// Variants: intersector, layout(fast), arithmetic.` stands for all intersectors, for layout `fast` alone, and for both ways to
-//! find what a quotient leaves.
+//! `// Variants: intersector, layout(fast), arithmetic.` means all intersectors, layout `fast` only, and both ways to
+//! compute the remainder of a quotient.
 
 use crate::compose::{KEPT, Sources};
 use anyhow::{Context, Result, ensure};
 use wesl::EscapeMangler;
 
-/// The axes that hosts choose along, each with its values. In capitals they are conditions.
-/// `src/method.rs` says which value a method takes.
+/// The axes that hosts select values of. The conditions are the values in capitals.
+/// `src/method.rs` returns the value for a method.
 const AXES: [(&str, &[&str]); 2] = [
     (
         "intersector",
@@ -16,34 +16,33 @@ const AXES: [(&str, &[&str]); 2] = [
     ),
     ("layout", &["bvh2", "fast"]),
 ];
-/// Holds where single IEEE operations are kept single by arithmetic that a compiler cannot see through, not by decorations
-/// of the SPIR-V.
+/// Condition: arithmetic that a compiler cannot see through keeps IEEE operations single, not decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
-/// Holds where what a quotient leaves is found by a fused product and sum, not by products of halves.
+/// Condition: a fused multiply-add computes the remainder of a quotient, not products of halves.
 const FUSED: &str = "FUSED";
-/// Holds for entry points that are named so.
+/// Condition that holds for entry points with this suffix.
 const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
-/// Holds for the text that shaders of others call: nothing is counted.
+/// Condition: the text is for shaders of a program, which do not count hits.
 const MODULE: &str = "MODULE";
 
-/// An axis, and some of its values or all.
+/// An axis, and all or some of its values.
 type Choice = (&'static str, Vec<&'static str>);
 
-/// A compute kernel before its variants are chosen.
+/// A compute kernel before its variants are selected.
 pub(crate) struct EntryPoint {
-    /// Its file, and its name.
+    /// File, without extension.
     pub(crate) file: String,
     pub(crate) name: String,
     choices: Vec<Choice>,
     divides: bool,
 }
 
-/// A kernel as it is compiled: for all choices that compose to the same text.
+/// A compiled kernel, for all choices that compose to the same text.
 pub(crate) struct Variant {
     chosen: Vec<Vec<&'static str>>,
-    /// With products of halves.
+    /// The text with products of halves.
     pub(crate) text: Text,
-    /// With fused products and sums, where that differs.
+    /// The text with fused multiply-adds, if it differs.
     pub(crate) fused: Option<Text>,
 }
 
@@ -54,7 +53,7 @@ pub(crate) struct Text {
     pub(crate) opaque: String,
 }
 
-/// Single rays for shaders of others, by the usual method.
+/// Composes single-ray functions for shaders of a program, with the default method.
 pub(crate) fn module(sources: &Sources) -> Result<String> {
     let names = [
         "abvh_closest",
@@ -67,7 +66,7 @@ pub(crate) fn module(sources: &Sources) -> Result<String> {
     sources.compose("traversal/module", (&names, &EscapeMangler), &on)
 }
 
-/// Every compute kernel, sorted by name.
+/// Returns all compute kernels, sorted by name.
 pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
     let mut all = Vec::new();
     for (file, text) in &sources.files {
@@ -109,7 +108,7 @@ impl EntryPoint {
         })
     }
 
-    /// Every way to choose, those together that come to the same text.
+    /// Returns one variant for each group of choices that compose to the same text.
     pub(crate) fn variants(&self, sources: &Sources) -> Result<Vec<Variant>> {
         let mut ways: Vec<Vec<&str>> = vec![Vec::new()];
         for (_, values) in &self.choices {
@@ -152,7 +151,7 @@ impl EntryPoint {
 }
 
 impl Variant {
-    /// Each axis with the values that it serves; axes along which nothing differs are left out.
+    /// Returns each axis with the values that the variant serves. An axis is left out if the variant serves all its values.
     pub(crate) fn serves(&self, entry: &EntryPoint) -> Result<Vec<Choice>> {
         let (mut served, mut combinations) = (Vec::new(), 1);
         for (i, (name, values)) in entry.choices.iter().enumerate() {
@@ -172,14 +171,14 @@ impl Variant {
     }
 }
 
-/// An axis with all its values.
+/// Returns an axis with all its values.
 fn axis(name: &str) -> Result<Choice> {
     let found = AXES.iter().find(|(axis, _)| *axis == name);
     let (axis, values) = found.with_context(|| format!("no axis {name}"))?;
     Ok((axis, values.to_vec()))
 }
 
-/// All conditions that a file may name.
+/// Returns all conditions that a file may use.
 pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
     let values = AXES.iter().flat_map(|(_, values)| *values);
     let others = [OPAQUE, FUSED, MODULE, SUBGROUPS.0].map(str::to_owned);

@@ -1,12 +1,13 @@
-//! Prints a composed kernel: `cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast`. Without arguments, all names.
+//! Prints a composed kernel: `cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast`. Without
+//! arguments, prints all names.
 //!
-//! The last argument may be `fused`, for the text that devices with fused products and sums load.
+//! With `fused` as the last argument, prints the text for devices whose fused multiply-add rounds once.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "it prints")]
 
 use shaders::{KERNELS, Kernel, RAY_KERNELS};
 use std::process::ExitCode;
 
-/// Whether a kernel has that entry point and serves those values.
+/// Returns whether a kernel has this entry point and serves these values.
 fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
     let serves = |value: &String| {
         let mut slots = kernel.slots.iter();

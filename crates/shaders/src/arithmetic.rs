@@ -1,25 +1,25 @@
-//! A device's arithmetic put to the test before anybody relies on it.
+//! The self-test of a device's arithmetic.
 //!
-//! Backends run the kernel `arithmetic` on [`operands`] when they open a device, and refuse one that [`verify`] finds wrong.
-//! Equality across devices rests on single rounding, no fusing, no regrouping, and on the integer arithmetic of
-//! `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel shows how the device divides and adds up products where it may do as
-//! it likes, and whether its driver ends long loops early.
+//! When a backend opens a device, it runs the kernel `arithmetic` on [`operands`] and refuses the device if [`verify`]
+//! fails. Equal results on all devices need single rounding, no fusing, no regrouping, and the integer arithmetic of
+//! `wgsl/lib/ieee.wgsl` and `exact.wgsl`. The same kernel also finds out how the device divides and sums products where
+//! the rounding is up to the device, and whether its driver ends long loops early.
 
 use crate::Packets;
 use backend::Arithmetic;
 
-/// What decides which form of a kernel a device takes; before its test nobody relies on anything but single operations.
+/// Device properties that select the form of a kernel. The default assumes nothing but single operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
-    /// Whether a fused product and sum, where a kernel asks for it, is rounded once.
+    /// Whether an explicit fused multiply-add rounds once.
     pub fuses_once: bool,
-    /// How invocations search together, if they do.
+    /// How invocations search together, if the device can trace packets.
     pub packets: Option<Packets>,
-    /// Whether buffers keep the least of numbers of 64 bits, as rasterization takes.
+    /// Whether buffers have a 64-bit atomic minimum, which rasterization needs.
     pub rasterizes: bool,
 }
 
-/// How often the loop of the test ought to turn.
+/// Expected number of iterations of the self-test's loop.
 const TURNS: u32 = 100_000;
 
 /// Operand quadruples: moderate exponents, near cancellation, halfway mantissas, exponents far apart, equal products.
@@ -59,15 +59,15 @@ pub fn operands() -> Vec<[f32; 4]> {
     (0..4096).map(quadruple).collect()
 }
 
-/// Compares what the kernel wrote with what IEEE 754 has. Says how the device computes where it may choose, and
-/// [`Traits::fuses_once`].
+/// Compares the results of the kernel with those of IEEE 754. Returns how the device computes where the rounding is up to
+/// it, and [`Traits::fuses_once`].
 ///
-/// `results` holds a pair for each of `operands`: what must be right, then what the device made of a quotient and
-/// of a sum of products, in the first place how often a loop turned, and last what a fused product and sum takes for
-/// the part of `a * b` that rounding loses.
+/// `results` holds a pair for each of `operands`. Its first part must be correct. Its second part holds the device's own
+/// quotient, its sum of products, the number of loop iterations (in the first pair only), and the rounding error of
+/// `a * b` by a fused multiply-add.
 ///
 /// # Errors
-/// The first operation that is wrong, or that the driver ends long loops early, without a word.
+/// Fails on the first wrong operation, or if the driver silently ends long loops early.
 pub fn verify(
     operands: &[[f32; 4]],
     results: &[[[u32; 4]; 2]],
@@ -121,7 +121,7 @@ fn expect([a, b, c, d]: [f32; 4]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    /// What a device gives that rounds every operation once.
+    /// Returns the results of a device that rounds every operation once.
     fn right(all: &[[f32; 4]]) -> Vec<[[u32; 4]; 2]> {
         let of = |x: &[f32; 4]| {
             let [sum, back, quotient, sign] = expect(*x);
@@ -132,7 +132,7 @@ mod tests {
         all
     }
 
-    /// What is found where word `i` of what must be right, or of what is free, is another.
+    /// Verifies results in which word `i` of a part is replaced.
     fn with(part: usize, i: usize, f: fn([f32; 4]) -> u32) -> Result<(Arithmetic, bool), String> {
         let all = operands();
         let mut results = right(&all);

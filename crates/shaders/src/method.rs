@@ -1,9 +1,9 @@
-//! Which variants of kernels a method takes, and how much room.
+//! Kernel variants and buffer sizes of a method.
 
 use crate::{BufferName, Shape};
 use backend::{Intersector, Layout, Method};
 
-/// The value along `axis` of the kernels that serve `method`: the host's half of `build/variants.rs`.
+/// Returns the value along `axis` of the kernels that serve `method`: the host's part of `build/variants.rs`.
 pub(crate) fn value(axis: &str, method: Method) -> &'static str {
     match (axis, method.intersector) {
         ("intersector", Intersector::MollerTrumbore) => "moller_trumbore",
@@ -15,9 +15,9 @@ pub(crate) fn value(axis: &str, method: Method) -> &'static str {
     }
 }
 
-/// Bytes of the buffer `records` for so many leaves, in whole rows of 16 bytes.
+/// Returns the size of the buffer `records` for `leaves` leaves, in bytes, a multiple of 16.
 ///
-/// 48 a leaf, and for `woop`, whose transform fills them all, 4 more behind all of those: the triangle's index.
+/// Each leaf has 48 bytes. The transform of `woop` fills them all, so the triangle indices follow, 4 bytes each.
 fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     match intersector {
         Intersector::Woop => leaves * 48 + (leaves * 4).next_multiple_of(16),
@@ -25,10 +25,11 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
     }
 }
 
-/// Bytes of the buffer `range`.
+/// Size of the buffer `range`, in bytes.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
-/// Bytes of each buffer that suffice for every tree of so many leaves; with layout `fast` but for nodes and costs.
+/// Returns the size of each buffer, in bytes, that suffices for every tree of `leaves` leaves. With layout `fast`, nodes
+/// and costs are excluded.
 pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 6] {
     let usual = |bytes| match method.layout {
         Layout::Bvh2 => bytes,
@@ -48,8 +49,8 @@ pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 6] {
     ]
 }
 
-/// Words of the buffer `blocked` for so many rays: one each, and for `exact` the list of those left open, notes
-/// of three words (`wgsl/intersect/candidates.wgsl`), and places at which rays are settled one by one (`fallback.wgsl`).
+/// Returns the size of the buffer `occluded` for `rays` rays, in words: one per ray. `exact` adds the list of open rays,
+/// notes of three words (`wgsl/intersect/candidates.wgsl`), and the stacks of `fallback.wgsl`.
 pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     match intersector {
         Intersector::Exact => open_shadows_at(rays) + rays,
@@ -57,25 +58,25 @@ pub fn occluded_words(intersector: Intersector, rays: u64) -> u64 {
     }
 }
 
-/// Where the list of open shadows begins in `blocked`, while that of open rays is in use too.
+/// Returns where the list of open shadow rays begins in `occluded`, if the list of open rays is in use too.
 pub(crate) fn open_shadows_at(rays: u64) -> u64 {
     2 * rays + 3 * notes(rays) + STACK * u64::from(places(rays))
 }
 
-/// Words of a place: its stack.
+/// Number of words of a stack.
 const STACK: u64 = 64;
-/// Enough places to fill any device.
+/// Number of stacks that fills any device.
 const PLACES: u32 = 2048;
 
-/// Notes for few rays, of which each may be a hard one.
+/// Number of notes if rays are few, since each may need many.
 const NOTES: u64 = 1 << 16;
 
-/// How many notes there is room for: as many as rays, unless those are few.
+/// Returns the capacity for notes: one per ray, but at least `NOTES`.
 pub(crate) fn notes(rays: u64) -> u64 {
     rays.max(NOTES)
 }
 
-/// How many places there are for so many rays.
+/// Returns the number of stacks for `rays` rays.
 pub(crate) fn places(rays: u64) -> u32 {
     rays.min(PLACES.into()) as u32
 }

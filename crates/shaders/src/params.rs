@@ -1,11 +1,11 @@
-//! The host's twins of `wgsl/lib/params.wgsl` and of the buffer `counts`; a test compares the former by reflection.
+//! The host's definitions of `wgsl/lib/params.wgsl` and of the buffer `counts`. A test compares the former by reflection.
 
 use crate::Shape;
 use backend::Layout;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
-/// What changes from one dispatch to the next. See the WGSL for the meaning of each.
+/// Parameters of a dispatch. The WGSL file explains each member.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[expect(
@@ -56,7 +56,7 @@ pub struct Params {
 }
 
 impl Params {
-    /// What all dispatches share over a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
+    /// Returns parameters for a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
             fast_layout: u32::from(tree.layout == Layout::Fast),
@@ -66,7 +66,7 @@ impl Params {
         }
     }
 
-    /// What [`crate::MODULE`] reads of it.
+    /// Returns the part that [`crate::MODULE`] reads.
     #[must_use]
     pub fn for_module(&self) -> Self {
         Self {
@@ -79,8 +79,7 @@ impl Params {
         }
     }
 
-    /// The same at a moment whose coordinates reach so far; `None` where a device has to find out. [`Params::spread`] is then
-    /// as before.
+    /// Sets the range of the coordinates. `None` lets the device measure it; [`Params::spread`] then keeps its value.
     pub fn at_range(mut self, range: Option<Range>) -> Self {
         match range {
             Some(range) => {
@@ -93,7 +92,7 @@ impl Params {
         self
     }
 
-    /// The same where rays are extreme by themselves alone.
+    /// Clears an unknown range, so that rays are extreme by their origin alone.
     pub(crate) fn known(mut self) -> Self {
         if self.is_unknown() {
             self.extreme = 0;
@@ -101,15 +100,15 @@ impl Params {
         self
     }
 
-    /// Whether only [`crate::BufferName::Range`] tells which rays are extreme.
+    /// Returns whether only [`crate::BufferName::Range`] holds which rays are extreme.
     pub fn is_unknown(&self) -> bool {
         self.extreme == Self::UNKNOWN
     }
 
-    /// Of [`Params::extreme`]: whether rays are extreme is written in [`crate::BufferName::Range`].
+    /// Value of [`Params::extreme`] if [`crate::BufferName::Range`] holds whether rays are extreme.
     pub(crate) const UNKNOWN: u32 = 2;
 
-    /// Whether a ray from `origin`, in the scene's units, is extreme.
+    /// Returns whether a ray from `origin`, in scene units, is extreme.
     pub fn is_extreme(&self, origin: Point) -> bool {
         let range = Range {
             extreme: self.extreme == 1,
@@ -120,7 +119,7 @@ impl Params {
         range.is_extreme(scaled_point(origin, self.scale_exponent))
     }
 
-    /// The same, seen through a camera.
+    /// Sets the camera.
     pub(crate) fn through(mut self, camera: &Camera) -> Self {
         (self.eye, self.corner) = (camera.eye, camera.corner);
         (self.across, self.down) = (camera.across, camera.down);
@@ -129,14 +128,14 @@ impl Params {
         self
     }
 
-    /// The same, with a light.
+    /// Sets the light.
     pub(crate) fn lit(mut self, light: Point) -> Self {
         self.light = scaled_point(light, self.scale_exponent);
         self
     }
 }
 
-/// What the kernels of a submission count, as it lies in the buffer `counts`.
+/// Counters that the kernels of a submission increment, in the layout of the buffer `counts`.
 /// The buffer is cleared before the submission's first stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -158,57 +157,57 @@ pub struct Counts {
     pub moving_areas: f32,
     /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
     pub open: u32,
-    /// Shadows that `shadow_*` left to `resolve_exact_*`, for `exact`.
+    /// Shadow rays that `shadow_*` left to `resolve_exact_*`, for `exact`.
     pub open_shadows: u32,
-    /// Notes of triangles for `resolve_exact_*`.
+    /// Candidate notes for `resolve_exact_*`.
     pub notes: u32,
     /// Rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
     pub hard: u32,
-    /// Likewise shadows.
+    /// Shadow rays that `resolve_exact_*` left to `fallback_*`, for `exact`.
     pub hard_shadows: u32,
-    /// Tiles, by `cover_small` and `cover_large`.
+    /// Tiles that `cover_small` and `cover_large` wrote.
     pub tiles: u32,
     /// Triangles that were too large for `cover_small`.
     pub large: u32,
-    /// About how many tests of a ray and a triangle they take, in `rasterize`.
+    /// Approximate number of ray-triangle tests in `rasterize`.
     pub tests: u32,
-    /// 1 if that left it to `resolve` to find hits: see [`crate::RasterBackoff`].
+    /// 1 if rasterization was incomplete, so that `resolve` traverses the tree: see [`crate::RasterBackoff`].
     pub untold: u32,
     /// 1 if `trace_rays` or `any_rays` left any ray to `extreme_*`.
     pub left: u32,
     /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
     pub spread: u32,
-    /// As `areas`, of the tree that is evaluated beside the current one. The root's box is the same for both.
+    /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
     pub candidate_areas: f32,
-    /// As `moving_areas`, of that tree.
+    /// Counterpart of `moving_areas` for the candidate tree.
     pub candidate_moving_areas: f32,
 }
 
 impl Counts {
-    /// Adds what a further trace of the same submission counted.
+    /// Adds the counts of a further trace of the same submission.
     pub fn add_trace(&mut self, other: &Self) {
         self.hits += other.hits;
         self.blocked += other.blocked;
         self.open += other.open;
     }
 
-    /// Whether coordinates have very different sizes, where `measure_range` ran.
+    /// Returns whether coordinates have very different sizes, if `measure_range` ran.
     pub fn is_spread(&self) -> Option<bool> {
         (self.spread > 0).then_some(self.spread == 2)
     }
 
-    /// Rays, shadows included, that whole numbers settled.
+    /// Returns the number of rays, including shadow rays, that exact integers resolved.
     pub fn settled(&self) -> u64 {
         u64::from(self.open) + u64::from(self.open_shadows)
     }
 }
 
-/// `2^-exponent`, by which a scene is scaled ("Scale" in `docs/design/hits.md`); the exponent is in -126..=126.
+/// Returns `2^-exponent`, by which a scene is scaled ("Scale" in `docs/design/hits.md`). The exponent is in -126..=126.
 pub(crate) fn scale(exponent: i32) -> f32 {
     f32::from_bits(((127 - exponent) as u32) << 23)
 }
 
-/// A point in scaled units; a coordinate below `2^-64` is zero.
+/// Returns a point in scaled units. Coordinates below `2^-64` become zero.
 pub(crate) fn scaled_point(point: Point, exponent: i32) -> Point {
     let (by, least) = (scale(exponent), scale(64));
     point.map(|x| {

@@ -1,25 +1,24 @@
-//! Pictures whose rays do not go down the tree one by one: as packets, or by rasterization, which finds first hits triangle by
-//! triangle. Who can, and when it pays.
+//! Selects packets or rasterization for pictures, where the device supports them and they are faster than single rays.
 
 use crate::{Counts, Params};
 use backend::{Layout, Method};
 
-/// How the 32 invocations of a packet tell each other what they find.
+/// How the 32 invocations of a packet communicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packets {
     /// As a subgroup.
     BySubgroups,
-    /// Through the memory of a workgroup: for software drivers, which have narrower subgroups or none.
+    /// Through workgroup memory, for software drivers, whose subgroups are narrower or missing.
     ByGroups,
 }
 
-/// Pixels that a picture must have for each triangle, to go by packets: what all triangles cover is looked at before any ray is.
+/// Minimum number of pixels per triangle for packets, which first project all triangles.
 const PIXELS_A_TRIANGLE: u64 = 4;
-/// Pixels up to which a software driver goes by packets, so that their laws are tried there too: each ray by itself is faster.
+/// Maximum number of pixels for packets on a software driver. Single rays are faster there; this is for property tests.
 const SMALL_PICTURE: u64 = 1 << 14;
 
 impl Packets {
-    /// What a device with subgroups of this size, least and most, or one that is software, takes.
+    /// Returns the kind of packets for a device, given the least and greatest size of its subgroups.
     pub fn for_device(subgroups: Option<(u32, u32)>, is_software: bool) -> Option<Self> {
         match subgroups {
             _ if is_software => Some(Self::ByGroups),
@@ -28,7 +27,7 @@ impl Packets {
         }
     }
 
-    /// The kernel that traces a picture so, and pixels of a workgroup's packets, along both axes.
+    /// Returns the kernel that traces a picture, and the block of pixels that a workgroup covers.
     pub(crate) fn tracer(self) -> (&'static str, [u32; 2]) {
         match self {
             Self::BySubgroups => ("trace_packets_by_subgroups", [16, 8]),
@@ -41,8 +40,8 @@ impl Packets {
         all.into_iter().find(|packets| packets.tracer().0 == entry)
     }
 
-    /// The kernel that tests what tiles of a picture may cover, and workgroups of it that share all tiles: 32 a
-    /// multiprocessor of an H200, of which some wait while others compute.
+    /// Returns the kernel that tests the pixels of tiles, and the maximum number of its workgroups: 32 per multiprocessor of
+    /// an H200, so that some compute while others wait.
     pub(crate) fn rasterizers(self) -> (&'static str, u32) {
         match self {
             Self::BySubgroups => ("rasterize_by_subgroups", 4224),
@@ -51,29 +50,29 @@ impl Packets {
     }
 }
 
-/// How far it was measured: see `docs/design/visibility-buffer.md`. Five kernels in a row take their time of small pictures, where
-/// trees are small too; of many triangles most cover no pixel, but each is looked at.
+/// Limits of rasterization, as measured: see `docs/design/visibility-buffer.md`. Its five kernels cost a fixed time, which
+/// does not pay for small pictures of small trees. In large scenes most triangles cover no pixel, but all are projected.
 const LEAST_PIXELS: u64 = 1 << 20;
 const MANY_TRIANGLES: u32 = 450_000;
 const LEAST_PIXELS_OF_MANY: u64 = 1 << 18;
 const MOST_TRIANGLES: u32 = 1 << 23;
 const MOST_PIXELS: u64 = 1 << 24;
-/// What is hardly a picture is not worth the time that drivers take to make five kernels.
+/// Minimum number of pixels that justifies the time for compiling five kernels.
 const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
 
-/// Triangles and pixels of parameters made for a camera.
+/// Returns the number of triangles and of pixels, from parameters with a camera.
 fn sizes(params: &Params) -> (u32, u64) {
     let pixels = u64::from(params.width) * u64::from(params.height);
     (params.node_count.div_ceil(2), pixels)
 }
 
-/// Whether either has kernels for the method's layout. They widen everything in the picture by the size of the whole scene, which
-/// must not be far larger than most things in it.
+/// Returns whether packets and rasterization have kernels for the scene. They widen everything by the size of the whole
+/// scene, which must not be far larger than most triangles.
 fn is_suited(method: Method, params: &Params) -> bool {
     method.layout == Layout::Fast && params.spread == 0
 }
 
-/// Whether a camera's rays, with parameters made for it, go by packets.
+/// Returns whether packets are faster for parameters with a camera.
 pub(crate) fn packets_pay(method: Method, params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     is_suited(method, params)
@@ -82,7 +81,7 @@ pub(crate) fn packets_pay(method: Method, params: &Params, how: Packets) -> bool
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
 }
 
-/// Whether a camera's rays, with parameters made for it, that do not go by packets go by rasterization.
+/// Returns whether rasterization is faster for parameters with a camera, if packets are not.
 pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
@@ -91,29 +90,29 @@ pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) 
         && pixels <= MOST_PIXELS
         && ((are_dense && pixels >= LEAST_PIXELS)
             || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
-    // So that properties are tested.
+    // Lets property tests run on every device.
     let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
     is_suited(method, params) && (is_fast || is_small)
 }
 
-/// Traces that go without rasterization after one of which it told too little: to find that out takes a tenth of a trace.
+/// Number of traces without rasterization after an incomplete one, whose overhead is a tenth of a trace.
 const REST: u32 = 64;
 
-/// Whether to try rasterization: not for a while where it told too little, as where many triangles lie behind each other.
+/// Suspends rasterization for a while if it was incomplete, for example because of many layers of triangles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RasterBackoff {
     rest: u32,
 }
 
 impl RasterBackoff {
-    /// Takes in what a submission counted.
+    /// Updates the state from the counts of a submission.
     pub fn note(&mut self, counts: &Counts) {
         if counts.untold != 0 {
             self.rest = REST;
         }
     }
 
-    /// Whether the next trace may be rasterized, where the device `rasterizes`.
+    /// Returns whether the next trace may be rasterized, given whether the device `rasterizes`.
     pub fn allow(&mut self, rasterizes: bool) -> bool {
         let rests = self.rest > 0;
         self.rest = self.rest.saturating_sub(1);
@@ -137,7 +136,7 @@ mod tests {
         assert_eq!(of(Some((8, 8)), true), Some(Packets::ByGroups));
     }
 
-    /// Made for a picture of that size, over so many triangles and a wide tree of them.
+    /// Returns parameters for a picture of this size and for a wide tree of `triangles` triangles.
     fn params(triangles: u32, [width, height]: [u32; 2]) -> Params {
         Params {
             width,
@@ -212,7 +211,7 @@ mod tests {
         backoff.note(&counts(0));
         assert!(backoff.allow(true) && backoff.allow(true));
         backoff.note(&counts(1));
-        // What else was under way says the same a little later, or nothing.
+        // Submissions that were already in flight report the same, or nothing, a little later.
         assert!(!backoff.allow(true));
         backoff.note(&counts(1));
         backoff.note(&counts(0));

@@ -1,14 +1,14 @@
-//! A tree made on the device from the positions at hand.
+//! Builds a tree on the device from the current positions.
 //!
-//! Three steps, each a list of dispatches of which no number depends on what the device finds:
+//! There are three steps. Each is a list of dispatches whose sizes do not depend on results of the device:
 //!
-//! 1. [`sort`]: the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha: *Fast BVH
-//!    Construction on GPUs*, 2009), by a stable radix sort of 8 bits a pass;
-//! 2. [`crate::work::leaves`], with leaves in that order and other buffers in place of a tree's: [`instead_of`];
-//! 3. [`cluster`]: neighbours merge bottom-up into `nodes`, boxes and all.
+//! 1. [`sort`] orders the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha:
+//!    *Fast BVH Construction on GPUs*, 2009), by a stable radix sort of 8 bits per pass.
+//! 2. [`crate::work::leaves`] computes leaves in that order. [`instead_of`] replaces buffers of a tree for that.
+//! 3. [`cluster`] merges neighbours bottom-up into `nodes`, including boxes.
 //!
-//! What comes of it can be traced as it is: neither `expand` nor `refit` is needed. Of layout `fast` only the 64 bytes of
-//! an inner node and the leaves of two are made: leaves stay in the order of the curve, and there are no treelets.
+//! The result can be traced at once, without `expand` or `refit`. With layout `fast` it only has the 64-byte inner nodes
+//! and the leaves of two triangles: leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
 
@@ -18,7 +18,7 @@ use backend::Method;
 use geom::Animation;
 use std::mem::offset_of;
 
-/// Entry points of the kernels that nothing else needs.
+/// Entry points of kernels that only tree building uses.
 pub(crate) const KERNELS: [&str; 6] = [
     "bounds",
     "morton",
@@ -27,16 +27,16 @@ pub(crate) const KERNELS: [&str; 6] = [
     "sort_scatter",
     "cluster",
 ];
-/// Elements that one workgroup sorts: see build/sort.wgsl.
+/// Number of elements that one workgroup sorts: see build/sort.wgsl.
 const SORT_TILE: u32 = 2048;
-/// Values of a digit.
+/// Number of values of a digit.
 const DIGITS: u32 = 256;
-/// Bits of a digit. There are four digits, so that elements end where they began.
+/// Number of bits of a digit. With four digits, elements end in the half of the buffer where they began.
 const DIGIT_BITS: usize = 8;
-/// Parts that the box round the scene is made of: see build/morton.wgsl.
+/// Number of partial bounding boxes of the scene: see build/morton.wgsl.
 const PARTS: u32 = 128;
 
-/// So many positions to `tree`'s triangles along a curve, in `sorted`.
+/// Returns the dispatches that sort the triangles of `tree` along a curve, from `vertices` positions to the buffer `sorted`.
 pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     let count = tree.leaf_count;
     if count == 0 {
@@ -63,8 +63,8 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     work
 }
 
-/// Leaves in `clusters` to `tree`'s nodes, and to its cost. `again` says that boxes were refitted or made before in the same
-/// submission.
+/// Returns the dispatches that compute `tree`'s nodes and its cost from the leaves in `clusters`. `again` is set if boxes
+/// were refitted or built before in the same submission.
 pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec<Work> {
     let mut work = Vec::new();
     if tree.leaf_count > 0 {
@@ -76,13 +76,13 @@ pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec
         work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
     }
     if again {
-        // Takes back what a refit before said of areas that move.
+        // Clears the areas of moving nodes that an earlier refit counted.
         work.push(sum(params, 0, word_of(offset_of!(Counts, moving_areas))));
     }
     work
 }
 
-/// Bytes of each buffer that making trees of the scene takes beside those that any tree does.
+/// Returns the size of each buffer, in bytes, that building trees needs in addition to those of any tree.
 pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
@@ -101,7 +101,7 @@ pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     all
 }
 
-/// What kernels expect to find in some of them.
+/// Returns the initial contents of some buffers in that list.
 pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
     let all = 0..animation.triangle_count() as u32;
     let live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
@@ -113,11 +113,11 @@ pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
         .collect()
 }
 
-/// What stands for a tree's buffer while leaves are made into clusters.
+/// Returns the buffer to bind in place of a tree's buffer while leaves are computed.
 pub fn instead_of(name: BufferName, animation: &Animation) -> BufferName {
     match name {
         BufferName::Topology => BufferName::Sorted,
-        // The numbers from 0 on.
+        // It holds the numbers from 0 on.
         BufferName::LeafNodes if is_all_live(animation) => BufferName::Live,
         BufferName::LeafNodes => BufferName::LeafNumbers,
         BufferName::Nodes => BufferName::Clusters,

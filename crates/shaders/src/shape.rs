@@ -1,4 +1,4 @@
-//! What a host must know of a tree's record to run kernels over it, and of what moves.
+//! Sizes and offsets that a host needs to run kernels on a tree and on its moving parts.
 
 use crate::{Params, common};
 use backend::Layout;
@@ -6,38 +6,38 @@ use bvh_layout::{Topology, Treelets};
 use geom::{Animation, StaticParts};
 use std::ops::Range;
 
-/// A tree's parts and levels.
+/// The parts and levels of a tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// How its nodes lie. The record is the [`Topology`]'s words, or the [`Treelets`]' with layout `fast`.
+    /// Layout of the nodes. The topology is the words of [`Topology`], or of [`Treelets`] with layout `fast`.
     pub layout: Layout,
-    /// What kernels are told of it: where parts of the record begin, in words, and the wide tree, where it has one; in `goal`
-    /// and `count` the boxes that a search by many invocations begins at, the first one's row and how many lie there.
+    /// Parameters of kernels for the tree: where parts of the topology and of the wide tree begin, in words. `goal` and
+    /// `count` are the first row and the number of the boxes where a workgroup's search starts.
     pub params: Params,
-    /// Leaves.
+    /// Number of leaves.
     pub leaf_count: u32,
-    /// Inner nodes of each level that has any, as numbers among the inner nodes, root first.
+    /// Inner nodes of each level that has any, as indices among the inner nodes, root first.
     pub levels: Vec<Range<u32>>,
-    /// What moves, where the tree came with lists of it.
+    /// The lists of moving parts, if the tree has any.
     pub moving: Option<MovingShape>,
-    /// With layout `fast`: each level's treelets, those of triangles first.
+    /// With layout `fast`: treelets of each level, those of triangles first.
     pub treelets: Vec<Range<u32>>,
-    /// Rows of 16 bytes in the buffer `nodes`.
+    /// Number of rows of 16 bytes in the buffer `nodes`.
     pub node_rows: u64,
-    /// With layout `fast`: roots of treelets.
+    /// With layout `fast`: number of roots of treelets.
     pub root_count: u32,
 }
 
-/// Boxes that 64 invocations ask at once in less time than they take to go down to them.
+/// Maximum number of boxes that 64 invocations test in less time than they would take to traverse the levels above.
 const MANY: u32 = 2048;
 
 impl Shape {
-    /// Of no leaf.
+    /// Returns the shape of an empty tree.
     pub fn none(layout: Layout) -> Self {
         Self::made_on_device(layout, 0)
     }
 
-    /// Of a record.
+    /// Returns the shape of a tree with layout `bvh2`.
     pub fn of(tree: &Topology) -> Self {
         let bits = Topology::HEADER_WORDS + tree.level_count();
         let words = tree.leaf_bits().len();
@@ -60,7 +60,7 @@ impl Shape {
         shape
     }
 
-    /// About that of a tree of so many leaves that is yet to be built: enough to tell which kernels it will take.
+    /// Returns the approximate shape of a tree that is not built yet. It suffices to determine the kernels for the tree.
     #[must_use]
     pub fn expected(layout: Layout, leaves: u32) -> Self {
         let mut shape = Self::made_on_device(layout, leaves);
@@ -70,15 +70,15 @@ impl Shape {
         shape
     }
 
-    /// Of a tree of so many leaves that the device makes: the leaves' triangles
-    /// are the buffer `sorted`, from its start. It has no levels, as it needs no refit.
+    /// Returns the shape of a tree that the device builds. The triangles of its leaves are at the start of the buffer
+    /// `sorted`. It has no levels, because it needs no refit.
     pub fn made_on_device(layout: Layout, leaves: u32) -> Self {
         let node_count = (2 * leaves).saturating_sub(1);
         Self {
             layout,
             params: Params {
                 node_count,
-                // A search begins at the root.
+                // A search starts at the root.
                 count: 1,
                 ..Params::default()
             },
@@ -94,7 +94,7 @@ impl Shape {
         }
     }
 
-    /// Of the same tree with layout `fast`.
+    /// Returns the shape of a tree with layout `fast`.
     pub fn of_treelets(tree: &Treelets) -> Self {
         let mut shape = Self::made_on_device(Layout::Fast, tree.leaf_count);
         let params = &mut shape.params;
@@ -118,21 +118,21 @@ impl Shape {
         }
     }
 
-    /// Treelets of all levels.
+    /// Returns the number of treelets of all levels.
     pub fn treelet_count(&self) -> u32 {
         self.treelets.last().map_or(0, |level| level.end)
     }
 
-    /// Bytes of the buffer `costs` that suffice for every tree of so many
-    /// leaves with layout `bvh2`: one f32 for each workgroup of each level, in whole rows of 16 bytes.
+    /// Returns the size of the buffer `costs`, in bytes, that suffices for every tree of `leaves` leaves with layout `bvh2`:
+    /// one f32 for each workgroup of each level, rounded up to 16 bytes.
     pub fn cost_bytes(leaves: u64) -> u64 {
         let group = u64::from(common("refit").workgroup[0]);
         let groups = leaves.div_ceil(group) + u64::from(bvh_build::MAX_DEPTH) + 1;
         (groups * 4).next_multiple_of(16)
     }
 
-    /// Bytes of the buffer `costs` that suffice for this tree, in whole rows: where it has treelets, two words for each
-    /// and eight for each root, as `build/treelet_refit.wgsl` lays them out.
+    /// Returns the size of the buffer `costs` that suffices for this tree, in bytes, rounded up to 16. A tree with treelets
+    /// needs two words per treelet and eight per root, in the layout of `build/treelet_refit.wgsl`.
     pub fn own_cost_bytes(&self) -> u64 {
         match self.treelet_count() {
             0 => Self::cost_bytes(u64::from(self.leaf_count)),
@@ -143,10 +143,10 @@ impl Shape {
     }
 }
 
-/// Rows of four floats of all positions, laid end to end, in which any vertex moves: what `interpolate` may write in place
-/// of all. They rise. `None` where so many move that lists do not pay ([`StaticParts::pays`]).
+/// Returns the rows of four floats, in the array of all positions, that contain moving vertices, in ascending order.
+/// Returns `None` if too many move for lists to pay ([`StaticParts::pays`]).
 ///
-/// Whoever writes only these must have the first key frame in the positions before.
+/// `interpolate` may write only these rows if the positions already hold the first key frame.
 pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     let is_static = &animation.static_parts().vertices;
     let all = (3 * is_static.len()).div_ceil(4);
@@ -161,21 +161,21 @@ pub fn moving_rows(animation: &Animation) -> Option<Vec<u32>> {
     StaticParts::pays(rows.len(), all).then_some(rows)
 }
 
-/// Where a tree's lists of what moves lie: words that are uploaded behind the tree's record. See [`bvh_layout::Moving`].
+/// Lists of a tree's moving parts, as ranges of words that are uploaded after the topology. See [`bvh_layout::Moving`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MovingShape {
-    /// With layout `bvh2`, leaves' ranks.
+    /// Ranks of leaves, with layout `bvh2`.
     pub leaves: Range<u32>,
-    /// Likewise inner nodes by their number among inner nodes.
+    /// Indices of inner nodes among all inner nodes, with layout `bvh2`.
     pub inner: Range<u32>,
-    /// Likewise those of each level that has any, root first. With layout `fast` the numbers of each level's treelets, that of
-    /// the triangles first.
+    /// With layout `bvh2`, the inner nodes of each level that has any, root first. With layout `fast`, the treelets of each
+    /// level, those of triangles first.
     pub levels: Vec<Range<u32>>,
-    /// Triangles of zero area among leaves, or in treelets, that are not listed.
+    /// Number of zero-area triangles in leaves or treelets that are not listed.
     pub degenerate_elsewhere: u32,
 }
 
-/// Lists that begin at a word.
+/// Returns `lists` moved to word `at`.
 fn behind(at: u32, lists: &[Range<usize>]) -> Vec<Range<u32>> {
     let place = |l: &Range<usize>| at + l.start as u32..at + l.end as u32;
     lists.iter().map(place).collect()

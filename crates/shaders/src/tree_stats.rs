@@ -1,41 +1,41 @@
-//! What is known of records and boxes in use, from one submission's report to the next.
+//! Statistics of triangles and boxes that stay valid from one submission to the next.
 
 use crate::Counts;
 use backend::{FrameReport, sah_cost};
 
-/// Whose areas a refit added up.
+/// The nodes whose areas a refit summed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Extent {
-    /// Those of what moves alone: the others had been added up before.
+    /// Moving nodes only. The areas of the others were summed before.
     Moving,
-    /// All nodes'.
+    /// All nodes.
     Whole,
 }
 
-/// What preprocess and refit of one submission went over; `None` for a stage left out.
+/// The extents of preprocess and refit in one submission. `None` for a stage that did not run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extents {
-    /// Triangles of zero area that the last preprocess did not count, as it passed over them.
+    /// Number of zero-area triangles that the last preprocess skipped and did not count.
     pub uncounted: Option<u32>,
-    /// Boxes, by any refit: the most that one of them went over.
+    /// The largest extent among the refits.
     pub boxes: Option<Extent>,
-    /// Whether a tree was evaluated beside the current one.
+    /// Whether a candidate tree was evaluated next to the current one.
     pub candidate: bool,
 }
 
-/// What holds until a stage runs again.
+/// Statistics that stay valid until a stage runs again.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TreeStats {
     inactive: u64,
     degenerate: u64,
-    /// Half areas that change with the tree alone.
+    /// Half areas that only change with the tree.
     still_areas: f64,
     sah_cost: Option<f64>,
 }
 
 impl TreeStats {
-    /// Takes in what a submission counted and completes its report. Submissions come in order.
-    /// `never_active` triangles of the scene are in no tree, as they are inactive in every key frame.
+    /// Updates the statistics from the counts of a submission and completes its report. Submissions come in order.
+    /// `never_active` is the number of triangles that are inactive in every key frame and therefore in no tree.
     pub fn complete(
         &mut self,
         report: &mut FrameReport,

@@ -1,4 +1,4 @@
-//! A tree as the host sees it when it looks at a device's memory.
+//! The host's view of a tree that was read back from a device.
 
 use crate::Shape;
 use crate::params::{scale, scaled_point};
@@ -6,26 +6,26 @@ use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use geom::{Aabb, Animation, Point};
 
-/// What a device holds of the tree in use.
+/// The tree in use, read back from a device.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// The tree's shape, and whether it was made on the device.
+    /// The tree's shape.
     pub shape: &'a Shape,
-    /// Likewise.
+    /// Whether the tree was built on the device.
     pub made_on_device: bool,
-    /// The buffer `nodes`, [`Shape::node_rows`] long.
+    /// The buffer `nodes`, of length [`Shape::node_rows`].
     pub rows: &'a [[u32; 4]],
-    /// The leaves' triangles: of the buffer `sorted` where the tree was made on the device, else of the record.
+    /// The triangles of the leaves: from the buffer `sorted` if the tree was built on the device, else from the topology.
     pub triangles: &'a [u32],
     /// The scene.
     pub animation: &'a Animation,
 }
 
-/// Bits of the word that tells traversal how to go on: a leaf, and with layout `fast` one of two triangles.
+/// Flags in a node reference: a leaf, and with layout `fast` a leaf of two triangles.
 const LEAF: u32 = 1 << 31;
 const TWO: u32 = 1 << 30;
 
-/// A node, by where its box stands.
+/// A node and the location of its box.
 #[derive(Clone, Copy)]
 struct Node {
     bounds: Bounds,
@@ -34,11 +34,11 @@ struct Node {
 
 #[derive(Clone, Copy)]
 enum Bounds {
-    /// In two rows, of which this is the first.
+    /// In two rows, from this one on.
     Row(usize),
-    /// Nowhere: it is made anew of the triangle in this place.
+    /// Not stored: recomputed from the triangle at this place.
     Triangle(usize),
-    /// Nowhere, as its triangle cannot be hit.
+    /// Not stored: the triangle cannot be hit.
     Nothing,
 }
 
@@ -46,17 +46,17 @@ enum Bounds {
 enum Below {
     /// Two nodes with rows of their own.
     Rows([usize; 2]),
-    /// Two triangles that share a leaf, from a place on.
+    /// Two triangles that share a leaf, from this place on.
     Two(usize, [Bounds; 2]),
-    /// The triangle in a place.
+    /// The triangle at this place.
     One(usize),
 }
 
 impl View<'_> {
-    /// The record of a tree made on the device.
+    /// Returns the topology of a tree that was built on the device.
     ///
     /// # Errors
-    /// The nodes make no tree over all the leaves.
+    /// Fails if the nodes do not form a tree over all leaves.
     pub fn topology(&self) -> Result<Topology, String> {
         let (nodes, levels) = self.nodes()?;
         let (mut bits, mut named) = (vec![0_u32; nodes.len().div_ceil(32)], Vec::new());
@@ -84,11 +84,11 @@ impl View<'_> {
         topology.map_err(|e| format!("the device's tree makes no record: {e}"))
     }
 
-    /// One box a node in breadth-first order, in the scene's units, as [`backend::Inspect::boxes`] gives them.
-    /// `positions` are those that the boxes were made of.
+    /// Returns one box per node in breadth-first order, in scene units, as [`backend::Inspect::boxes`] defines them.
+    /// `positions` are those that the boxes were computed from.
     ///
     /// # Errors
-    /// The tree was made on the device and is none.
+    /// Fails if the tree was built on the device and its nodes do not form a tree.
     pub fn boxes(&self, positions: &[Point]) -> Result<Vec<Aabb>, String> {
         if self.made_on_device {
             self.topology()?;
@@ -104,7 +104,7 @@ impl View<'_> {
         Ok(self.nodes()?.0.into_iter().map(bounds).collect())
     }
 
-    /// All nodes in breadth-first order, and how many of each level are inner nodes.
+    /// Returns all nodes in breadth-first order, and the number of inner nodes of each level.
     fn nodes(&self) -> Result<(Vec<Node>, Vec<u32>), String> {
         let most = (2 * self.triangles.len()).saturating_sub(1);
         let (mut nodes, mut levels) = (Vec::with_capacity(most), Vec::new());
@@ -138,7 +138,7 @@ impl View<'_> {
         })
     }
 
-    /// The node whose box begins with that row.
+    /// Returns the node whose box begins at `row`.
     fn node(&self, row: usize) -> Result<Node, String> {
         let name = self.rows[row][3];
         let bounds = Bounds::Row(row);
@@ -157,7 +157,7 @@ impl View<'_> {
         }
     }
 
-    /// A leaf of two whose other triangle cannot be hit goes by the number of the one that can.
+    /// Decodes a leaf. If only one of its two triangles can be hit, the leaf holds the place of that triangle.
     fn leaf(&self, name: u32, own: Bounds) -> Result<Below, String> {
         let first = (name & !(LEAF | TWO)) as usize;
         let shares = |place: usize| self.triangles[place] & Treelets::SHARED != 0;
@@ -185,7 +185,7 @@ impl View<'_> {
         }
     }
 
-    /// The box of a triangle, of corners as kernels have them.
+    /// Returns the box of a triangle, with the corners that kernels use.
     fn around(&self, place: usize, positions: &[Point]) -> Aabb {
         let exponent = self.animation.scale_exponent();
         let triangle = self.triangles[place] & !Treelets::SHARED;
@@ -202,7 +202,7 @@ impl View<'_> {
 mod tests {
     use super::*;
 
-    /// What comes of a tree whose nodes have these words.
+    /// Reads a tree whose nodes have these references.
     fn read(names: [u32; 5]) -> Result<Topology, String> {
         let view = View {
             shape: &Shape::none(Layout::Bvh2),
@@ -227,7 +227,7 @@ mod tests {
         assert!(broken(2, 4).ends_with("a child at node 4"));
         assert!(broken(3, 1).ends_with("without end"));
         assert!(broken(3, LEAF | 3).ends_with("a leaf 3"));
-        // A triangle twice, and one that is missing.
+        // One triangle twice and another one missing.
         for (at, link) in [(3, LEAF | 1), (2, LEAF)] {
             assert!(broken(at, link).contains("makes no record: "));
         }

@@ -1,4 +1,4 @@
-//! What holds for every kernel: how many variants there are, what a driver may fuse, how parameters lie in memory.
+//! Properties of all kernels: the number of variants, what a driver may fuse, and the memory layout of parameters.
 
 use shaders::{Code, KERNELS, Kernel, Params, RAY_KERNELS};
 use spirv::{Decoration, Op};
@@ -13,7 +13,7 @@ fn all() -> impl Iterator<Item = &'static Kernel> {
     KERNELS.iter().chain(RAY_KERNELS)
 }
 
-/// A kernel with products of halves, and with fused products and sums.
+/// Returns both forms of a kernel: with products of halves, and with fused multiply-adds.
 fn codes(kernel: &'static Kernel) -> impl Iterator<Item = Code> {
     [Some(kernel.code), kernel.fused].into_iter().flatten()
 }
@@ -24,7 +24,7 @@ fn there_are_no_more_variants_than_need_be() {
     assert!(variants <= MOST_VARIANTS, "{variants} variants");
     assert!(forms <= MOST_FORMS, "{forms} compiled forms");
     let axes: BTreeSet<_> = all().flat_map(|k| k.slots).map(|(axis, _)| axis).collect();
-    // The third axis is how a quotient's rest is found: `Kernel::fused`.
+    // The third axis, `arithmetic`, is `Kernel::fused`.
     assert_eq!(
         axes.into_iter().collect::<Vec<_>>(),
         [&"intersector", &"layout"]
@@ -42,7 +42,8 @@ fn no_two_variants_are_the_same() {
     }
 }
 
-/// Functions that a driver may fuse, each with the additions, subtractions and multiplications of all that are used with it.
+/// Functions that a driver may fuse, with the number of additions, subtractions and multiplications in each and in the
+/// loose functions used with it.
 const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),
@@ -66,7 +67,7 @@ const LOOSE: [(&str, usize); 13] = [
     ("fn loose_stamp(", 1),
 ];
 
-/// The instructions of a module, each with the words that follow its first.
+/// Returns the instructions of a module, each with the words after its first.
 fn instructions(module: &[u32]) -> impl Iterator<Item = (Op, &[u32])> {
     let mut rest = &module[5..];
     iter::from_fn(move || {
@@ -77,7 +78,7 @@ fn instructions(module: &[u32]) -> impl Iterator<Item = (Op, &[u32])> {
     })
 }
 
-/// Additions, subtractions and multiplications that are not decorated NoContraction.
+/// Returns the number of additions, subtractions and multiplications that are not decorated NoContraction.
 fn loose_operations(module: &[u32]) -> usize {
     let is_strict =
         |op: Op, words: &[u32]| op == Op::Decorate && words[1] == Decoration::NoContraction as u32;

@@ -1,9 +1,9 @@
-//! Hits in, pixels out: face normals, one colour a triangle, one lamp with shadows, a soft sky.
+//! Shading of hits: face normals, one colour per triangle, one lamp with shadows, and a soft sky.
 //!
-//! [`frame_scene`] finds a camera and a light for a motion that nobody described, and [`shade`] turns what a trace found
-//! into 8-bit sRGB. Both are functions of their arguments alone: no clock, no chance, no thread count. The kernel
-//! `wgsl/visibility/shade.wgsl` gives the same bytes on a device. What is squared is first brought to a size near 1 by a
-//! power of two, so that no scene overflows or vanishes.
+//! [`frame_scene`] chooses a camera and a lamp for any motion. [`shade`] converts hits to 8-bit sRGB. Both depend only
+//! on their arguments, not on a clock, random numbers or the thread count. The kernel `wgsl/visibility/shade.wgsl`
+//! produces the same bytes on a device. Vectors are scaled to a size near 1 by a power of two before they are squared,
+//! so that no scene overflows or underflows.
 
 mod light;
 mod view;
@@ -16,24 +16,25 @@ use rayon::prelude::*;
 pub use light::palette;
 pub use view::{View, frame_scene, query};
 
-/// What a picture shows, beside the hits.
+/// Scene, camera and lamp of a picture.
 #[derive(Clone, Debug)]
 pub struct Shot<'a> {
-    /// The triangles.
+    /// Positions of the triangles.
     pub moment: Moment<'a>,
-    /// sRGB, one a triangle.
+    /// sRGB colour of each triangle.
     pub colours: &'a [[u8; 3]],
-    /// Who looks.
+    /// Camera of the picture.
     pub camera: &'a Camera,
-    /// Where the lamp is.
+    /// Position of the lamp.
     pub light: Point,
 }
 
-/// Fills `rgba` with three bytes of sRGB and 255 a pixel, row 0 at the top. `hits` and `shadow` (1 = the way to the lamp is
-/// blocked) hold one entry a pixel, row by row. Runs in the caller's rayon pool; the bytes do not depend on it.
+/// Fills `rgba` with three bytes of sRGB and 255 per pixel, with row 0 at the top. `hits` and `shadow` (1 = lamp
+/// occluded) have one entry per pixel, row by row. Runs in the caller's rayon pool. The result does not depend on its
+/// thread count.
 ///
 /// # Panics
-/// If `hits`, `shadow` or the colours are fewer than the pixels or the triangles.
+/// If `hits` or `shadow` do not match the number of pixels, or the colours do not match the number of triangles.
 pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgba: &mut Vec<u8>) {
     let width = shot.camera.width.max(1) as usize;
     let pixels = shot.camera.pixels();
@@ -60,7 +61,7 @@ pub fn shade(shot: &Shot<'_>, hits: &[Hit], shadow: &[u8], rgba: &mut Vec<u8>) {
         });
 }
 
-/// Light that leaves a hit towards the eye; `direction` has length 1.
+/// Returns the light that a hit reflects towards the eye. `direction` has length 1.
 fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
     let corners = shot.moment.corners(hit.triangle);
     let exponents = corners.map(exponent_of);
@@ -75,7 +76,7 @@ fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
     if !blocked {
         let along = |e: Vec3, weight: f32| (e * weight).map(|x| cut(x, -100));
         let point = a + (along(e1, hit.u) + along(e2, hit.v));
-        // Lamp and point in units of the larger.
+        // Scales the lamp and the point by the larger exponent.
         let larger = own.max(exponent_of(shot.light));
         let to_lamp = in_units(shot.light, larger) - in_units(point.into(), larger - own);
         light += lamp(normal, unit(to_lamp));
@@ -83,7 +84,7 @@ fn surface(shot: &Shot<'_>, hit: &Hit, blocked: bool, direction: Vec3) -> Vec3 {
     linear(shot.colours[hit.triangle as usize]) * light
 }
 
-/// `floor(log2)` of the largest coordinate; -150 of zero.
+/// Returns `floor(log2)` of the largest absolute coordinate, or -150 if all are zero.
 fn exponent_of(p: Point) -> i32 {
     let sizes = p.map(|x| x.to_bits() & 0x7fff_ffff);
     let most = sizes.into_iter().max().unwrap_or(0);
@@ -93,20 +94,20 @@ fn exponent_of(p: Point) -> i32 {
     }
 }
 
-/// A point in units of `2^exponent`; below `2^-64` a coordinate is zero.
+/// Returns a point in units of `2^exponent`. Coordinates below `2^-64` become zero.
 fn in_units(p: Point, exponent: i32) -> Vec3 {
     let by = f64::from_bits(((1023 - exponent) as u64) << 52);
     p.map(|x| cut((f64::from(x) * by) as f32, -64)).into()
 }
 
-/// Zero in place of what is below `2^exponent`.
+/// Replaces values below `2^exponent` by zero.
 fn cut(x: f32, exponent: i32) -> f32 {
     let least = f32::from_bits(((127 + exponent) as u32) << 23);
     if x.abs() < least { 0.0 } else { x }
 }
 
-/// By the power of two that brings the largest component to `[1, 2)`, the others cut to zero below `2^-40`. Zero where the
-/// largest is subnormal, `2^127` or more, or no number.
+/// Scales by the power of two that brings the largest component to `[1, 2)`. Other components below `2^-40` become
+/// zero. Returns zero if the largest component is subnormal, at least `2^127`, or not finite.
 fn normalized_exponent(v: Vec3) -> Vec3 {
     let sizes = v.to_array().map(|x| x.to_bits() & 0x7fff_ffff);
     let e = sizes.into_iter().max().unwrap_or(0) >> 23;
@@ -116,8 +117,9 @@ fn normalized_exponent(v: Vec3) -> Vec3 {
     (v * f32::from_bits((254 - e) << 23)).map(|x| cut(x, -40))
 }
 
-/// `v` at length 1, but for a few units in the last place; zero where [`normalized_exponent`] is. By Newton's method from
-/// the customary guess at an inverse root: devices repeat its operations bit for bit, but need not round roots correctly.
+/// Normalizes `v` to length 1, with an error of a few units in the last place. Returns zero where
+/// [`normalized_exponent`] does. Uses Newton's method with the common initial guess of an inverse square root. Devices
+/// repeat these operations bit for bit, but need not round square roots correctly.
 fn unit(v: Vec3) -> Vec3 {
     let w = normalized_exponent(v);
     let square = w.dot(w);
@@ -137,7 +139,7 @@ mod tests {
     use super::*;
     use geom::Animation;
 
-    /// A floor of one huge triangle, seen from above at `scale`; all pixels hit it.
+    /// Shades a floor of one triangle, seen from above. All lengths scale with `size`, and all pixels hit the triangle.
     fn floor(size: f32) -> Vec<u8> {
         let s = size;
         let corners = vec![[-s, 0.0, -s], [s, 0.0, -s], [0.0, 0.0, s]];

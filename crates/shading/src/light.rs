@@ -1,37 +1,37 @@
-//! What a surface and an empty ray receive: a sky, its bounce off the ground, and one lamp; linear light as sRGB.
+//! Light of the sky, of the ground and of one lamp, and conversion between linear light and sRGB.
 //!
-//! The kernel `wgsl/visibility/shade.wgsl` is its twin on devices, bit for bit: single precision, each operation rounded
-//! once, no division, no root.
+//! The kernel `wgsl/visibility/shade.wgsl` computes the same bits on devices. For this, all operations are in single
+//! precision and round once, without divisions and square roots.
 
 use backend::Palette;
 use glam::{Vec3, vec3};
 use std::sync::LazyLock;
 
-/// Overhead, in linear light.
+/// Light of the sky overhead, in linear light.
 const ZENITH: Vec3 = vec3(0.130, 0.270, 0.560);
-/// At eye level.
+/// Light of the sky at eye level.
 const HORIZON: Vec3 = vec3(0.640, 0.740, 0.830);
-/// Below eye level: the haze one looks down into.
+/// Light below eye level, which resembles haze.
 const HAZE: Vec3 = vec3(0.400, 0.455, 0.510);
-/// What reaches a surface that faces up, straight to the side, and down.
+/// Ambient light on surfaces that face up, sideways and down.
 const FROM_ABOVE: Vec3 = vec3(0.300, 0.355, 0.440);
 const FROM_THE_SIDE: Vec3 = vec3(0.195, 0.215, 0.250);
 const FROM_BELOW: Vec3 = vec3(0.105, 0.095, 0.085);
-/// The lamp, head on.
+/// Light of the lamp at normal incidence.
 const LAMP: Vec3 = vec3(0.880, 0.800, 0.690);
 
-/// The sky along a direction of length 1.
+/// Returns the light of the sky in a direction of length 1.
 pub(crate) fn sky(direction: Vec3) -> Vec3 {
     if direction.y < 0.0 {
         let x = (-2.2 * direction.y).min(1.0);
         return mix(HORIZON, HAZE, (x * x) * (3.0 - 2.0 * x));
     }
-    // Most of the change lies near the horizon, as in real air.
+    // The light changes most near the horizon, as in real air.
     let up = 1.0 - direction.y;
     mix(HORIZON, ZENITH, 1.0 - (up * up) * up)
 }
 
-/// Light from all around on a surface with a normal of length 1.
+/// Returns the ambient light on a surface with a normal of length 1.
 pub(crate) fn ambient(normal: Vec3) -> Vec3 {
     if normal.y < 0.0 {
         mix(FROM_THE_SIDE, FROM_BELOW, -normal.y)
@@ -40,23 +40,23 @@ pub(crate) fn ambient(normal: Vec3) -> Vec3 {
     }
 }
 
-/// Light from the lamp in direction `to_lamp` (length 1), if nothing is in the way.
+/// Returns the light of an unoccluded lamp in direction `to_lamp`, which has length 1.
 pub(crate) fn lamp(normal: Vec3, to_lamp: Vec3) -> Vec3 {
     LAMP * normal.dot(to_lamp).max(0.0)
 }
 
-/// Part of the way from one to the other.
+/// Interpolates linearly between `a` and `b`.
 fn mix(a: Vec3, b: Vec3, s: f32) -> Vec3 {
     a + (b - a) * s
 }
 
-/// Steps of linear light to 1; in the darkest, steepest part one step is 0.8 of an 8-bit level.
+/// Table steps per unit of linear light. One step is at most 0.8 of an 8-bit level, in the darkest part of the curve.
 const STEPS: usize = 4096;
 
-/// The last step, beyond all light there is here.
+/// Last step of the table, which exceeds all light in this model.
 const LAST_STEP: usize = 5120;
 
-/// Linear light below this stays as it is.
+/// Linear light below this value is not compressed.
 const KNEE: f64 = 0.7;
 
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
@@ -81,18 +81,18 @@ static FROM_LINEAR: LazyLock<[u8; LAST_STEP + 1]> = LazyLock::new(|| {
     })
 });
 
-/// The identity up to the knee, then smoothly towards 1.
+/// Returns the identity up to the knee. Above it, approaches 1 smoothly.
 fn shoulder(x: f64) -> f64 {
     let above = (x - KNEE).max(0.0);
     x.min(KNEE) + (1.0 - KNEE) * above / (above + (1.0 - KNEE))
 }
 
-/// Linear light of an sRGB colour.
+/// Converts an sRGB colour to linear light.
 pub(crate) fn linear(srgb: [u8; 3]) -> Vec3 {
     srgb.map(|c| TO_LINEAR[c as usize]).into()
 }
 
-/// The sRGB colour of linear light, bright light rolled off.
+/// Converts linear light to sRGB. Light above the knee is compressed.
 pub(crate) fn encode(light: Vec3) -> [u8; 3] {
     let step = |x: f32| (x * STEPS as f32 + 0.5) as usize;
     light
@@ -100,7 +100,7 @@ pub(crate) fn encode(light: Vec3) -> [u8; 3] {
         .map(|x| FROM_LINEAR[step(x).min(LAST_STEP)])
 }
 
-/// What a device shades triangles of these colours (sRGB) by.
+/// Returns the tables that a device needs to shade triangles with these sRGB colours.
 #[must_use]
 pub fn palette(colours: &[[u8; 3]]) -> Palette {
     let linear = TO_LINEAR.iter().map(|x| x.to_bits());
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn colours_below_the_knee_come_back_as_they_were() {
-        // 218 is the last sRGB level whose linear light lies below the knee.
+        // 218 is the highest sRGB level whose linear light is below the knee.
         for c in 0..=218 {
             let back = encode(linear([c; 3]))[0];
             assert!(back.abs_diff(c) <= 1, "{c} became {back}");

@@ -1,40 +1,40 @@
-//! A camera and a lamp for a motion that nobody described.
+//! Automatic camera and lamp for any motion.
 
 use backend::{Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Point};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
 
-/// From the scene to the eye: from the front, the right and a little above.
+/// Direction from the scene to the eye: from the front, the right and slightly above.
 const TO_EYE: DVec3 = dvec3(0.50, 0.38, 0.78);
 const UP: DVec3 = DVec3::Y;
-/// The scene's share of the narrower side of the picture.
+/// Fraction of the field of view that the scene fills, in the direction that limits its size.
 const FILL: f64 = 0.94;
 
-/// Who looks from where, and what shines.
+/// Parameters of a camera, and the position of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where the eye is.
+    /// Position of the eye.
     pub eye: Point,
-    /// What it looks at: the middle of the picture.
+    /// Point at the centre of the picture.
     pub look_at: Point,
-    /// Which way is up.
+    /// Up direction.
     pub up: Point,
-    /// Vertical field of view, in degrees.
+    /// Vertical field of view in degrees.
     pub fov_degrees: f32,
-    /// Where the lamp is.
+    /// Position of the lamp.
     pub light: Point,
 }
 
 impl View {
-    /// The camera for a picture of `size` (width, height); `None` where [`Camera::look_at`] defines none.
+    /// Returns the camera for a picture of `size` (width, height), or `None` if [`Camera::look_at`] does.
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
         Camera::look_at(self.eye, self.look_at, self.up, self.fov_degrees, size)
     }
 }
 
-/// What each pixel of a camera shows in the light of a lamp: the closest hit of its ray, and whether the lamp shines there.
+/// Returns the query for the closest hit of each pixel's ray, and whether the lamp illuminates the hit.
 #[must_use]
 pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
     Query {
@@ -43,9 +43,10 @@ pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
     }
 }
 
-/// Frames the whole motion, seen from the front, the side and a little above: every finite vertex of every key frame is in
-/// the picture. Of key frames that are not all held, their boxes are. The lamp hangs up and to the side, outside the
-/// bounds. Any animation will do: flat, a single point, or nothing at all.
+/// Chooses a camera whose picture contains every finite vertex of every key frame. It looks from the front, the side
+/// and slightly above. For paged key frames, the picture contains their bounding boxes instead.
+///
+/// The lamp is above and to the side, outside the bounds. Animations may be flat, single points or empty.
 #[must_use]
 pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {
     let bounds = animation.bounds();
@@ -69,13 +70,13 @@ pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u3
     }
 }
 
-/// Where the vertices touch the four sides of a view pyramid: for each axis the largest `x + z * tan` and the largest
-/// `-x + z * tan`, with `z` towards the eye.
+/// Bounds of the vertices against the four sides of a view pyramid. For both axes they are the largest `x + z * tan`
+/// and the largest `-x + z * tan`, with `z` towards the eye.
 #[derive(Clone, Copy)]
 struct Fit {
     high: DVec2,
     low: DVec2,
-    /// The largest `z`.
+    /// Largest `z`.
     near: f64,
 }
 
@@ -86,7 +87,7 @@ impl Fit {
         near: f64::NEG_INFINITY,
     };
 
-    /// With the camera's axes: right, up and back.
+    /// Computes the bounds for the camera's axes: right, up and back.
     fn of(animation: &Animation, centre: DVec3, axes: [DVec3; 3], tan: DVec2) -> Self {
         let of_point = |p: &Point| {
             let p = wide(*p) - centre;
@@ -118,21 +119,21 @@ impl Fit {
         }
     }
 
-    /// The eye's shift along both axes of the picture and its way back from the centre. Nothing is nearer to it than a part
-    /// of `size`.
+    /// Returns the eye's shift along both axes of the picture, and its distance back from the centre. All vertices are
+    /// at least `0.05 * size` in front of the eye.
     fn eye(&self, tan: DVec2, size: f64) -> (DVec2, f64) {
         if !self.high.is_finite() || !self.low.is_finite() {
             return (DVec2::ZERO, 2.0 * size);
         }
-        // Inside the pyramid: x - shift <= (back - z) * tan, and likewise for -x.
+        // A vertex is inside the pyramid if x - shift <= (back - z) * tan, and the same holds for -x.
         let back = (self.high + self.low) / (2.0 * tan);
         let shift = (self.high - self.low) / 2.0;
         (shift, back.max_element().max(self.near + 0.05 * size))
     }
 }
 
-/// The middle of the bounds and their diagonal, or, where that is too small to
-/// be seen beside the coordinates' rounding, a length that is not.
+/// Returns the centre of the bounds and the length of their diagonal. The length is increased if it would vanish in the
+/// rounding of the coordinates.
 fn centre_and_size(bounds: &Aabb) -> (DVec3, f64) {
     if bounds.is_empty() {
         return (DVec3::ZERO, 1.0);
@@ -147,7 +148,7 @@ fn centre_and_size(bounds: &Aabb) -> (DVec3, f64) {
     }
 }
 
-/// Rounded to f32, and finite.
+/// Rounds to f32 and clamps to finite values.
 fn narrow(p: DVec3) -> Point {
     let limit = f64::from(f32::MAX) * 0.5;
     p.to_array().map(|x| x.clamp(-limit, limit) as f32)
@@ -157,7 +158,7 @@ fn wide(p: Point) -> DVec3 {
     p.map(f64::from).into()
 }
 
-/// `a` at length 1, or zero where it has no length.
+/// Normalizes `a` to length 1. Returns zero if the length is zero or not finite.
 fn unit(a: DVec3) -> DVec3 {
     let length = a.length();
     match length > 0.0 && length.is_finite() {
@@ -178,7 +179,7 @@ mod tests {
         Animation::new(keys, triangles).unwrap()
     }
 
-    /// Where a point falls in the picture: 0..1 across and down; and its depth.
+    /// Returns the position of a point in the picture, from 0 to 1 across and down, and its depth.
     fn project(camera: &Camera, p: Point) -> [f64; 3] {
         let [c, a, d] = [camera.corner, camera.across, camera.down].map(wide);
         let v = wide(p) - wide(camera.eye);

@@ -1,34 +1,34 @@
-//! Damage to files: to their bytes, to numbers and lines of text, to counts and lengths.
+//! Damages files: their bytes, numbers and lines of text, counts and lengths.
 
 use fastrand::Rng;
 use std::ops::Range;
 
-/// Numbers, and what stands where a number should, that readers stumble over; the first is nothing.
+/// Numbers and malformed numbers that readers may handle wrongly. The first is empty.
 const NUMBERS: &str = " 0 -0 1 -1 2 127 255 65535 65536 2147483647 -2147483648 4294967295 18446744073709551615 \
     99999999999999999999 1e9 1e38 -1e999 1e-50 nan inf x";
 
-/// Counts, lengths and floats, the last of which are no number and infinity.
+/// Counts, lengths and floats. The last two are NaN and infinity.
 const WORDS: [u32; 10] = [
     0, 1, 3, 255, 65_535, 0x7fffffff, 0x80000000, 0xffffffff, 0x7fc00000, 0x7f800000,
 ];
 
-/// The most bytes of a file that has been damaged.
+/// Largest size of a damaged file, in bytes.
 const MAX_BYTES: usize = 1 << 16;
 
-/// Makes damaged files from whole ones, the same from the same seed.
+/// Generates damaged files from valid ones. Equal seeds give equal files.
 pub struct Mutator {
     rng: Rng,
     seeds: Vec<Vec<u8>>,
 }
 
 impl Mutator {
-    /// Starts from whole files, of which there is at least one.
+    /// Creates a generator from at least one valid file.
     pub fn new(seeds: Vec<Vec<u8>>, seed: u64) -> Self {
         let rng = Rng::with_seed(seed);
         Self { rng, seeds }
     }
 
-    /// The next file, with one to four damages.
+    /// Returns the next file, with one to four mutations.
     pub fn case(&mut self) -> Vec<u8> {
         let mut bytes = self.seed();
         for _ in 0..self.rng.u32(1..=4) {
@@ -41,7 +41,7 @@ impl Mutator {
             }
         }
         bytes.truncate(MAX_BYTES);
-        // Half of them with lengths that fit, so that damage within is looked at.
+        // Half of the files get correct lengths, so that readers reach damage inside.
         if self.rng.bool() {
             mend_lengths(&mut bytes);
         }
@@ -53,7 +53,7 @@ impl Mutator {
         self.seeds[at].clone()
     }
 
-    /// Another number, or none, in the place of one.
+    /// Replaces a number by another one or by nothing.
     fn number(&mut self, bytes: &mut Vec<u8>) {
         let all = runs(bytes, |b| b.is_ascii_digit() || b"+-.".contains(&b));
         if let Some(place) = self.rng.choice(all) {
@@ -63,7 +63,7 @@ impl Mutator {
         }
     }
 
-    /// A line (or, of text without lines, an entry) dropped, doubled, or put where another was.
+    /// Drops, doubles or replaces a line, or an entry of text without lines.
     fn line(&mut self, bytes: &mut Vec<u8>) {
         let is_end = |b: u8| b == b'\n' || b == b'{' || b == b',';
         let lines = runs(bytes, |b| !is_end(b));
@@ -84,7 +84,7 @@ impl Mutator {
         }
     }
 
-    /// Four bytes that are a count, a length or a float to whoever reads them.
+    /// Overwrites four bytes with a value that is special as a count, a length or a float.
     fn word(&mut self, bytes: &mut [u8]) {
         let Some(last) = bytes.len().checked_sub(4) else {
             return;
@@ -99,7 +99,7 @@ impl Mutator {
         bytes[at..at + 4].copy_from_slice(&word);
     }
 
-    /// A stretch cut out, doubled, cut off or taken from another file.
+    /// Removes, doubles, truncates or replaces a range of bytes.
     fn piece(&mut self, bytes: &mut Vec<u8>) {
         let mut stretch = |length: usize| {
             let start = self.rng.usize(..=length);
@@ -136,7 +136,7 @@ impl Mutator {
     }
 }
 
-/// The longest stretches of bytes that are all `inside`.
+/// Returns the longest ranges of bytes that are all `inside`.
 fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     let mut end = 0;
     let stretches = bytes.chunk_by(|&a, &b| inside(a) == inside(b)).map(|run| {
@@ -147,7 +147,7 @@ fn runs(bytes: &[u8], inside: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     stretches.filter(|run| inside(bytes[run.start])).collect()
 }
 
-/// Sets right the lengths within a GLB and an NPY file, by where their text ends.
+/// Corrects the lengths within a GLB or NPY file, from the end of its text.
 fn mend_lengths(bytes: &mut Vec<u8>) {
     if bytes.starts_with(b"glTF") && bytes.len() > 20 {
         mend_glb(bytes);

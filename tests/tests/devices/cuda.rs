@@ -1,4 +1,5 @@
-//! CUDA on the same GPU, by its driver's own library: it imports what the tracer exports, as a program of CUDA's would.
+//! Tests CUDA on the same GPU through the library of its driver. It imports the tracer's exports as a CUDA program
+//! would.
 
 #![expect(unsafe_code, reason = "the driver's library has no safe calls")]
 
@@ -55,17 +56,17 @@ struct Value {
     reserved: [c_uint; 16],
 }
 
-/// A device of CUDA's, and its usual stream. The library stays: it does not like to be closed.
+/// A CUDA device with its default stream. The library is never unloaded, because unloading it is not reliable.
 pub(crate) struct Cuda(&'static Library);
 
-/// Where memory begins on the device, and how many bytes it has.
+/// Device address and size of memory, in bytes.
 #[derive(Clone, Copy)]
 pub(crate) struct Memory(u64, u64);
 
-/// Calls a function of the library by its name and its arguments' types.
+/// Calls a function of the library by name and argument types. Evaluates to its result.
 macro_rules! call {
     ($cuda:expr, $name:ident($($argument:expr => $type:ty),* $(,)?)) => {{
-        // SAFETY: the driver's library has the function with these arguments; what they point to outlives the call.
+        // SAFETY: the driver's library has the function with these arguments, and all pointees outlive the call.
         let result: c_int = unsafe {
             let found = $cuda.0.get::<unsafe extern "C" fn($($type),*) -> c_int>(stringify!($name).as_bytes());
             found.expect(stringify!($name))($($argument),*)
@@ -74,18 +75,18 @@ macro_rules! call {
     }};
 }
 
-/// Likewise, of one that must succeed.
+/// Calls a function of the library that must succeed.
 macro_rules! done {
     ($cuda:expr, $name:ident($($argument:tt)*)) => {
         assert_eq!(call!($cuda, $name($($argument)*)), 0, stringify!($name))
     };
 }
 
-/// The driver's library, ready for calls; else why not.
+/// Returns the initialized driver library, or the reason why it is absent.
 fn library() -> Result<Cuda, String> {
     static LIBRARY: OnceLock<Result<Library, String>> = OnceLock::new();
     let library = LIBRARY.get_or_init(|| {
-        // SAFETY: the driver's library does nothing when it is loaded.
+        // SAFETY: loading the driver's library has no side effects.
         unsafe { Library::new("libcuda.so.1") }.map_err(|e| e.to_string())
     });
     let cuda = Cuda(library.as_ref()?);
@@ -95,7 +96,7 @@ fn library() -> Result<Cuda, String> {
     }
 }
 
-/// Why CUDA is not there.
+/// Returns the reason if CUDA is absent.
 pub(crate) fn absent() -> Option<String> {
     library().err()
 }
@@ -117,7 +118,7 @@ impl Cuda {
         semaphore
     }
 
-    /// Has the stream wait for a value, or reach it.
+    /// Makes the stream wait for a value, or signal it.
     fn order(&self, semaphore: Handle, value: u64, waits: bool) {
         let params = Value {
             value,
@@ -142,7 +143,7 @@ impl Cuda {
         }
     }
 
-    /// Begins to write; memory of the host that is not pinned is read before this returns.
+    /// Starts a write. Host memory that is not pinned is read before this returns.
     fn begin_to_write(&self, to: Memory, at: u64, bytes: &[u8]) {
         done!(
             self,
@@ -152,7 +153,7 @@ impl Cuda {
         );
     }
 
-    /// Begins to fill all with what is no vertex, again and again.
+    /// Starts to fill the memory with NaN many times, which takes a while.
     fn spoil(&self, memory: Memory) {
         for _ in 0..500 {
             done!(
@@ -162,7 +163,7 @@ impl Cuda {
         }
     }
 
-    /// Waits ten seconds at most; says whether the value was reached.
+    /// Waits for a value for at most ten seconds. Returns whether it was reached.
     fn reaches(&self, semaphore: Handle, value: u64) -> bool {
         self.order(semaphore, value, true);
         let begun = Instant::now();
@@ -243,7 +244,8 @@ pub(crate) fn rays_and_answers_are_shared_with_cuda() {
     find_what_the_hosts_do(SharedRays::<Cuda>::new);
 }
 
-/// Neither waits on the host: what one writes is spoilt before, and read before it is spoilt again.
+/// Checks that neither waits on the host. CUDA overwrites the vertices before each write, so a missing wait is
+/// detected.
 pub(crate) fn steps_and_cuda_wait_for_each_other() {
     let mut shared = Shared::<Cuda>::open(Update::Async);
     let mut expected = OnHost::open(Update::Async);

@@ -1,4 +1,4 @@
-//! Vertices, rays and answers in memory that another device shares, and a semaphore that tells when they are there.
+//! Tests vertices, rays and answers in memory shared with another device, and the semaphore that orders accesses.
 
 use crate::lent::{
     Found, LentRays, Moved, OnHost, Sheets, find_what_the_hosts_do, found, see_as_of_the_host,
@@ -23,7 +23,7 @@ fn tracer(scene: Scene, update: Update) -> Tracer {
     builder.update(update).build(scene).unwrap()
 }
 
-/// Why memory cannot be shared here.
+/// Returns the reason if memory cannot be shared on this machine.
 pub(crate) fn lacks() -> Option<String> {
     let memory = tracer(Scene::new(), Update::Auto).external_buffer(16);
     memory.err().map(|e| e.to_string())
@@ -38,7 +38,7 @@ fn import<O: Importer>(other: &O, buffer: &ExternalBuffer) -> O::Memory {
     })
 }
 
-/// Two sheets, and memory that another device shares: for the vertices of each, after some bytes that are none.
+/// Two sheets, and shared memory for the vertices of each, which start at `OFFSET`.
 pub(crate) struct Shared<O: Importer> {
     pub(crate) other: O,
     pub(crate) tracer: Tracer,
@@ -71,7 +71,7 @@ impl<O: Importer> Sheets for Shared<O> {
         (&mut self.tracer, self.sheets)
     }
 
-    /// By the other device or by the host.
+    /// Moves sheets from shared memory or from the host.
     fn moved(&mut self, moved: Moved) -> Step<'_> {
         let mut step = self.tracer.step(0.0);
         for i in [0, 1] {
@@ -105,12 +105,12 @@ pub(crate) fn vertices_of_external_memory_stay_while_another_mesh_is_replaced() 
     stay_while_another_is_replaced::<Shared<OtherDevice>>();
 }
 
-/// Rays and answers in memory that another device shares.
+/// Rays and answers in memory shared with another device.
 pub(crate) struct SharedRays<O: Importer> {
     other: O,
     tracer: Tracer,
     count: usize,
-    /// For rays, and for answers.
+    /// Memory of the rays, then of the answers.
     memory: [(ExternalBuffer, O::Memory); 2],
 }
 
@@ -214,7 +214,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         said,
         [Some(Error::Unsupported(_)), Some(Error::Unsupported(_))]
     ));
-    // Where there is no semaphore, its extension is named.
+    // If semaphores are not supported, the error names the extension.
     if let Err(e) = own.tracer.external_semaphore() {
         assert!(
             e.to_string().contains("VK_KHR_external_semaphore_fd"),
@@ -225,7 +225,8 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
     assert!(own.see(moved) == OnHost::open(Update::Auto).see(moved));
 }
 
-/// Lets a submission go on that waits for an odd value, after what happens meanwhile. It has the next value reached.
+/// Runs `meanwhile`, then unblocks a submission that waits for an odd value. Checks that the submission was blocked
+/// and signals the next value. Returns its hits.
 fn let_go(
     backend: &mut VulkanBackend,
     (timeline, value): (&Timeline, u64),
@@ -250,7 +251,7 @@ fn let_go(
         .unwrap_or_default()
 }
 
-/// The host's hand stands for the other device's semaphore.
+/// Signals the timeline from the host, in place of another device.
 pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
     let mut backend = opened::<VulkanDevice>().unwrap();
     let gpu = Arc::clone(&backend.gpu().gpu);
@@ -310,7 +311,7 @@ pub(crate) fn what_is_lent_is_used_between_two_values_of_a_timeline() {
     let seen = let_go(&mut backend, (&timeline, 3), Some(ticket), || write(0.25));
     assert!(seen == moved);
 
-    // Nor does a step without a query leave anything unread.
+    // A step without a query reads the vertices, too.
     bring(&mut backend, [5, 6]);
     let_go(&mut backend, (&timeline, 5), None, || write(0.75));
     write(0.25);

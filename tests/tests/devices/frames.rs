@@ -1,4 +1,4 @@
-//! Submissions, snapshots, scenes: what may be under way, how long it is remembered, and how it ends.
+//! Tests submissions, snapshots and scenes: limits on work in flight, lifetime of results, and dropping.
 
 use crate::Subject;
 use crate::scenes::{
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Instant;
 
-/// Where the device has a clock, as all of this machine's have.
+/// Requires a device with timestamps.
 pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(2000), camera());
     let (mut ends, mut first) = (0.0, None);
@@ -26,7 +26,7 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
             let times = backend.wait(ticket).unwrap().times;
             let mut stages = vec![times.preprocess_ms, times.refit_ms, times.trace_primary_ms];
             match layout {
-                // `preprocess` waits for `interpolate`; the other does not.
+                // In this layout `preprocess` waits for `interpolate`, in the other it does not.
                 Layout::Bvh2 => stages.push(times.interpolate_ms),
                 Layout::Fast => assert_eq!(times.interpolate_ms, None, "it ran beside preprocess"),
             }
@@ -41,12 +41,12 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     }
     let wall_ms = since.elapsed().as_secs_f64() * 1e3;
     assert!(ends - first.unwrap() <= wall_ms, "milliseconds");
-    // Nothing ran, so nothing began.
+    // Nothing ran, so there is no start time.
     let times = report(backend).times;
     assert_eq!((times.begun_ms, times.refit_ms), (None, None));
 }
 
-/// Of a scene of 20,000 triangles, and given back with it; a trace takes what its rays need.
+/// Checks the memory of a scene of 20,000 triangles, that it is freed with the scene, and the memory of a trace.
 pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject) {
     let (large, small) = (swarm(20_000), swarm(20));
     let mut bytes = |animation| {
@@ -55,19 +55,20 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
         backend.request_positions().unwrap();
         backend.submit().unwrap();
         let bytes = backend.device_bytes().unwrap();
-        // What the host looks through is of the scene's size, too.
+        // Inspection allocates memory in proportion to the scene, which must be freed, too.
         backend.inspect().boxes().unwrap();
         bytes
     };
     let [before, with, after] = [&small, &large, &small].map(&mut bytes);
-    // Three keys and two positions of 36 bytes, corners, records, nodes, lists.
+    // Per triangle: 36 bytes in each of three key frames and two position buffers, and 12 of vertex indices.
+    // Per leaf: 48 bytes of the record, 64 of nodes and 8 of lists.
     let scene = 20_000 * (5 * 36 + 12);
     let tree = large.live_count() as u64 * (48 + 64 + 8);
     for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
         let about = bytes >= least && bytes < least + least / 10;
         assert!(about, "{with:?}: {bytes} of {least}");
     }
-    // Where a record waits to be sent, it takes less than that.
+    // The staging memory of a topology is smaller.
     assert!(with.scratch < 20_000 * 10, "{with:?}");
     assert!(before.total() < 1 << 20, "{before:?}");
     assert_eq!((after.scene, after.tree), (before.scene, before.tree));
@@ -76,7 +77,7 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
     go(backend, Rays::Camera(&camera()), SHADOWED);
     let grown = backend.device_bytes().unwrap().frames - frames;
     let least = 20 * camera().pixels() as u64;
-    // Drivers round each of the two buffers up, NVIDIA's to 64 bytes.
+    // Drivers round up the size of both buffers, NVIDIA's to 64 bytes.
     assert!((least..least + 2 * 64).contains(&grown), "{grown}");
 }
 
@@ -124,13 +125,13 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
         }
     };
     let limit = limit_met(&square(60_000));
-    // Hits take 16 bytes a pixel.
+    // Hits take 16 bytes per pixel.
     let camera = square(((limit / 16) as f64).sqrt() as u32 + 1);
     assert_eq!(limit_met(&camera), limit);
     let rays_of = Rays::Camera(&camera);
     let found = see(backend, Rays::List(&rays(8)), kind);
     assert_eq!(found.closest.len(), 8);
-    // Nor do those that were recorded with it count.
+    // Queries that were recorded together with it are discarded, too.
     let few = rays(5);
     let queries = [Rays::List(&few), rays_of].map(|rays| Query { rays, kind });
     let refused = backend.trace_together(&queries);
@@ -139,7 +140,7 @@ pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
     assert_eq!(again, found);
 }
 
-/// The query that comes instead finds what it does where the host has looked.
+/// Checks that the query after a refused one has the same hits, whether or not the host computed the moment's range.
 pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn Subject) {
     let scene = swarm(50);
     let mut far = scene.first().to_vec();
@@ -155,7 +156,7 @@ pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn S
             live.range(live.pose(time));
         }
         stand(backend, &live, time);
-        // More workgroups in a row than most devices take.
+        // More workgroups in one dimension than most devices support.
         let wide = look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [1_100_000, 1]));
         let (rays_of, kind) = (Rays::Camera(&wide), QueryKind::Closest);
         let asked = backend.trace(Query {
@@ -172,7 +173,7 @@ pub(crate) fn a_moment_is_measured_after_a_query_was_refused(backend: &mut dyn S
 
 type Bits = [Option<u32>; 3];
 
-/// What a scene shows in frames that follow each other, a new tree with each third, and where it stood in them.
+/// Returns the hits and positions of consecutive frames, with a new tree in each third frame.
 fn play(backend: &mut dyn Backend, animation: &Arc<Animation>) -> Vec<(Hits, Vec<Bits>)> {
     open(backend, animation);
     let frames = (0..6).map(|round| {
@@ -194,7 +195,7 @@ fn another(beside: &dyn Backend) -> Box<dyn Backend> {
     open().unwrap()
 }
 
-/// Whatever the other does: it is loaded, goes, and another comes.
+/// Checks that other scenes on the device change nothing while they are loaded, traced and dropped.
 pub(crate) fn scenes_that_share_a_device_are_traced_at_once(backend: &mut dyn Subject) {
     let scenes = [2000, 3000].map(swarm);
     let alone = scenes.each_ref().map(|scene| play(backend, scene));
@@ -227,7 +228,7 @@ pub(crate) fn a_snapshot_outlives_the_backend(mut backend: Box<dyn Subject>) {
     let (_, snapshot) = arrive(&mut *backend);
     let expected = bits(&backend.inspect().positions().unwrap());
     drop(backend);
-    // The last user of the device lets go of it on a thread that ends then.
+    // The last user of the device closes it on a thread that ends then.
     let elsewhere = std::thread::spawn(move || bits(&snapshot));
     assert!(elsewhere.join().unwrap() == expected);
 }
@@ -245,7 +246,7 @@ pub(crate) fn a_backend_may_be_dropped_at_any_moment(mut backend: Box<dyn Subjec
     subject.request_positions().unwrap();
 }
 
-/// Whatever is played, there is room for few key frames. Positions are a law's.
+/// Checks that there is memory for few key frames, in any order of playback. A property test checks the positions.
 pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn Subject) {
     let options = scene::Options {
         key_bytes: 0,

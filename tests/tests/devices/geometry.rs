@@ -1,4 +1,4 @@
-//! Trees as deep as they may be and large ones, stages run twice, what stands still, costs.
+//! Tests trees of maximal depth and large trees, repeated stages, static geometry, and costs.
 
 use crate::Subject;
 use crate::scenes::{
@@ -12,10 +12,10 @@ use geom::{Aabb, Animation};
 use integration::share;
 use std::sync::{Arc, LazyLock};
 
-/// As many leaves as a chain may have: a record has 65 levels at most.
+/// Number of leaves of the longest possible chain: a tree has 65 levels at most.
 const LEAVES: u32 = 65;
 
-/// Big triangles one behind the other, the last farthest from the eye at `z = 99`.
+/// Creates large triangles behind one another. The last is the farthest from the eye.
 fn stack() -> Arc<Animation> {
     let corners = |t: u32| {
         let z = -(t as f32);
@@ -24,7 +24,7 @@ fn stack() -> Arc<Animation> {
     apart(vec![(0..LEAVES).flat_map(corners).collect()])
 }
 
-/// Each inner node has one leaf, to the left, and the next inner node.
+/// Creates a tree in which each inner node has a leaf on the left and the next inner node on the right.
 fn chain() -> Topology {
     let order: Vec<_> = (0..LEAVES).collect();
     record(LEAVES as usize, &order, |_, _| 1)
@@ -45,7 +45,7 @@ pub(crate) fn a_submission_may_hold_any_number_of_stages(backend: &mut dyn Subje
     assert!(hits(backend, ticket).closest.iter().any(|h| h.is_hit()));
 }
 
-/// As counts do until the next preprocess. Of a scene just loaded there is none.
+/// Also tests counts, which last until the next preprocess. A scene that was just loaded has no cost.
 pub(crate) fn a_cost_stands_until_the_next_refit(backend: &mut dyn Subject) {
     let animation = swarm(300);
     open(backend, &animation);
@@ -56,7 +56,7 @@ pub(crate) fn a_cost_stands_until_the_next_refit(backend: &mut dyn Subject) {
     assert!(first.sah_cost.is_some() && told(&report(backend)) == told(&first));
 }
 
-/// The swarm as it stands at first, but for a few of its triangles, which stand close together.
+/// The swarm without motion, except for a few of its triangles, which are close together.
 fn resting() -> Arc<Animation> {
     let swarm = swarm(share(200_000) as u32);
     let mut keys = vec![swarm.first().to_vec(); 3];
@@ -85,7 +85,7 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
         "{moving}"
     );
     let mut seen = Vec::new();
-    // In one submission, `preprocess` may make all boxes; after it, `refit` has to.
+    // Within one submission, `preprocess` may compute all boxes. In a later one, `refit` has to.
     for (tree, apart) in [
         (&plain, false),
         (&listed, false),
@@ -105,7 +105,7 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
             let ticket = go(backend, Rays::Camera(&camera()), SHADOWED);
             let report = backend.wait(ticket).unwrap();
             let cost = report.sah_cost.unwrap().to_bits();
-            // Counts are of the submission that preprocessed.
+            // Only the submission that preprocessed has counts.
             let counts = (!apart).then_some([report.inactive, report.degenerate]);
             let boxes = backend.inspect().boxes().unwrap();
             seen.push((counts, cost, hits(backend, ticket), boxes));
@@ -118,24 +118,24 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
     }
 }
 
-/// Whether costs are the same but for sums in single precision, taken in any order.
+/// Returns whether costs are equal except for the rounding of sums in single precision.
 fn same_cost(found: &FrameReport, expected: &FrameReport) -> bool {
     let [found, expected] = [found, expected].map(|report| report.sah_cost.unwrap());
     (found / expected - 1.0).abs() < 1e-4
 }
 
-/// Three levels of treelets, and trees so different that nodes need more room.
+/// Tests three levels of treelets, and trees so different that nodes need more memory.
 pub(crate) fn layouts_differ_in_memory_alone(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(60_000), camera());
     let trees = [0.0, 2.0].map(|time| tree_at(&animation, time));
     let mut seen = Vec::new();
     for layout in Layout::ALL {
         open_laid(backend, &animation, layout);
-        // At a key frame too, after which some vanish.
+        // The second time is a key frame, after which some triangles become inactive.
         for (tree, (generation, time)) in trees.iter().zip([(2, 0.3), (3, 0.0)]) {
             backend.adopt(tree, Generation(generation)).unwrap();
             stand(backend, &animation, time);
-            // Without shadows, for which some drivers' pictures need room of their own.
+            // Without shadows, for which some drivers allocate memory for pictures.
             let ticket = go(backend, Rays::Camera(&camera), QueryKind::Closest);
             let boxes = backend.inspect().boxes().unwrap();
             let bytes = backend.device_bytes().unwrap().total();
@@ -150,7 +150,7 @@ pub(crate) fn layouts_differ_in_memory_alone(backend: &mut dyn Subject) {
     }
 }
 
-/// What a refitted tree of a scene reports, and its boxes.
+/// Returns the report and the boxes of a refitted tree.
 fn refitted(
     backend: &mut dyn Backend,
     (animation, tree): &(Arc<Animation>, Topology),
@@ -162,7 +162,7 @@ fn refitted(
     (report(backend), backend.inspect().boxes().unwrap())
 }
 
-/// So large that `preprocess` of layout `fast` waits for positions.
+/// Tests a scene so large that `preprocess` of layout `fast` waits for positions.
 pub(crate) fn large_trees_have_the_references_boxes(backend: &mut dyn Subject) {
     static LARGE: LazyLock<(Arc<Animation>, Topology)> = LazyLock::new(|| {
         let animation = swarm(540_000);

@@ -1,4 +1,4 @@
-//! Vertices, rays and answers that lie in memory of a device's own: what is asked of them, whoever owns the device.
+//! Tests that are shared by all kinds of device memory: vertices, rays and answers, on any owner's device.
 
 use crate::scenes::{camera, rays, swarm};
 use abvh::{
@@ -6,13 +6,13 @@ use abvh::{
 };
 use std::iter::zip;
 
-/// What a ray met: the triangle, and where.
+/// Hit of a ray: the triangle, and the bits of `t`, `u` and `v`.
 pub(crate) type Met = Option<(u32, [u32; 3])>;
 
-/// Where each sheet is moved to, if it is, and whether from memory of the device's.
+/// New height of each moved sheet, and `true` if its vertices are in device memory.
 pub(crate) type Moved = [Option<(f32, bool)>; 2];
 
-/// A sheet of triangles, at some height and somewhat bent.
+/// A slightly bent sheet of triangles at `height`.
 pub(crate) fn sheet(height: f32) -> Vec<Point> {
     let at = |i: u32| (i % 20) as f32 - 9.5;
     let bend = |i: u32| height + 0.1 * (i as f32 * height).sin();
@@ -26,7 +26,7 @@ pub(crate) fn triangles() -> Vec<[u32; 3]> {
     corners.flat_map(both).collect()
 }
 
-/// Two sheets.
+/// Creates a scene of two sheets.
 pub(crate) fn two_sheets() -> (Scene, [MeshId; 2]) {
     let mut scene = Scene::new();
     let sheets = [0.0, 1.0].map(|height| {
@@ -45,14 +45,14 @@ pub(crate) fn bits(hits: Hits) -> Vec<Met> {
     (0..hits.len()).map(hit).collect()
 }
 
-/// Two sheets on a device, whose vertices may lie in memory of its own.
+/// Two sheets on a device, with vertices in device or host memory.
 pub(crate) trait Sheets: Sized {
     fn open(update: Update) -> Self;
     fn traced(&mut self) -> (&mut Tracer, [MeshId; 2]);
-    /// Begins a step in which sheets are moved.
+    /// Begins a step that moves sheets.
     fn moved(&mut self, moved: Moved) -> Step<'_>;
 
-    /// What a camera sees after sheets were moved.
+    /// Returns the hits of a camera after sheets were moved.
     fn see(&mut self, moved: Moved) -> Vec<Met> {
         let mut step = self.moved(moved);
         let query = step.trace(&camera(), Query::Closest).unwrap();
@@ -60,7 +60,7 @@ pub(crate) trait Sheets: Sized {
         bits(self.traced().0.hits(done, query).unwrap())
     }
 
-    /// A picture in a step that moves them likewise.
+    /// Returns a picture after sheets were moved.
     fn shown(&mut self, moved: Moved) -> Vec<u8> {
         let mut step = self.moved(moved);
         let picture = step.render(&camera(), [3.0, 9.0, -4.0]).unwrap();
@@ -71,7 +71,7 @@ pub(crate) trait Sheets: Sized {
     }
 }
 
-/// Two sheets on the host's cores. All that moves them lies there, too.
+/// Two sheets on the host, with vertices in host memory only.
 pub(crate) struct OnHost(Tracer, [MeshId; 2]);
 
 impl Sheets for OnHost {
@@ -105,13 +105,13 @@ const STEPS: [Moved; 10] = [
     [None, Some((2.0, false))],
     [Some((1.25, true)), Some((0.75, true))],
     [None, Some((2.25, true))],
-    // One vertex is outlying.
+    // The vertices of the first sheet are outlying.
     [Some((-1e9, true)), None],
     [Some((f32::NAN, true)), Some((1.0, true))],
     [Some((0.5, false)), None],
 ];
 
-/// Moved step by step, they see what is seen on the host.
+/// Checks that sheets moved step by step have the same hits and pictures as on the host.
 pub(crate) fn see_as_of_the_host<S: Sheets>() {
     for update in [
         Update::Async,
@@ -121,7 +121,7 @@ pub(crate) fn see_as_of_the_host<S: Sheets>() {
     ] {
         let (mut found, mut expected) = (S::open(update), OnHost::open(Update::Async));
         for (i, moved) in STEPS.into_iter().enumerate() {
-            // Shadows ask how far vertices reach; before others do, and after.
+            // Shadow rays depend on the range of the vertices, so only some steps render a picture before the query.
             for moved in [moved, [None, None]] {
                 let is_same = match i % 3 {
                     1 => found.shown(moved) == expected.shown(moved),
@@ -134,7 +134,7 @@ pub(crate) fn see_as_of_the_host<S: Sheets>() {
     }
 }
 
-/// Vertices of the device's stay while another mesh is replaced, even where no query has seen them yet; so does its memory.
+/// Checks that device vertices and memory stay valid while another mesh is replaced, even before the first query.
 pub(crate) fn stay_while_another_is_replaced<S: Sheets>() {
     let (mut found, mut expected) = (one_replaced::<S>(), one_replaced::<OnHost>());
     let moved = [None, Some((0.25, false)), Some((0.75, true))];
@@ -149,26 +149,26 @@ fn one_replaced<S: Sheets>() -> S {
     let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
     let (tracer, [first, _]) = own.traced();
     let replacement = tracer.replace(first, with).unwrap();
-    // A step that is dropped has moved it all the same.
+    // Updates of a dropped step still apply.
     drop(own.moved([None, Some((2.0, true))]));
     own.traced().0.commit(replacement).unwrap();
     own
 }
 
-/// A tracer, rays, and room for answers to them.
+/// A tracer, rays, and a buffer for answers.
 pub(crate) trait LentRays {
     fn tracer(&mut self) -> &mut Tracer;
-    /// What the rays find, with answers written to the room or without.
+    /// Returns the hits of the rays, with or without writing answers to the buffer.
     fn ask(&mut self, query: Query, has_room: bool) -> Found;
     fn fill_room(&mut self, byte: u8);
-    /// As many first words of the room.
+    /// Returns the first `words` words of the answers.
     fn room(&mut self, words: usize) -> Vec<u32>;
 }
 
-/// `t`, `u`, `v` and triangle of each ray's hit as they are written to answers; zeros, where only any hit is sought.
+/// Bits of `t`, `u`, `v`, and the triangle of each ray's hit, as in answers. All zero for any-hit queries.
 pub(crate) type Found = Vec<Option<[u32; 4]>>;
 
-/// What a query of a step finds.
+/// Returns the hits of a query in a step.
 pub(crate) fn found(
     tracer: &mut Tracer,
     query: Query,
@@ -188,7 +188,7 @@ pub(crate) fn found(
     (0..hits.len()).map(answer).collect()
 }
 
-/// Triangles that fly about.
+/// Creates a scene of triangles that move.
 pub(crate) fn flying() -> Scene {
     let swarm = swarm(300);
     let keys = (0..3).map(|key| swarm.key(key).unwrap().to_vec());
@@ -197,7 +197,7 @@ pub(crate) fn flying() -> Scene {
     scene
 }
 
-/// In which no ray can hit anything.
+/// Creates a scene that no ray can hit.
 fn nothing() -> Scene {
     let mut nothing = Scene::new();
     let nowhere = [[f32::NAN; 3]; 3];
@@ -205,7 +205,7 @@ fn nothing() -> Scene {
     nothing
 }
 
-/// Some of which can hit nothing, and some that start far away.
+/// Rays of all kinds. Some cannot hit anything, and some start far away.
 pub(crate) fn all_kinds() -> Vec<Ray> {
     let mut all = rays(1000);
     let spoil: [fn(&mut Ray); 12] = [
@@ -219,7 +219,7 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
         |ray| (ray.t_min, ray.t_max) = (1.5, 0.5),
         |ray| (ray.t_min, ray.t_max) = (-0.0, 0.0),
         |ray| (ray.t_min, ray.t_max) = (f32::INFINITY, f32::NEG_INFINITY),
-        // Valid, and seen by exact arithmetic alone.
+        // These are valid, but need exact arithmetic.
         |ray| (ray.origin, ray.direction) = ([-1e30, 0.01, 0.02], [1.0, 0.0, 0.0]),
         |ray| (ray.origin, ray.direction) = ([0.1, 3e38, 0.0], [0.0, -1.0, 1e-30]),
     ];
@@ -231,8 +231,8 @@ pub(crate) fn all_kinds() -> Vec<Ray> {
     all
 }
 
-/// They find and have written what rays of the host find; nor is what stood in the room taken for hits. Gives the last of them,
-/// which sought closest hits among triangles.
+/// Checks that lent rays have the same hits and answers as rays of the host, whatever the buffer of answers held
+/// before. Returns the last `L`, whose last query was for closest hits and had some.
 pub(crate) fn find_what_the_hosts_do<L: LentRays>(open: impl Fn(Scene, &[Ray]) -> L) -> L {
     let list = all_kinds();
     let [_, last] = [(nothing(), false), (flying(), true)].map(|(scene, hits_some)| {

@@ -1,8 +1,8 @@
-//! What holds for every device, tried on each that this machine has, and what holds for one of them alone.
+//! Tests of properties of every device, run on each device of this machine, and of properties of one device only.
 //!
-//! A device is opened once for all trials that load scenes of their own. Where there is none, trials show as ignored, with
-//! the reason; `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` turns that red. Validation layers listen where they are installed, and
-//! what they say fails the trial.
+//! A device is opened once for all tests that load their own scenes. Tests of an absent device show as ignored, with
+//! the reason. `ABVH_REQUIRE_BACKENDS=vulkan,wgpu` makes them fail instead. Validation layers are enabled where
+//! installed, and any message fails the test.
 
 #[cfg(target_os = "linux")]
 mod cuda;
@@ -34,11 +34,11 @@ use shaders::BufferName;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 
-/// A backend on a device, and what only tests ask of it.
+/// A backend on a device, with operations only for tests.
 trait Subject: Backend {
-    /// Buffers made since it was opened.
+    /// Returns the number of buffers created since it was opened.
     fn buffers_made(&self) -> u64;
-    /// The first words of a buffer of the tree in use.
+    /// Returns the first `count` words of a buffer of the current tree.
     fn words(&mut self, name: BufferName, count: usize) -> Vec<u32>;
 }
 
@@ -65,9 +65,9 @@ fn opened<D: GpuDevice>() -> backend::Result<ComputeBackend<D>> {
     ComputeBackend::new(&watched())
 }
 
-/// A name and a test on a device that is open.
+/// A name and a test on an open device.
 type Test = (&'static str, fn(&mut dyn Subject));
-/// Likewise, which closes it.
+/// A name and a test that closes the device.
 type LastTest = (&'static str, fn(Box<dyn Subject>));
 
 /// Names tests by their paths.
@@ -75,7 +75,7 @@ macro_rules! named {
     ($($path:path),* $(,)?) => { &[$((stringify!($path), $path)),*] };
 }
 
-/// What any device does, with scenes that each loads itself.
+/// Tests of every device. Each loads its own scenes.
 const SHARED: &[Test] = named![
     frames::stages_are_timed_by_one_clock,
     frames::steady_frames_make_no_buffers,
@@ -91,7 +91,7 @@ const SHARED: &[Test] = named![
     geometry::large_trees_have_the_references_boxes,
 ];
 
-/// What kernels do, for which one device suffices.
+/// Tests of kernels, for which one device suffices.
 const OF_KERNELS: &[Test] = named![
     geometry::treelets_that_stand_still_are_passed_over_to_the_last_bit,
     together::triangles_find_the_rays_that_find_them,
@@ -105,13 +105,13 @@ const OF_KERNELS: &[Test] = named![
     together::rays_together_find_what_each_finds_by_itself,
 ];
 
-/// What ends with the device.
+/// Tests that end with the device.
 const FRESH: &[LastTest] = named![
     frames::a_snapshot_outlives_the_backend,
     frames::a_backend_may_be_dropped_at_any_moment,
 ];
 
-/// Ways of one device.
+/// Tests of one device's features.
 const OF_VULKAN: &[(&str, fn())] = named![
     queues::required_validation_is_there_or_its_absence_is_named,
     queues::every_adapter_tells_its_limits,
@@ -225,7 +225,7 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-/// Tries a test, and hears what the device complains of.
+/// Runs a test, then asserts that the device has no complaints.
 fn watch(device: &Mutex<backend::Result<Box<dyn Subject>>>, body: impl FnOnce(&mut dyn Subject)) {
     let mut device = lock(device);
     let subject = &mut **device.as_mut().unwrap();

@@ -1,4 +1,5 @@
-//! Another device of Vulkan's on the same GPU: what another interface would be. It imports what the library exports.
+//! A second Vulkan device on the same GPU, in place of another interface. It imports the memory that the library
+//! exports.
 
 #![expect(unsafe_code, reason = "nothing else opens file descriptors")]
 
@@ -15,7 +16,7 @@ use std::sync::Arc;
 
 const MEMORY_FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 
-/// What an import has to be told.
+/// Parameters of an import.
 pub(crate) struct Exported {
     pub(crate) fd: OwnedFd,
     pub(crate) size: u64,
@@ -23,23 +24,23 @@ pub(crate) struct Exported {
     pub(crate) memory_type: u32,
 }
 
-/// Another interface to the GPU. It waits for all that it does.
+/// Another interface to the GPU. Every operation waits for its end.
 pub(crate) trait Importer {
     type Memory: Copy;
 
-    /// Opens the GPU of that UUID.
+    /// Opens the GPU with this UUID.
     fn open(uuid: [u8; 16]) -> Self;
     fn import(&self, exported: Exported) -> Self::Memory;
-    /// Writes at a byte.
+    /// Writes `bytes` at offset `at`.
     fn write(&self, to: Self::Memory, at: u64, bytes: &[u8]);
-    /// The first so many bytes.
+    /// Reads the first `bytes` bytes.
     fn read(&self, from: Self::Memory, bytes: usize) -> Vec<u8>;
 }
 
 pub(crate) struct OtherDevice {
     queue: vk::Queue,
     pool: vk::CommandPool,
-    /// Destroyed with it.
+    /// Destroyed when the device is dropped.
     imported: RefCell<Vec<(vk::Buffer, vk::DeviceMemory)>>,
     gpu: Arc<Gpu>,
 }
@@ -54,7 +55,7 @@ impl OtherDevice {
         let new = vk::CommandBufferAllocateInfo::default()
             .command_pool(self.pool)
             .command_buffer_count(1);
-        // SAFETY: both buffers hold the bytes, and live until the queue is idle, which nobody else uses.
+        // SAFETY: both buffers are large enough and outlive the wait for the queue. No other thread uses the queue.
         unsafe {
             let commands = vk.allocate_command_buffers(&new).unwrap();
             vk.begin_command_buffer(commands[0], &begin).unwrap();
@@ -100,7 +101,7 @@ impl Importer for OtherDevice {
             .usage(usage)
             .push_next(&mut external);
         let vk = &self.gpu.vk;
-        // SAFETY: the buffer is as the exported one is.
+        // SAFETY: the buffer has the size and usage of the exported one.
         let buffer = unsafe { vk.create_buffer(&info, None) }.unwrap();
         let mut import = vk::ImportMemoryFdInfoKHR::default()
             .handle_type(MEMORY_FD)
@@ -111,7 +112,7 @@ impl Importer for OtherDevice {
             .memory_type_index(exported.memory_type)
             .push_next(&mut import)
             .push_next(&mut dedicated);
-        // SAFETY: the memory is the exported one, whose type and size are the buffer's.
+        // SAFETY: the memory is the exported one, and its type and size are those of the buffer.
         let memory = unsafe {
             let memory = vk.allocate_memory(&info, None).unwrap();
             vk.bind_buffer_memory(buffer, memory, 0).unwrap();
@@ -139,7 +140,7 @@ impl Importer for OtherDevice {
 impl Drop for OtherDevice {
     fn drop(&mut self) {
         let vk = &self.gpu.vk;
-        // SAFETY: the queue is idle, and all was made by this device.
+        // SAFETY: the queue is idle, and this device created all of these objects.
         unsafe {
             for (buffer, memory) in self.imported.take() {
                 vk.destroy_buffer(buffer, None);

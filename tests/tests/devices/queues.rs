@@ -1,4 +1,4 @@
-//! Vulkan's own ways: its layers, its adapters, and vertices that go down and trees that go up beside the frames.
+//! Tests of Vulkan only: layers, adapters, and copies of vertices and trees on queues of their own.
 
 use crate::opened;
 use crate::scenes::{
@@ -66,20 +66,20 @@ pub(crate) fn large_buffers_of_the_host_lie_in_pages_of_the_process() {
     assert!(!small.unwrap().is_imported());
 }
 
-/// Bars a road until the gate opens.
+/// Blocks a transfer queue until `gate` reaches 1.
 fn bar(road: &mut Transfer, gate: &Timeline, from: &Buffer, to: &Buffer) {
     let opened = Some(gate.at(1));
     road.start([from, to], &[(0..16, 0)], opened).unwrap();
 }
 
-/// Why this machine's device cannot show that copies up and down have queues of their own.
+/// Returns the reason if the device has no separate queues for uploads and downloads.
 pub(crate) fn lacks_queues() -> Option<String> {
     let backend = opened::<VulkanDevice>().ok()?;
     let three = backend.gpu().has_queues_for_copies();
     (!three).then(|| "all work stands in one queue".to_owned())
 }
 
-/// Whether a submission is done. Never waits.
+/// Returns whether a submission is done. Never waits.
 fn is_done(backend: &VulkanBackend, ticket: Ticket) -> bool {
     backend.gpu().done.has_reached(ticket.0).unwrap()
 }
@@ -109,7 +109,7 @@ pub(crate) fn positions_on_their_way_are_not_written_over() {
         backend.request_positions().unwrap();
         backend.submit().unwrap();
     }
-    // Both position buffers are still to be read.
+    // Neither position buffer has been read back yet.
     stand(&mut backend, &animation, 0.3);
     let third = backend.submit().unwrap();
     std::thread::sleep(Duration::from_millis(200));
@@ -144,7 +144,7 @@ pub(crate) fn frames_go_on_though_nothing_comes_down_or_goes_up() {
         let report = backend.wait(ticket).unwrap();
         assert!(report.hits > 0 && backend.take_positions().unwrap().is_none());
     }
-    // A tree is adopted without a wait; frames before it are not delayed by it.
+    // Adopting a tree does not wait, and earlier frames are not delayed.
     bar(&mut backend.gpu_mut().upload, &gate, &from, &to);
     stand(&mut backend, &animation, 1.5);
     let before = go(&mut backend, Rays::Camera(&camera), SHADOWED);

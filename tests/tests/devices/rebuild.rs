@@ -1,4 +1,4 @@
-//! Trees made on the device: whole, not deep, and good; and those of the driver.
+//! Tests trees made on the device, which must be complete, shallow and good, and trees of the driver.
 
 use crate::scenes::{
     SHADOWED, apart, camera, go, laid, numbers, report, see, stand, swarm, tree_at,
@@ -13,13 +13,13 @@ use gpu_vulkan_rt::{DriverTreeBackend, Prefer};
 use shaders::{BufferName, Shape};
 use std::sync::Arc;
 
-/// Small triangles at these points.
+/// Creates small triangles at these points.
 fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
     let corners = |p: Point| [p, [p[0] + size, p[1], p[2]], [p[0], p[1] + size, p[2]]];
     apart(vec![points.flat_map(corners).collect()])
 }
 
-/// Makes a tree of the scene as it stands at `time`; it must have every property of a record.
+/// Makes a tree of the scene at `time` on the device, and checks that it is a valid topology. Returns it with its cost.
 fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
     made_in(Layout::Bvh2, backend, animation, time)
 }
@@ -40,7 +40,7 @@ fn made_in(
     (tree, cost.unwrap_or(0.0))
 }
 
-/// Boxes and costs are those that a refit of the same tree finds.
+/// Checks that boxes and costs equal those of a refit of the same tree.
 pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
     let mut reference = CpuBackend::new(Some(2)).unwrap();
     let sizes = [0, 1, 2, 3, 128, 129, 511, 512, 513, 769, 2048, 2049, 9000];
@@ -62,7 +62,7 @@ pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
     }
 }
 
-/// Pairs far from one another.
+/// Tests pairs of triangles that are far from one another.
 pub(crate) fn two_triangles_in_a_row_share_a_leaf(backend: &mut dyn Subject) {
     let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
     let scene = at_points((0..600).map(at), 1.0);
@@ -74,7 +74,7 @@ pub(crate) fn two_triangles_in_a_row_share_a_leaf(backend: &mut dyn Subject) {
     assert!((0..600).step_by(2).all(is_there));
 }
 
-/// One within the other: each round but the last ones merges only the innermost two.
+/// Tests nested triangles: each round except the last ones merges only the innermost two.
 pub(crate) fn no_tree_is_too_deep_for_the_traversal(backend: &mut dyn Subject) {
     for count in [300, 3000] {
         let corners = |i: u32| {
@@ -99,11 +99,11 @@ pub(crate) fn extreme_and_equal_coordinates_make_a_tree(backend: &mut dyn Subjec
         let animation = at_points((0..4096).map(point), size);
         made(backend, &animation, 0.0).0.level_count()
     });
-    // The lowest there could be has 13 levels; packets that begin early cost one.
+    // The lowest possible tree has 13 levels. Packets that begin early add one.
     assert!(levels[3] <= 14, "{levels:?}");
 }
 
-/// Every digit's pass must keep the order that those before it made; equal keys keep the triangles' own.
+/// Checks that the pass of each digit is stable. Equal keys keep the order of the triangles.
 pub(crate) fn triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order(
     backend: &mut dyn Subject,
 ) {
@@ -121,7 +121,7 @@ pub(crate) fn triangles_are_sorted_by_their_keys_and_equal_keys_keep_their_order
     assert!((1000..2000).contains(&equal), "{equal}");
 }
 
-/// The yardstick is the host's tree over the same vertices.
+/// Compares the cost with that of the host's tree over the same vertices.
 pub(crate) fn a_tree_made_here_costs_hardly_more_than_the_hosts(backend: &mut dyn Subject) {
     let animation = swarm(20_000);
     let (_, cost) = made(backend, &animation, 0.3);
@@ -136,14 +136,14 @@ fn drivers() -> DriverTreeBackend {
     DriverTreeBackend::new(&watched(), Prefer::FastBuild).unwrap()
 }
 
-/// The box of the first key frame, which offsets shadow rays, is there for nothing: it is empty, or much too small.
+/// Tests first key frames whose box is empty or much too small. The box determines the offset of shadow rays.
 pub(crate) fn triangles_beyond_the_first_key_frame_shadow_others_and_not_themselves() {
     let (floor, roof) = (
         [[-5.0, 3.0, 40.0], [1.0, 0.0, 0.1], [-1.0, 0.1, 0.0]],
         [[0.0, 2.0, -50.0], [0.0, 2.0, 50.0], [-80.0, 2.0, 0.0]],
     );
     let frame = [floor, roof].concat();
-    // To the floor near the edge that is far from its first corner: the roof is over one half.
+    // Rays to the floor near the edge that is far from its first corner. The roof covers one half.
     let across = (0..64).map(|i| -0.9 + i as f32 / 35.0);
     let rays: Vec<_> = across
         .map(|x| Ray::new([0.0, 1.0, 0.0], [x, -0.95 - 0.05 * x, 0.06 + 0.05 * x]))

@@ -1,4 +1,4 @@
-//! Small scenes and the few sentences in which trials are written.
+//! Small scenes and helper functions for tests.
 
 use backend::{
     Backend, FrameReport, Generation, Hits, Layout, Method, QueryKind, Rays, Snapshot, Ticket,
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub(crate) use conformance::stage::{tree_at, vertices as positions};
 
-/// Numbers in -1..1 that are the same everywhere (SplitMix64).
+/// Generates numbers in -1..1 that are the same on every machine (SplitMix64).
 pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f32 {
     let mut state = seed;
     move || {
@@ -21,7 +21,7 @@ pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// Triangles that fly about over three key frames, some of them inactive or degenerate at times.
+/// Creates triangles that move over three key frames. Some are inactive or degenerate at times.
 pub(crate) fn swarm(triangles: u32) -> Arc<Animation> {
     let mut number = numbers(7);
     let mut point = move || [number(), number(), number()];
@@ -41,7 +41,7 @@ pub(crate) fn swarm(triangles: u32) -> Arc<Animation> {
     apart((0..3).map(&mut key).collect())
 }
 
-/// Triangles that share no vertex, over key frames of three vertices each.
+/// Creates triangles without shared vertices, from key frames with three vertices per triangle.
 pub(crate) fn apart(keys: Vec<Vec<Point>>) -> Arc<Animation> {
     let triangles = 0..keys[0].len() as u32 / 3;
     let triangles = triangles.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -52,7 +52,7 @@ pub(crate) fn camera() -> Camera {
     look([0.3, 0.2, 3.0], [0.0; 3], (50.0, [70, 43]))
 }
 
-/// Rays through the scene from all sides, some of them not valid.
+/// Creates rays through the scene from all sides. Some are invalid.
 pub(crate) fn rays(count: usize) -> Vec<Ray> {
     let mut number = numbers(11);
     let mut point = move |s: f32| [s * number(), s * number(), s * number()];
@@ -71,7 +71,7 @@ pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
     light: [2.0, 5.0, 3.0],
 };
 
-/// Loads the scene with a tree of its first frame.
+/// Loads the scene, with a tree of its first key frame.
 pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
     open_laid(backend, animation, Layout::Bvh2);
 }
@@ -82,7 +82,7 @@ pub(crate) fn open_laid(backend: &mut dyn Backend, animation: &Arc<Animation>, l
     backend.adopt(&tree, Generation(1)).unwrap();
 }
 
-/// The usual method with that layout.
+/// Returns the default method with this layout.
 pub(crate) fn laid(layout: Layout) -> Method {
     Method {
         layout,
@@ -90,7 +90,7 @@ pub(crate) fn laid(layout: Layout) -> Method {
     }
 }
 
-/// Records all that comes before a trace.
+/// Records all stages that precede a trace.
 pub(crate) fn stand(backend: &mut dyn Backend, animation: &Animation, time: f64) {
     stage::stand(backend, animation, time).unwrap();
 }
@@ -104,18 +104,18 @@ pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
     backend.hits(ticket).unwrap().clone()
 }
 
-/// Records a trace of a camera's rays or others, submits, and says what it found.
+/// Records a trace, submits, and returns the hits.
 pub(crate) fn see(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
     stage::ask(backend, rays, kind).unwrap().0
 }
 
-/// Submits and says what was done.
+/// Submits and returns the report.
 pub(crate) fn report(backend: &mut dyn Backend) -> FrameReport {
     let ticket = backend.submit().unwrap();
     backend.wait(ticket).unwrap()
 }
 
-/// The scene as it stands at `time`, seen at once by a camera and by the list of its rays, each by itself: both see the same.
+/// Checks that a camera's picture at `time` equals the hits of a list of its rays.
 pub(crate) fn check_picture(
     backend: &mut dyn Backend,
     (animation, time): (&Animation, f64),
@@ -133,10 +133,10 @@ pub(crate) fn look(eye: Point, target: Point, (fov, size): (f32, [u32; 2])) -> C
     Camera::look_at(eye, target, [0.0, 1.0, 0.0], fov, size).unwrap()
 }
 
-/// Pixels of most pictures.
+/// Size of most pictures, in pixels.
 pub(crate) const SQUARE: [u32; 2] = [130, 126];
 
-/// From outside, from amid the triangles, past them, closely, and from far away.
+/// Cameras outside and among the triangles, looking past them, close up, and far away.
 pub(crate) fn cameras() -> [Camera; 5] {
     [
         ([0.3, 0.2, 3.0], [0.0; 3], 50.0),
@@ -148,12 +148,12 @@ pub(crate) fn cameras() -> [Camera; 5] {
     .map(|(eye, target, fov)| look(eye, target, (fov, SQUARE)))
 }
 
-/// Waits for the oldest positions that were asked for.
+/// Waits for the oldest requested positions.
 pub(crate) fn arrive(backend: &mut dyn Backend) -> (Ticket, Snapshot) {
     next_positions(backend).unwrap()
 }
 
-/// Bits of finite coordinates; what is not a number may be so in many ways.
+/// Returns the bits of coordinates. NaN is `None`, because it has many bit patterns.
 pub(crate) fn bits(points: &[Point]) -> Vec<[Option<u32>; 3]> {
     let bits = |x: f32| (!x.is_nan()).then(|| x.to_bits());
     points.iter().map(|p| p.map(bits)).collect()

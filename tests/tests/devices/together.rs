@@ -1,4 +1,4 @@
-//! Rays of a picture that search together, down the tree or triangle by triangle, find what each finds by itself.
+//! Checks that rays traced together, as packets or by rasterization, have the same hits as rays traced singly.
 
 use crate::Subject;
 use crate::scenes::{
@@ -11,7 +11,7 @@ use geom::{Animation, Point};
 use shaders::BufferName;
 use std::sync::Arc;
 
-/// Small triangles before and behind a few that cover much of the picture.
+/// Small triangles in front of and behind a few that cover much of the picture.
 fn layers() -> Arc<Animation> {
     let swarm = swarm(3800);
     let mut corners = positions(&swarm, 0.0);
@@ -19,7 +19,7 @@ fn layers() -> Arc<Animation> {
         let edge = 0.3 * (1 + sheet) as f32;
         corners.extend([[-edge, -edge, z], [edge, -edge, z], [0.0, edge, z]]);
     }
-    // Without area, though rounding may see some.
+    // These triangles have zero area, though rounding may give them some.
     let mut number = numbers(3);
     let mut whole = || std::array::from_fn::<_, 3, _>(|_| (256.0 * number()).round() / 256.0);
     for _ in 0..60 {
@@ -29,14 +29,14 @@ fn layers() -> Arc<Animation> {
     apart(vec![corners])
 }
 
-/// Forty leaves one below the other, and below them all others, halved again and again: wide nodes at three levels.
+/// A chain of 40 leaves above a balanced tree of all others, which gives wide nodes at three levels.
 fn comb(animation: &Animation) -> Topology {
     let order = tree_at(animation, 0.0).leaf_triangles().to_vec();
     let split = |depth, leaves| if depth < 40 { 1 } else { leaves / 2 };
     record(animation.triangle_count(), &order, split)
 }
 
-/// Treelets traced by each intersector.
+/// Returns each intersector with treelets.
 fn methods() -> [Method; 4] {
     Intersector::ALL.map(|intersector| Method {
         intersector,
@@ -70,18 +70,18 @@ fn rays_together_find_the_same(backend: &mut dyn Subject, method: Method) {
             for camera in cameras() {
                 check_picture(backend, (&animation, time), &camera);
             }
-            // What is covered takes room from the first time on, so packets were there.
+            // The memory of packets is allocated on first use, so packets were used.
             let grown = backend.device_bytes().unwrap().tree - before;
             assert!(generation > 1 || grown >= 32 * animation.live_count() as u64);
         }
     }
 }
 
-/// Of each camera's picture.
+/// Pixels of each camera's picture.
 const PIXELS: usize = 130 * 126;
 
-/// Triangles of a few pixels, every third of them there twice; slivers; some without area, though rounding may see some; and two
-/// that cover half of the picture. Of textbook intersectors all are smaller, since boxes are rasterized.
+/// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
+/// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
 fn dust_for(method: Method) -> Arc<Animation> {
     match method.intersector {
         Intersector::Watertight | Intersector::Exact => dust(0.02, 1.0),
@@ -89,7 +89,7 @@ fn dust_for(method: Method) -> Arc<Animation> {
     }
 }
 
-/// Of triangles of a size, and panes.
+/// Returns small triangles of one size, and two panes.
 fn dust(size: f32, pane: f32) -> Arc<Animation> {
     let mut number = numbers(5);
     let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
@@ -114,14 +114,14 @@ fn dust(size: f32, pane: f32) -> Arc<Animation> {
     apart(vec![corners])
 }
 
-/// Dust, and so many triangles.
+/// The triangles of [`dust`], and `count` further ones.
 fn dust_and(count: u32, triangle: impl FnMut(u32) -> [Point; 3]) -> Arc<Animation> {
     let mut corners = positions(&dust(0.02, 1.0), 0.0);
     corners.extend((0..count).flat_map(triangle));
     apart(vec![corners])
 }
 
-/// Aslant, which take many tiles and few pixels.
+/// Diagonal slivers, which cover many tiles and few pixels.
 fn splinters(count: u32) -> Arc<Animation> {
     let mut number = numbers(17);
     dust_and(count, |_| {
@@ -130,7 +130,7 @@ fn splinters(count: u32) -> Arc<Animation> {
     })
 }
 
-/// Of a size, which face the eye.
+/// Triangles of `size` that face the eye.
 fn panes(count: u32, size: f32) -> Arc<Animation> {
     let mut number = numbers(23);
     dust_and(count, |_| {
@@ -139,7 +139,7 @@ fn panes(count: u32, size: f32) -> Arc<Animation> {
     })
 }
 
-/// Before and behind the dust, each across most of the picture.
+/// Triangles in front of and behind the dust, each across most of the picture.
 fn sheets(count: u32) -> Arc<Animation> {
     dust_and(count, |sheet| {
         let z = 0.8 - 1.6 * sheet as f32 / count as f32;
@@ -147,7 +147,7 @@ fn sheets(count: u32) -> Arc<Animation> {
     })
 }
 
-/// Whether rasterization found all hits of the last picture, as the visibility buffer says itself.
+/// Returns whether the last picture was rasterized only, according to the visibility buffer.
 fn told_all(backend: &mut dyn Subject, method: Method) -> bool {
     let numbers = match method.intersector {
         Intersector::Watertight => PIXELS,
@@ -170,14 +170,15 @@ fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
         check_picture(backend, (&dust, 0.0), &camera);
         assert!(told_all(backend, method), "{method:?}, {camera:?}");
     }
-    // Of the tree's memory tiles take no more than packets would, but for the list; what is seen is the frames'.
+    // Tiles add no more memory to the tree than packets would, except for their list. The visibility buffer is
+    // memory of frames.
     let (grown, live) = (
         backend.device_bytes().unwrap().tree - before,
         dust.live_count(),
     );
     let tiles = live + PIXELS / 4;
     assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
-    // A swarm that moves, of which some are inactive at times, refitted.
+    // A refitted swarm that moves, with triangles that are inactive at times.
     let swarm = swarm(9000);
     open_by(backend, &swarm, method);
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
@@ -193,8 +194,8 @@ pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &m
 }
 
 fn each_ray_goes_by_itself(backend: &mut dyn Subject, method: Method) {
-    // More tests than it takes to go down the tree, of large triangles, others, and small ones; more tiles than there is room
-    // for; more large triangles than are listed.
+    // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
+    // tiles than fit in memory, and more large triangles than the list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(800), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
@@ -206,7 +207,7 @@ fn each_ray_goes_by_itself(backend: &mut dyn Subject, method: Method) {
             "{method:?}, {triangles} triangles"
         );
     }
-    // They are tried again after a while, and then there is less to cover.
+    // Rasterization is retried after a while. This camera has fewer triangles to cover.
     let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
     let mut tried = (0..1000).map(|_| {
         see(backend, Rays::Camera(&away), SHADOWED);
@@ -214,7 +215,7 @@ fn each_ray_goes_by_itself(backend: &mut dyn Subject, method: Method) {
     });
     assert_eq!(tried.position(|told| told), Some(63));
     drop(tried);
-    // Of another scene, at once.
+    // In another scene it is used at once.
     let dust = dust_for(method);
     open_by(backend, &dust, method);
     check_picture(backend, (&dust, 0.0), &cameras()[0]);

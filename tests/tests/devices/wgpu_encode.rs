@@ -1,4 +1,4 @@
-//! Steps that go into an encoder of the program's.
+//! Tests steps that are recorded into the program's command encoder.
 
 use crate::lent::{Met, OnHost, Sheets, bits, sheet, two_sheets};
 use crate::scenes::{SHADOWED, camera, go, hits, open, see, stand, swarm, tree_at};
@@ -14,7 +14,7 @@ use backend::{Backend, Generation, Rays};
 use std::iter::zip;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
-/// A scene of two sheets, the first of which the program's commands move.
+/// A scene of two sheets. The program's commands move the first one.
 struct Encoded {
     own: Own,
     vertices: Buffer,
@@ -22,7 +22,7 @@ struct Encoded {
     answers: Buffer,
 }
 
-/// A step in commands that were not submitted yet, and where they copy what it found.
+/// A step in commands that are not submitted yet, and the buffer into which they copy the answers.
 struct Step {
     commands: CommandEncoder,
     id: StepId,
@@ -50,7 +50,8 @@ impl Encoded {
         self.own.device.device.create_command_encoder(&desc)
     }
 
-    /// A camera and its rays, of sheets at such heights: one of them is there only when the commands are carried out.
+    /// Encodes two queries of a camera's rays, with sheets at these heights. The first sheet's vertices are copied on
+    /// the device when the commands run.
     fn encode(&mut self, [on_device, on_host]: [f32; 2]) -> Step {
         let mut commands = self.commands();
         let from = self.own.buffer(&sheet(on_device), BufferUsages::COPY_SRC);
@@ -87,9 +88,9 @@ impl Encoded {
         self.own.device.queue.submit([commands.finish()]);
     }
 
-    /// Checks all that a step found against what is found of vertices of the host.
+    /// Checks all results of a step against the host's.
     fn check(&mut self, (id, queries, copied): (StepId, [QueryId; 2], &Buffer), expected: &[Met]) {
-        // The second query wrote them, and so does the step after it.
+        // `copied` has the answers of the second query, which the next step overwrites in `answers`.
         assert!(bits(self.own.tracer.hits(id, queries[0]).unwrap()) == expected);
         let bytes = bytes_of(&self.own.device, copied);
         let words: &[[u32; 4]] = bytemuck::cast_slice(&bytes);
@@ -100,7 +101,7 @@ impl Encoded {
     }
 }
 
-/// Even if two are under way at a time.
+/// Tests two steps in flight at a time.
 pub(crate) fn a_step_keeps_the_order_of_the_programs_commands() {
     for update in [Update::Async, Update::Refit] {
         let mut found = Encoded::new(update);
@@ -129,7 +130,7 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
         let said = own.own.tracer.hits(step.id, step.queries[0]).err();
         assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
     }
-    // Nor can more begin: a third has no room.
+    // A third step cannot begin.
     let mut commands = own.commands();
     let mut step = own.own.tracer.step(0.0);
     step.trace(&camera(), Query::Closest).unwrap();
@@ -145,13 +146,13 @@ pub(crate) fn a_step_that_is_not_submitted_has_no_results_yet() {
     }
 }
 
-/// How commands with a step come to nothing.
+/// Ways to discard commands that contain a step.
 const VAIN: [fn(&Encoded, CommandEncoder); 2] = [
     |_, commands| drop(commands),
     |_, commands| drop(commands.finish()),
 ];
 
-/// Checks that a step is as on the host, which a mesh's vertices reach from either memory.
+/// Checks that the next step has the host's results, with vertices from device and host memory.
 fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
     let step = own.encode([on_device, on_host]);
     own.submit(step.commands);
@@ -160,7 +161,7 @@ fn check_next(own: &mut Encoded, [on_device, on_host]: [f32; 2]) {
     own.check((step.id, step.queries, &step.copied), &expected);
 }
 
-/// Steps before it are as they were, and steps after it as if it had never been.
+/// Checks that earlier steps keep their results, and that later ones are as if the step had never existed.
 pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
     for update in [Update::Async, Update::Refit, Update::DeviceRebuild] {
         for drop_commands in VAIN {
@@ -176,7 +177,7 @@ pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
             own.check(found, &expected);
             let said = own.own.tracer.hits(dropped.id, dropped.queries[0]).err();
             assert_eq!(said, Some(Error::NoResult));
-            // The commands were to copy vertices that no host sees.
+            // The commands would have copied vertices that the host does not have.
             let lost = Err(Error::VerticesLost(own.own.sheets[0]));
             assert_eq!(own.own.tracer.step(0.0).trace(&[], Query::Any), lost);
             for height in [0.5, 0.25, 1.0] {
@@ -186,7 +187,7 @@ pub(crate) fn a_step_that_is_dropped_with_its_commands_is_given_up() {
     }
 }
 
-/// Of many steps, without vertices that only the device has, and whatever comes next.
+/// Drops many steps with vertices in host memory, then tests steps, a replacement and a rebuilt tracer.
 pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
     let vertices = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
     let mesh = || Mesh::streamed(&vertices, &[[0, 1, 2]]).unwrap();
@@ -218,7 +219,7 @@ pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
     for steps in [1, 2, 9] {
         vain(&mut tracer, steps);
         see(&mut tracer, 2.0);
-        // At the same place, of which the device is to know again.
+        // The same position, which must be uploaded again.
         vain(&mut tracer, steps);
         see(&mut tracer, 2.0);
     }
@@ -233,7 +234,7 @@ pub(crate) fn a_tracer_goes_on_after_dropped_commands() {
     assert!(tracer.statistics().is_none());
 }
 
-/// wgpu refuses them only once they are finished: what the step found before is no result.
+/// wgpu refuses these commands only when they are finished. The step then has no results.
 pub(crate) fn commands_that_wgpu_refuses_have_no_results() {
     let mut own = Encoded::new(Update::Async);
     let other = own_device(own.own.device.device.limits());
@@ -262,7 +263,7 @@ pub(crate) fn commands_that_wgpu_refuses_have_no_results() {
     }
 }
 
-/// And what the program's commands were before they stay.
+/// Also checks that commands recorded before the refused step are kept.
 pub(crate) fn what_cannot_be_encoded_is_refused() {
     let camera = camera();
     let refused = |tracer: &mut Tracer, own: &Encoded, queries: usize| {
@@ -287,7 +288,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     let on = |device| Tracer::builder().device(device).threads(2);
     let build = |builder: abvh::Builder| builder.build(two_sheets().0).unwrap();
     let is_unsupported = |said| matches!(said, Some(Error::Unsupported(_)));
-    // No tree is there.
+    // There is no tree yet.
     let mut first = build(on(device(&own)));
     let said = refused(&mut first, &own, 1);
     assert!(matches!(said, Some(Error::Misuse(_))), "{said:?}");
@@ -301,7 +302,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     let mut host = build(on(Device::Cpu));
     host.warm_up(0.0).unwrap();
     assert!(is_unsupported(refused(&mut host, &own, 1)));
-    // Rays of the host's memory are traced at once.
+    // Rays in host memory are traced immediately, so the step can no longer be encoded.
     let mut commands = own.commands();
     let mut step = own.own.tracer.step(0.0);
     step.trace(&[Ray::new([0.0; 3], [1.0; 3])], Query::Any)
@@ -309,7 +310,7 @@ pub(crate) fn what_cannot_be_encoded_is_refused() {
     assert_eq!(step.encode(&mut commands), Err(Error::TooLate));
 }
 
-/// What the queue writes meanwhile would come before the commands.
+/// Writes of the queue run before the commands, so they must not overwrite the tree that the commands read.
 pub(crate) fn a_tree_stays_until_the_commands_are_done_that_read_it() {
     let (animation, camera) = (swarm(300), camera());
     let limits = gpu_wgpu::required_limits(&animation, camera.pixels());

@@ -1,4 +1,4 @@
-//! Devices that somebody else opened, with less than one would like, or lost on the way.
+//! Tests devices that the program opened: with few features, with low limits, or lost.
 
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, see, stand, swarm, tree_at};
 use abvh::own_device::OwnDevice;
@@ -12,7 +12,7 @@ use std::sync::{Arc, LazyLock, mpsc};
 use wgpu::util::{DeviceExt, DownloadBuffer};
 use wgpu::{Buffer, BufferUsages, Limits};
 
-/// A device of the first adapter there is, with such features as that has, and such limits.
+/// Opens a device on the first adapter, with those of `features` that it has, and with `limits`.
 pub(crate) fn device_with(features: wgpu::Features, limits: Limits) -> OwnDevice {
     static ADAPTER: LazyLock<wgpu::Adapter> = LazyLock::new(|| {
         let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -35,12 +35,12 @@ pub(crate) fn device_with(features: wgpu::Features, limits: Limits) -> OwnDevice
     }
 }
 
-/// Likewise, with no more features than are needed.
+/// Opens a device with required features only.
 pub(crate) fn own_device(limits: Limits) -> OwnDevice {
     device_with(required_features(), limits)
 }
 
-/// A backend on it.
+/// Creates a backend on the device.
 pub(crate) fn lent(own: &OwnDevice) -> backend::Result<WgpuBackend> {
     let OwnDevice {
         device,
@@ -69,7 +69,7 @@ pub(crate) fn bytes_of(own: &OwnDevice, buffer: &Buffer) -> Vec<u8> {
     heard.recv().unwrap()
 }
 
-/// Nor does it matter which form of the kernels runs: here WGSL without checks.
+/// Also compares the kernel variants. The lent device uses WGSL without checks.
 pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
     let (animation, camera) = (swarm(300), camera());
     let limits = required_limits(&animation, camera.pixels());
@@ -106,7 +106,7 @@ pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
         32 * nodes
     );
     assert_eq!(said, expected);
-    // A scene that fits still does, and so for its rays.
+    // A scene that fits can still be loaded. Lists of rays are limited in the same way.
     let animation = swarm(10);
     open(&mut backend, &animation);
     stand(&mut backend, &animation, 0.0);
@@ -145,7 +145,7 @@ pub(crate) fn a_lent_device_keeps_its_handlers() {
         counter.fetch_add(1, Ordering::Relaxed);
     });
     let mut backend = lent(&own).unwrap();
-    // Refused, then one that fits: neither reaches the engine.
+    // One scene is refused and one fits. Neither calls the program's handlers.
     assert!(backend.load(swarm(40_000), Method::default()).is_err());
     open(&mut backend, &animation);
     stand(&mut backend, &animation, 0.5);
@@ -186,7 +186,7 @@ pub(crate) fn stages_are_timed_each_whether_they_share_a_pass_or_not() {
     }
 }
 
-/// Boxes, and hits of a camera's rays and others.
+/// Returns boxes, and hits of a camera and of lists.
 fn answers(
     backend: &mut WgpuBackend,
     animation: &Arc<Animation>,
@@ -205,7 +205,7 @@ fn answers(
     (backend.inspect().boxes().unwrap(), hits)
 }
 
-/// A frame of which any part may fail.
+/// Runs a frame, and returns the error of the first operation that fails.
 fn frame(b: &mut WgpuBackend, animation: &Animation, rays: Option<&[Ray]>) -> backend::Result<()> {
     b.interpolate(animation.pose(0.3))?;
     b.preprocess()?;
@@ -255,12 +255,12 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
         backend.wait(ticket).unwrap();
         let (_, held) = arrive(&mut backend);
         own.device.destroy();
-        // wgpu gives destroyed buffers up when it is polled next.
+        // wgpu frees destroyed buffers at the next poll.
         let _ = own.device.poll(wgpu::PollType::Poll);
         drop(held);
         let another = Tracer::builder().device(Device::from(own.clone()));
         assert!(another.build(Scene::new()).is_err());
-        // And from then on for ever.
+        // The error is permanent.
         for _ in 0..2 {
             let found = verb(&mut backend, &animation, &list);
             let is_lost = matches!(found, Err(BackendError::DeviceLost(_)));

@@ -1,4 +1,4 @@
-//! Rays that shaders of the program's own trace.
+//! Tests rays that the program's own shaders trace.
 
 use crate::lent::{Sheets, all_kinds, sheet, two_sheets};
 use crate::wgpu_lent::bytes_of;
@@ -8,7 +8,7 @@ use abvh::shader_module::{SceneBuffers, wgsl};
 use abvh::{Device, Error, Intersector, Layout, Query, Ray, Source, Tracer, Update};
 use wgpu::{BindGroupEntry, Buffer, BufferUsages, CommandEncoder};
 
-/// In a group of its own, under names that the module might have.
+/// A shader with its own bind group and with names that the module might use, too.
 const SHADER: &str = "
 struct Ray { origin: vec3f, t_min: f32, direction: vec3f, t_max: f32 }
 @group(0) @binding(0) var<storage, read> rays: array<Ray>;
@@ -25,7 +25,7 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3u) {
 const MISS: u32 = u32::MAX;
 const EXTREME: u32 = u32::MAX - 1;
 
-/// Closest hits, and whether there are any.
+/// Closest hits and any-hit answers.
 type Answers = (Vec<[u32; 4]>, Vec<u32>);
 
 struct Shader {
@@ -92,7 +92,7 @@ impl Shader {
         )
     }
 
-    /// What the library's queries find, of sheets where they stand.
+    /// Returns the answers of the library's queries, with the sheets in their current positions.
     fn queried(&self, own: &mut Own) -> Answers {
         for query in [Query::Closest, Query::Any] {
             let answers = match query {
@@ -112,10 +112,10 @@ impl Shader {
     }
 }
 
-/// Sheets are moved by commands of the program's, then its shader asks; queries ask the same. Only extreme rays differ.
+/// Moves sheets by the program's commands, traces with its shader, and compares with queries. Only extreme rays differ.
 pub(crate) fn shaders_find_what_queries_do() {
     let mut list = all_kinds();
-    // Hits may lie behind where a ray starts.
+    // Hits may have negative distances.
     for ray in list.iter_mut().skip(1).step_by(3) {
         ray.t_min = -2.0;
     }
@@ -123,7 +123,7 @@ pub(crate) fn shaders_find_what_queries_do() {
     let mut own = Own::open(Update::Async);
     own.tracer.warm_up(0.0).unwrap();
     let shader = Shader::new(&own, &list);
-    // One vertex is outlying in the last.
+    // In the last case, one vertex is outlying.
     for (height, is_outlying) in [(0.2, false), (0.4, false), (0.3, false), (0.5, true)] {
         let mut commands = own
             .device

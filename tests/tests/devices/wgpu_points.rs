@@ -1,4 +1,4 @@
-//! Vertices that lie in buffers of a program's own.
+//! Tests vertices in the program's own buffers.
 
 use crate::lent::{
     Moved, OnHost, Sheets, see_as_of_the_host, sheet, stay_while_another_is_replaced, two_sheets,
@@ -9,13 +9,13 @@ use abvh::own_device::{OwnDevice, required_limits};
 use abvh::{Device, Error, MeshId, Point, Query, Source, Step, Tracer, Update};
 use wgpu::{Buffer, BufferUsages};
 
-/// Of what moves each sheet: what commands alone copy, and what a kernel does.
+/// Usage of each sheet's vertex buffer. The first can only be copied by commands, the second by a kernel.
 const USAGES: [BufferUsages; 2] = [
     BufferUsages::COPY_SRC,
     BufferUsages::COPY_SRC.union(BufferUsages::STORAGE),
 ];
 
-/// A scene of two sheets, traced on a device of its own.
+/// A scene of two sheets, traced on the program's own device.
 pub(crate) struct Own {
     pub(crate) device: OwnDevice,
     pub(crate) tracer: Tracer,
@@ -23,7 +23,7 @@ pub(crate) struct Own {
 }
 
 impl Own {
-    /// A buffer that holds points after one that is no vertex.
+    /// Creates a buffer of `points` after one unused point.
     pub(crate) fn buffer(&self, points: &[Point], usage: BufferUsages) -> Buffer {
         let all = [&[[9.0; 3]], points].concat();
         self.bytes(bytemuck::cast_slice(&all), usage)
@@ -87,13 +87,13 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     ask(buffer.slice(12..)).unwrap();
     for usage in USAGES {
         let foreign = Own::open(Update::Auto).buffer(&sheet(0.0), usage);
-        // Of another device's the trace or the submission tells; what follows is none the worse.
+        // The trace or the submission detects another device's buffer. Later steps are not affected.
         let mut step = own.tracer.step(0.0);
         let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
         let traced = step.trace(&camera(), Query::Closest);
         let submitted = traced.and_then(|_| step.submit());
         assert!(said.is_err() || submitted.is_err());
-        // Where its vertices are nobody knows, until they come again.
+        // The mesh's vertices are unknown until they are supplied again.
         let again = own.tracer.step(0.0).trace(&[], Query::Any);
         assert_eq!(again, Err(Error::VerticesLost(mesh)));
         let hits = own.see([Some((0.5, true)), None]);

@@ -1,4 +1,4 @@
-//! Rays that lie in buffers of a program's own, and answers that are written there.
+//! Tests rays in the program's own buffers, and answers that are written to them.
 
 use crate::lent::{Found, LentRays, all_kinds, find_what_the_hosts_do, flying, found};
 use crate::scenes::rays;
@@ -13,12 +13,12 @@ const HOW: [(Intersector, Layout); 3] = [
     (Intersector::Woop, Layout::Fast),
 ];
 
-/// Of rays and answers.
+/// Usage of the buffers of rays and of answers.
 const USAGE: BufferUsages = BufferUsages::STORAGE
     .union(BufferUsages::COPY_DST)
     .union(BufferUsages::COPY_SRC);
 
-/// A scene on a device of the program's, and buffers of as many rays and answers.
+/// A scene on the program's device, with buffers of rays and of answers.
 struct Own {
     device: OwnDevice,
     tracer: Tracer,
@@ -73,14 +73,14 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     let list = all_kinds();
     for how in HOW {
         let mut own = find_what_the_hosts_do(|scene, rays| Own::new(scene, rays, how));
-        // Hits of the host's rays lie on the device in the form of answers.
+        // Hits of rays from the host are stored on the device in the format of answers.
         let mut step = own.tracer.step(0.5);
         let asked = step.trace(&list, Query::Closest).unwrap();
         let done = step.submit().unwrap();
         let hits = own.tracer.hits_buffer(done, asked).unwrap();
         let hits = bytes_of(&own.device, &hits);
         assert!(hits[..16 * list.len()] == bytes_of(&own.device, &own.room));
-        // What is given by the host next does not go there.
+        // Later rays from the host do not overwrite the program's buffer.
         for query in [Query::Closest, Query::Any].repeat(4) {
             let ray = [Ray::new([9.0; 3], [1.0; 3])];
             found(&mut own.tracer, query, |step| step.trace(&ray, query));
@@ -90,7 +90,7 @@ pub(crate) fn rays_may_lie_in_a_buffer_of_the_programs() {
     }
 }
 
-/// A list of the host's comes in pieces, on a device that has room for no more than the list.
+/// Tests a list from the host that is uploaded in parts, on a device whose limits allow no larger list.
 pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
     let all = rays(1000).repeat(34);
     let mut own = Own::new(flying(), &all, HOW[0]);
@@ -100,7 +100,7 @@ pub(crate) fn long_lists_take_no_more_room_than_was_asked_for() {
     }
 }
 
-/// A program may have others in every step.
+/// Checks that buffers are released, since a program may pass new ones in every step.
 pub(crate) fn buffers_of_rays_are_let_go_of() {
     const BYTES: usize = 8 << 20;
     let few = rays(64);
@@ -155,7 +155,7 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
         let mut step = own.tracer.step(0.0);
         is_misuse(step.trace_buffers(asked, Query::Closest).err());
     }
-    // Nothing but `trace_buffers` tells where rays lie.
+    // Only `trace_buffers` can specify where rays are stored.
     let nowhere = abvh::Rays::OnDevice(3);
     is_unsupported(own.tracer.step(0.0).trace(nowhere, Query::Closest).err());
     let host = Tracer::builder().device(Device::Cpu).build(flying());
@@ -168,6 +168,6 @@ pub(crate) fn a_buffer_of_rays_that_does_not_fit_is_an_error() {
     let mut step = own.tracer.step(0.0);
     step.trace_buffers(foreign, Query::Closest).unwrap();
     is_device(step.submit().err());
-    // What follows is none the worse.
+    // Later steps are not affected.
     assert!(own.ask(Query::Closest, false) == other.ask(Query::Closest, false));
 }

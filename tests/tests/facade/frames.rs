@@ -1,4 +1,4 @@
-//! Frames of an animation, and key frames that are read while they are played.
+//! Tests frames of an animation, and key frames that are read during playback.
 
 use crate::pictures::{LAMP, shown};
 use crate::pool::{self, Pooled};
@@ -9,7 +9,7 @@ use integration::stage::{camera, colours};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// To and fro, between key frames, twice the same, and beyond the ends, however far.
+/// Times in both directions, between key frames, repeated, and arbitrarily far beyond both ends.
 const TIMES: [f64; 12] = [
     0.0,
     0.5,
@@ -25,7 +25,7 @@ const TIMES: [f64; 12] = [
     f64::MAX,
 ];
 
-/// Key frames of a demo, read when they are wanted.
+/// Creates a mesh whose key frames are read on demand from a demo.
 fn sequence(demo: &Demo) -> Mesh {
     let (keys, read) = (demo.keys.len(), demo.keys.clone());
     let read = move |key: usize| Ok::<_, Error>(read[key].clone());
@@ -33,12 +33,12 @@ fn sequence(demo: &Demo) -> Mesh {
     mesh.with_colours(&colours(demo.triangles.len())).unwrap()
 }
 
-/// A mesh above the ground that goes up and down.
+/// Returns a triangle at `height`, for a mesh that moves up and down.
 fn sail(height: f32) -> [Point; 3] {
     [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, z]| [x, height, z])
 }
 
-/// Also beside a mesh that steps move, and after a caller gave up in the middle.
+/// Tests frames against steps, alone and with a mesh that steps move, and after a callback ended a run early.
 pub(crate) fn as_steps(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
@@ -90,7 +90,7 @@ pub(crate) fn as_steps(device: &Device) {
     }
 }
 
-/// Alone and beside others, one of which is replaced.
+/// Tests key frames that are read, alone and with another mesh, which is replaced.
 pub(crate) fn read(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut held = of_keys(&demo, device);
@@ -109,7 +109,7 @@ pub(crate) fn read(device: &Device) {
     }
 }
 
-/// A key frame that is gone and comes again.
+/// Checks that a tracer recovers when an unreadable key frame becomes readable again.
 fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &Device) {
     let first = still(&mut tracer, 0.0, &demo.rays);
     fails.store(true, Ordering::Relaxed);
@@ -127,7 +127,7 @@ fn fail_and_go_on(demo: &Demo, mut tracer: Pooled, fails: &AtomicBool, device: &
     assert!(still(&mut tracer, 12.0, &demo.rays) == expected);
 }
 
-/// A source that fails, or has fewer vertices than it began with.
+/// Tests a reader that fails, or that returns fewer vertices than before.
 pub(crate) fn unreadable(device: &Device) {
     let demo = demo("demo:collide:300");
     for is_alone in [true, false] {
@@ -159,7 +159,7 @@ pub(crate) fn unreadable(device: &Device) {
     }
 }
 
-/// Nor does a range of time that is odd, a light, or threads without end. Beyond its ends motion stands still.
+/// Checks that no update policy changes a hit, for any time range. Nothing moves beyond the ends of the animation.
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
@@ -194,7 +194,7 @@ pub(crate) fn policies(device: &Device) {
                 });
                 assert!(found == *expected, "{update:?} at {time}");
             }
-            // How long shadow rays are offset depends on the sail, too.
+            // The offset of shadow rays depends on the size of the scene, so also on the sail.
             let pictures = pictures.iter().filter(|_| sail_id.is_none());
             for (time, picture) in TIMES.into_iter().zip(pictures) {
                 let found = shown(&mut tracer, (time, LAMP), &camera);
@@ -202,7 +202,7 @@ pub(crate) fn policies(device: &Device) {
             }
             let trees = tracer.statistics().unwrap().generation;
             let is_one = matches!(update, Update::Refit | Update::TSah);
-            // When other trees come is the builder's to say.
+            // With `Update::Async`, the builder thread decides when new trees arrive.
             if update != Update::Async {
                 assert_eq!(trees == 1, is_one, "{update:?}");
             }
@@ -210,7 +210,7 @@ pub(crate) fn policies(device: &Device) {
     }
 }
 
-/// By a backend of the program's own.
+/// Tests a tracer on a backend that the program created.
 pub(crate) fn on_backend(device: &Device) {
     let demo = demo("demo:twist:2000");
     let mut usual = of_keys(&demo, device);

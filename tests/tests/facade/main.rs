@@ -1,6 +1,6 @@
-//! The library `abvh` on every device: what a step finds is what the same vertices hold, however they came.
+//! Tests the library `abvh` on every device. Hits depend only on vertex positions, not on how these were supplied.
 //!
-//! A device that this machine lacks shows as ignored; `ABVH_REQUIRE_BACKENDS` turns that red, as in `backends.rs`.
+//! Tests of an absent device show as ignored. `ABVH_REQUIRE_BACKENDS` makes them fail instead, as in `backends.rs`.
 
 mod frames;
 #[cfg(target_os = "linux")]
@@ -63,7 +63,7 @@ const LAWS: [(&str, Law); 32] = [
     ("results_can_be_polled", results::polled),
 ];
 
-/// Likewise, of a backend or a wgpu device that the program opened.
+/// Tests on a backend or a wgpu device that the program opened, and tests of one device only.
 const OWN: &[(&str, (&str, Law))] = &[
     ("cpu", ("a_programs_backend_traces", frames::on_backend)),
     ("wgpu", ("a_programs_device_replaces", replace::own)),
@@ -71,7 +71,7 @@ const OWN: &[(&str, (&str, Law))] = &[
     ("cpu", ("a_scene_beyond_memory_is_refused", memory::refused)),
 ];
 
-/// Whatever a program holds may go to another thread.
+/// Types that can be sent to other threads or shared between them.
 const _: () = {
     const fn is_send<T: Send>() {}
     is_send::<(Tracer, Replacement, Scene, Mesh, Device, Error)>();
@@ -129,7 +129,7 @@ fn demo(name: &str) -> Demo {
     }
 }
 
-/// All that a query found: meshes, triangles, and bits of numbers.
+/// All hits of a query: mesh, triangle, and bits of `t`, `u` and `v`.
 type Found = Vec<[u32; 5]>;
 
 fn bits(hits: Hits) -> Found {
@@ -148,7 +148,7 @@ fn scene_of<const N: usize>(meshes: [Mesh; N]) -> (Scene, [MeshId; N]) {
     (scene, ids)
 }
 
-/// What rays find in a step, after what is said in it.
+/// Traces rays in a step, after the updates that `say` makes.
 fn seen(
     tracer: &mut Tracer,
     time: f64,
@@ -162,7 +162,7 @@ fn seen(
     bits(tracer.hits(done, query).unwrap())
 }
 
-/// Likewise, where nothing is said.
+/// Traces rays in a step without updates.
 fn still(tracer: &mut Tracer, time: f64, rays: &[Ray]) -> Found {
     seen(tracer, time, rays, |_| Ok(()))
 }
@@ -172,7 +172,7 @@ fn of_keys(demo: &Demo, device: &Device) -> Pooled {
     tracer(scene_of([mesh]).0, device)
 }
 
-/// Where a vertex leaps.
+/// Key frames and positions to which a vertex jumps.
 const LEAPS: [(usize, Point); 4] = [
     (3, [1e30, 0.0, 0.0]),
     (6, [f32::NAN; 3]),
@@ -204,7 +204,7 @@ fn streamed(device: &Device) {
         let (scene, [mesh]) = scene_of([mesh]);
         let mut live = pool::build(Tracer::builder().update(update), scene, device);
         let (mut met, mut built) = (0, false);
-        // To and fro, and with leaps.
+        // Plays forwards and backwards, with jumps.
         let (keys, stride) = (demo.keys.len(), if is_full() { 1 } else { 3 });
         let there = (0..keys).step_by(stride);
         let back = there.clone().rev();
@@ -236,12 +236,12 @@ fn streamed(device: &Device) {
         let trees = live.statistics().unwrap().generation;
         let is_rebuilt = matches!(update, Update::Rebuild | Update::DeviceRebuild);
         assert!(trees > if is_rebuilt { 8 } else { 0 }, "{name}: {trees}");
-        // A tree that a step waits for is taken up by that step.
+        // A tree that a step waits for is adopted by the same step.
         assert_eq!(built, update == Update::Auto, "{name}");
     }
 }
 
-/// Two meshes, of which each step moves one or none, beside one that never moves.
+/// Tests a static mesh and two streamed meshes. Each step moves at most one mesh.
 fn stay(device: &Device) {
     let demo = demo("demo:twist:2000");
     let lifted = |key: usize, by: f32| -> Vec<Point> {
@@ -269,7 +269,7 @@ fn stay(device: &Device) {
     }
 }
 
-/// A list that goes to a device and comes back in several parts; most of its rays can hit nothing.
+/// Tests a list that is uploaded and read back in several parts. Most of its rays cannot hit anything.
 fn long_list(device: &Device) {
     let demo = demo("demo:collide:3000");
     let mut live = of_keys(&demo, device);
@@ -295,7 +295,7 @@ fn misuse(device: &Device) {
     let meshes = made.map(Result::unwrap);
     let (_, [foreign, ..]) = scene_of(meshes.clone());
     let (scene, [fixed, cloth, robot]) = scene_of(meshes.clone());
-    // What a clone is given beyond its original is its own.
+    // A mesh that is added to a clone does not belong to the original.
     let later = scene.clone().add(meshes[0].clone());
     let builder = Tracer::builder().device(device.clone());
     let crowd = builder.builder_threads(usize::MAX).build(scene.clone());
@@ -324,7 +324,7 @@ fn misuse(device: &Device) {
     assert_eq!(step.poses(robot, &[]), Err(count(robot, "matrices", 4, 0)));
     // Links without geometry have matrices, too.
     step.poses(robot, &[[[0.0; 4]; 3]; 6]).unwrap();
-    // A query that fails has not begun to trace.
+    // A failed query has not started tracing, so updates are still accepted.
     assert!(step.trace(Rays::OnDevice(1), Query::Any).is_err());
     assert_eq!(step.vertices(cloth, host), Ok(()));
     let query = step.trace(&[], Query::Any).unwrap();

@@ -1,13 +1,13 @@
-//! Scenes that take more memory than the process may have.
+//! Tests of scenes that need more memory than the process may use.
 
 use abvh::{Device, Error, Mesh, Scene, Tracer};
 use std::env;
 use std::process::{self, Command};
 
-/// Set for the process that builds such a scene.
+/// Set for the child process that builds such a scene.
 const CHILD: &str = "ABVH_TEST_BUILD_A_LARGE_SCENE";
 
-/// Builds the scene and ends, if this is the process to do so.
+/// Builds the scene and exits if this is the child process.
 pub(crate) fn child() {
     if env::var_os(CHILD).is_none() {
         return;
@@ -27,7 +27,7 @@ pub(crate) fn child() {
     }
 }
 
-/// A process of little address space gets an error; an allocation that fails within a build would end it.
+/// Checks that a process with little address space gets an error. An unhandled failed allocation would abort it.
 pub(crate) fn refused(_: &Device) {
     let mut shell = Command::new("sh");
     shell.args(["-c", "ulimit -v 700000 && exec \"$0\""]);

@@ -1,4 +1,4 @@
-//! `exact` against the oracle, which shares no code with any device: every ray, without exception.
+//! Compares `exact` on each device with the oracle, which shares no code with any device, on every ray.
 
 use crate::pool::{self, Pooled};
 use crate::scene_of;
@@ -14,19 +14,19 @@ use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-/// What is streamed, and where it is put: a wrung cloth, and bodies that collide near the origin and far from it.
+/// Demos and positions: a twisted cloth, and bodies that collide near the origin and far from it.
 const SCENES: [(&str, Point); 3] = [
     ("demo:twist:2000", [0.0; 3]),
     ("demo:collide:2000", [0.0; 3]),
     ("demo:collide:2000", [3e4, -2e4, 1e4]),
 ];
-/// Rays of a step at each sort of target, and rays in all, in the full tier.
+/// Rays of a step at each kind of target, and total number of rays, in the full tier.
 const RAYS: usize = 1024;
 const ALL: usize = 10_000_000;
-/// From how many times the scene's size away, by turns.
+/// Distances of ray origins, in units of the scene's size, used in turn.
 const DISTANCES: [f64; 4] = [0.6, 2.0, 100.0, 1e4];
 
-/// A streamed mesh, beside one that never moves, one of two rigid parts and one of key frames. `ABVH_CASES` says how many steps each scene takes.
+/// Tests a streamed mesh with a static, a rigid and a key-framed one. `ABVH_CASES` is the number of steps per scene.
 pub(crate) fn exact(device: &Device) {
     let steps = match is_full() {
         true => ALL.div_ceil(SCENES.len() * Target::ALL.len() * RAYS),
@@ -39,18 +39,18 @@ pub(crate) fn exact(device: &Device) {
     }
 }
 
-/// All four meshes, which are the same demo.
+/// The four meshes, all made from one demo.
 struct Stage {
     demo: Arc<Animation>,
-    /// As it stands where it is put.
+    /// The demo, translated to its position.
     keyed: Animation,
     place: Point,
-    /// Of all meshes.
+    /// Triangles of all meshes.
     triangles: Vec<[u32; 3]>,
     live: Pooled,
     robot: MeshId,
     cloth: MeshId,
-    /// Of each vertex of the robot.
+    /// Rigid part of each vertex of the robot.
     parts: Vec<u32>,
 }
 
@@ -85,7 +85,7 @@ impl Stage {
         }
     }
 
-    /// Moves three meshes far at once, and asks rays from all sides.
+    /// Moves three meshes far at once, and traces rays from all sides.
     fn step(&mut self, number: usize) {
         let phase = (0.618 * number as f64).fract();
         let cloth = put(&vertices(&self.demo, phase * self.demo.end()), self.place);
@@ -121,7 +121,7 @@ impl Stage {
         assert_eq!(wrong, None, "step {number}");
     }
 
-    /// Rays at other triangles in each step.
+    /// Returns rays at different triangles in each step.
     fn rays(&self, all: &[Point], number: usize) -> Vec<Ray> {
         let mut triangles = self.triangles.clone();
         triangles.rotate_left(97 * number % self.triangles.len());
@@ -132,14 +132,14 @@ impl Stage {
     }
 }
 
-/// A triangle among those of all meshes, and the bits of `t`, `u` and `v`.
+/// A hit: triangle index over all meshes, and the bits of `t`, `u` and `v`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Answer {
     triangle: u32,
     values: [u32; 3],
 }
 
-/// The first ray whose closest hit or whose any hit is not the exact one.
+/// Describes the first ray whose closest hit or any-hit answer is wrong.
 fn first_wrong(
     oracle: &Oracle,
     rays: &[Ray],
@@ -163,12 +163,12 @@ fn put(points: &[Point], place: Point) -> Vec<Point> {
     points.iter().map(moved).collect()
 }
 
-/// A vertex of a rigid part, as [`Matrix`] says.
+/// Transforms a vertex of a rigid part by its [`Matrix`].
 fn moved(matrix: &Matrix, v: Point) -> Point {
     matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[3])
 }
 
-/// Turned about the vertical through the origin, and put at a place.
+/// Returns a rotation about the vertical axis through the origin, then a translation.
 fn turned(angle: f32, [x, y, z]: Point) -> Matrix {
     let (sin, cos) = angle.sin_cos();
     [[cos, 0.0, sin, x], [0.0, 1.0, 0.0, y], [-sin, 0.0, cos, z]]

@@ -1,4 +1,4 @@
-//! Cameras of a step, and pictures.
+//! Tests several cameras in a step, and pictures.
 
 use crate::{Demo, Found, bits, demo, of_keys, pool, scene_of};
 use abvh::{Camera, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
@@ -12,7 +12,7 @@ const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.
 const FLOOR_COLOUR: [u8; 3] = [200, 20, 90];
 pub(crate) const LAMP: Point = [2.0, 4.0, 1.5];
 
-/// A floor of one colour under a mesh of many.
+/// Renders a single-coloured floor under a mesh of many colours, on the host.
 fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     let all = [&FLOOR, vertices].concat();
     let triangles = cloth.triangles.iter().map(|t| t.map(|v| v + 3));
@@ -25,7 +25,7 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     rgba
 }
 
-/// What the host finds at rest, and how it shades that.
+/// Traces an animation at time 0 on the host, and shades the hits.
 fn by_host(
     animation: &Arc<Animation>,
     colours: &[[u8; 3]],
@@ -51,7 +51,8 @@ fn floor() -> Mesh {
     floor.with_colours(&[FLOOR_COLOUR]).unwrap()
 }
 
-/// However meshes move, beside other queries, and until the second step after.
+/// Checks pictures of meshes with any motion, in steps with other queries, and that results last until the second step
+/// after.
 pub(crate) fn shaded(device: &Device) {
     let demo = demo("demo:twist:2000");
     let own = colours(demo.triangles.len());
@@ -97,7 +98,7 @@ pub(crate) fn shaded(device: &Device) {
     }
 }
 
-/// Scenes of any size, and triangles that no single scale serves, wherever the lamp is.
+/// Tests scenes of any size and triangles that no single scale suits, with lamps at any distance.
 pub(crate) fn of_any_size(device: &Device) {
     let demo = demo("demo:twist:300");
     let [looks, amid] = [([0.3, 0.2, 3.0], 50.0), ([0.1, 0.0, -0.1], 120.0)];
@@ -115,7 +116,7 @@ pub(crate) fn of_any_size(device: &Device) {
     still(device, (mixed, &triangles), &shots);
 }
 
-/// A mesh at rest, from an eye of such a field of view and under a lamp each.
+/// Tests a static mesh, for several eyes, fields of view and lamps.
 fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32, Point)]) {
     let (vertices, triangles) = mesh;
     let own = colours(triangles.len());
@@ -131,7 +132,7 @@ fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32,
     }
 }
 
-/// Colours stay with a mesh when others are replaced, and a new one brings its own.
+/// Checks that colours stay with a mesh when others are replaced, and that a new mesh brings its own.
 pub(crate) fn replaced(device: &Device) {
     let demo = demo("demo:twist:300");
     let own = colours(demo.triangles.len());
@@ -151,7 +152,7 @@ fn picture(tracer: &mut Tracer, camera: &Camera) -> Vec<u8> {
     shown(tracer, (0.0, LAMP), camera).0
 }
 
-/// The picture of a step, and the triangles that are hit in it.
+/// Returns the picture of a step, and the triangle that each pixel shows.
 pub(crate) fn shown(
     tracer: &mut Tracer,
     (time, light): (f64, Point),
@@ -167,14 +168,14 @@ pub(crate) fn shown(
     (rgba, hit.collect())
 }
 
-/// All that is told of a query's hits.
+/// Returns all information about a query's hits.
 fn told(hits: Hits) -> (Vec<bool>, Found) {
     let met = (0..hits.len()).map(|ray| hits.is_hit(ray));
     (met.collect(), bits(hits))
 }
 
-/// Cameras in one submission, beside rays of a list. Every step has another number of them, and results stay until the
-/// second step after.
+/// Tests cameras in one submission, together with a list of rays. The number of cameras changes in every step, and
+/// results last until the second step after.
 pub(crate) fn together(device: &Device) {
     let demo = demo("demo:collide:3000");
     let [mut together, mut alone] = [0; 2].map(|_| of_keys(&demo, device));
@@ -201,7 +202,7 @@ pub(crate) fn together(device: &Device) {
             asked.push((time, done, query, expected));
         }
         asked.retain(|(of, ..)| of + 1 >= time);
-        // The one before first: nobody has looked at most of its results yet.
+        // The previous step comes first. Most of its results have not been read yet.
         for (of, done, query, expected) in &asked {
             if *of + 1 == time || time % 3 == 0 {
                 let found = told(together.hits(*done, *query).unwrap());
@@ -211,7 +212,7 @@ pub(crate) fn together(device: &Device) {
     }
 }
 
-/// Sky alone, no pixel at all, and colours that are too few.
+/// Tests pictures of the sky alone, pictures without pixels, and colours that are too few.
 pub(crate) fn odd(device: &Device) {
     let look = |size| Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, size);
     let camera = look([8, 6]).unwrap();

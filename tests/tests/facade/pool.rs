@@ -1,4 +1,4 @@
-//! A device stays open for the tracers that come after: its driver compiles kernels once, not for each of them.
+//! A pool of tracers, so that a device stays open for later tests: its driver compiles kernels only once.
 
 use abvh::{Builder, Device, Scene, Tracer};
 use std::ops::{Deref, DerefMut};
@@ -11,19 +11,19 @@ fn idle() -> MutexGuard<'static, Vec<(Device, Tracer)>> {
     IDLE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A tracer whose device goes back to the pool, unless its trial fails.
+/// A tracer that returns to the pool when dropped, unless its test has failed.
 pub(crate) struct Pooled {
     device: Device,
     /// `None` once it is dropped.
     tracer: Option<Tracer>,
 }
 
-/// A tracer of a scene, with two threads.
+/// Returns a tracer of a scene, with two threads.
 pub(crate) fn tracer(scene: Scene, device: &Device) -> Pooled {
     build(Tracer::builder(), scene, device)
 }
 
-/// Likewise, built with more than that.
+/// Returns a tracer of a scene, with two threads and the other settings of `builder`.
 pub(crate) fn build(builder: Builder, scene: Scene, device: &Device) -> Pooled {
     let builder = builder.threads(2).device(device.clone());
     let former = {
@@ -41,7 +41,7 @@ pub(crate) fn build(builder: Builder, scene: Scene, device: &Device) -> Pooled {
     }
 }
 
-/// Closes all that nobody uses.
+/// Closes all unused tracers.
 pub(crate) fn close() {
     idle().clear();
 }

@@ -1,4 +1,4 @@
-//! New topology for a mesh while the scene is traced.
+//! Tests that replace meshes, with new topology, while the scene is traced.
 
 use crate::pool::{self, tracer};
 use crate::{Demo, Found, bits, demo, scene_of, seen, still};
@@ -8,13 +8,13 @@ use abvh::{
     Update,
 };
 
-/// The meshes that stay, and those that come and go.
+/// The demo of meshes that stay, and that of meshes that replace others.
 struct Stage {
     staying: Demo,
     other: Demo,
 }
 
-/// A scene's meshes.
+/// Ids of a scene's meshes.
 #[derive(Clone, Copy)]
 struct Ids {
     robot: MeshId,
@@ -22,7 +22,7 @@ struct Ids {
     cloth: MeshId,
 }
 
-/// How the mesh moves that is replaced or replaces.
+/// How the replaced mesh, or its replacement, moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Fixed,
@@ -42,7 +42,7 @@ impl Stage {
         Self { staying, other }
     }
 
-    /// The mesh before, or the one in its place.
+    /// Creates the mesh to replace, or its replacement.
     fn target(&self, is_new: bool, kind: Kind) -> Mesh {
         let of = if is_new { &self.other } else { &self.staying };
         let (keys, triangles) = (&of.keys, &of.triangles);
@@ -56,7 +56,7 @@ impl Stage {
         made.unwrap()
     }
 
-    /// A rigid mesh, the target, a key-framed and a streamed one.
+    /// Creates a scene of a rigid mesh, the target, a key-framed mesh and a streamed mesh.
     fn scene(&self, target: Mesh) -> (Scene, Ids) {
         let (low, high) = (
             raised(&self.staying.keys[0], -0.5),
@@ -80,7 +80,7 @@ impl Stage {
         (scene, ids)
     }
 
-    /// Moves what steps move, and traces.
+    /// Submits a step that moves the streamed and the rigid mesh and traces.
     fn advance(&self, tracer: &mut Tracer, ids: Ids, i: usize) -> (StepId, QueryId) {
         let mut step = tracer.step(time(i));
         let cloth = self.cloth(i);
@@ -97,7 +97,7 @@ impl Stage {
         )
     }
 
-    /// Moves the target, too.
+    /// Moves the target as well, and returns the hits.
     fn follow(&self, tracer: &mut Tracer, ids: Ids, (i, kind): (usize, Kind)) -> Found {
         let mut step = tracer.step(time(i));
         let target = &self.other.keys[i % self.other.keys.len()];
@@ -116,7 +116,8 @@ fn time(i: usize) -> f64 {
     0.3 * i as f64
 }
 
-/// Grows with the steps, but not beyond what is in the picture: nobody knows how many a replacement takes.
+/// Returns a value that changes with the step but keeps the meshes in the picture, however many steps a replacement
+/// takes.
 fn near(i: usize) -> f32 {
     (i % 12) as f32
 }
@@ -134,13 +135,13 @@ fn found(tracer: &mut Tracer, (step, query): (StepId, QueryId)) -> Found {
     bits(tracer.hits(step, query).unwrap())
 }
 
-/// Has a mesh replaced at once.
+/// Replaces a mesh and commits at once.
 fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
     let replacement = tracer.replace(mesh, with).unwrap();
     tracer.commit(replacement).unwrap();
 }
 
-/// Beside meshes of all kinds, which move on until the commit.
+/// Tests replacement in a scene of meshes of all kinds, which move until the commit.
 pub(crate) fn anew(device: &Device) {
     let stage = Stage::new();
     for (before, after, update) in [
@@ -161,7 +162,7 @@ pub(crate) fn anew(device: &Device) {
             assert!(found(&mut live, asked) == expected, "{before:?} at {i}");
             i += 1;
         }
-        // A step that is dropped has moved meshes all the same.
+        // Updates of a step that is dropped without a trace still apply.
         let cloth = stage.cloth(i + 1);
         let mut step = live.step(time(i));
         step.vertices(ids.cloth, Source::Host(&cloth)).unwrap();
@@ -191,7 +192,7 @@ pub(crate) fn anew(device: &Device) {
     }
 }
 
-/// One tracer after another kind of scene: whether anything arrives, and whether anything moves.
+/// Tests one tracer after replacements that change which kinds of motion the scene has.
 pub(crate) fn motions(device: &Device) {
     let stage = Stage::new();
     let fixed = |by| {
@@ -244,7 +245,7 @@ pub(crate) fn results(device: &Device) {
     });
     let mut live = tracer(scene, device);
     let of_old = [0, 1].map(|i| stage.advance(&mut live, ids, i));
-    // Twice, without a step between them.
+    // Replaces twice, without a step in between.
     for is_new in [true, false] {
         exchange(&mut live, ids.target, stage.target(is_new, Kind::Streamed));
     }
@@ -253,7 +254,7 @@ pub(crate) fn results(device: &Device) {
     }
     let none = |live: &mut Tracer, (step, query)| live.hits(step, query).err();
     let later = stage.advance(&mut live, ids, 2);
-    // Nor has a step results of another one's query.
+    // Results are not available under the id of another step's query either.
     for asked in [of_old[0], (of_old[1].0, later.1)] {
         assert_eq!(none(&mut live, asked), Some(Error::NoResult));
     }
@@ -280,7 +281,7 @@ fn open(limits: wgpu::Limits) -> OwnDevice {
     }
 }
 
-/// Both scenes are on the one device, whose buffers of hits stay as results do.
+/// Tests on a device of the caller. All scenes share it, and its hit buffers stay valid as long as results do.
 pub(crate) fn own(_: &Device) {
     let stage = Stage::new();
     let (scene, ids) = stage.scene(stage.target(false, Kind::Fixed));
@@ -315,19 +316,19 @@ pub(crate) fn given_up(device: &Device) {
         let asked = [&mut live, &mut twin].map(|tracer| stage.advance(tracer, ids, i));
         assert!(found(&mut live, asked[0]) == found(&mut twin, asked[1]));
     }
-    // Nor does it stand in the way of others.
+    // A dropped replacement does not block later ones.
     let mesh = stage.target(true, Kind::Fixed);
     exchange(&mut live, ids.target, mesh.clone());
     let (scene, new) = stage.scene(mesh);
     let expected = stage.follow(&mut tracer(scene, device), new, (3, Kind::Fixed));
     assert!(stage.follow(&mut live, ids, (3, Kind::Fixed)) == expected);
-    // It may outlive its tracer.
+    // A replacement may outlive its tracer.
     let orphan = live.replace(ids.target, stage.target(true, Kind::Fixed));
     drop(live);
     assert_eq!(orphan.unwrap().mesh(), ids.target);
 }
 
-/// Two meshes are replaced at a time, in either order, while a third one moves.
+/// Tests two replacements at a time, in either order, while a third mesh moves.
 pub(crate) fn two_at_a_time(device: &Device) {
     let [low, other] = ["demo:twist:1000", "demo:twist:300"].map(demo);
     let at = |of: &Demo, by: f32| raised(&of.keys[0], by);
@@ -357,7 +358,7 @@ pub(crate) fn misuse(device: &Device) {
     let (points, triangles) = ([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
     let mesh = || Mesh::fixed(&points, &triangles).unwrap();
     let (scene, [one, two]) = scene_of([mesh(), mesh()]);
-    // Of the same scene, but another tracer.
+    // Two tracers of the same scene.
     let (mut live, mut other) = (tracer(scene.clone(), device), tracer(scene, device));
     let foreign = Scene::new().add(mesh());
     let refused = live.replace(foreign, mesh()).err();
@@ -367,7 +368,7 @@ pub(crate) fn misuse(device: &Device) {
     let [first, second] = [one, one].map(|id| live.replace(id, mesh()).unwrap());
     live.commit(first).unwrap();
     assert_eq!(live.commit(second), Err(Error::Conflict(one)));
-    // Without a triangle, and where no vertex is a number.
+    // Replacements without triangles, and with vertices that are all NaN.
     let nowhere = Mesh::streamed(&[[f32::NAN; 3]; 3], &triangles).unwrap();
     for mesh in [Mesh::fixed(&[], &[]).unwrap(), nowhere] {
         for id in [one, two] {

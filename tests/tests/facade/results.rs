@@ -1,4 +1,4 @@
-//! Results: how long they are available, held and polled.
+//! Tests how long results are available, and that they can be held and polled.
 
 use crate::pool::{self, Pooled};
 use crate::{Found, bits, demo, scene_of, tracer};
@@ -32,7 +32,7 @@ impl Moving {
         }
     }
 
-    /// Submits a step with both queries.
+    /// Submits a step with a closest-hit and an any-hit query.
     fn submit(&mut self, i: usize) -> [Asked; 2] {
         let mut step = self.tracer.step(0.0);
         let vertices = &self.keys[i % self.keys.len()];
@@ -43,12 +43,12 @@ impl Moving {
         queries.map(|query| (done, query))
     }
 
-    /// Drops a step that traced.
+    /// Drops a step after a trace. Returns the next step's id with the dropped query's id.
     fn drop_step(&mut self) -> Asked {
         let mut step = self.tracer.step(0.0);
         let query = step.trace(&self.rays, Query::Closest).unwrap();
         drop(step);
-        // Of the same step, which has no other id.
+        // The dropped step has no id, so the next submitted one is used.
         let (done, other) = self.submit(0)[0];
         assert_ne!(query, other);
         (done, query)
@@ -58,14 +58,14 @@ impl Moving {
         self.tracer.hits(done, query)
     }
 
-    /// The closest hits of a step's first query, and how many rays its second one found to meet something.
+    /// Returns the closest hits of a step's first query, and the number of rays that hit in its second query.
     fn read(&self, asked: [Asked; 2]) -> (Found, usize) {
         let [closest, any] = asked.map(|asked| self.hits(asked).unwrap());
         let met = any.any().iter().map(|&met| usize::from(met)).sum();
         (bits(closest), met)
     }
 
-    /// Has a query refused: no device has memory for so many results.
+    /// Submits a query that is refused, because no device has memory for its results.
     fn refuse(&mut self, i: usize) {
         let (eye, up) = ([0.0, 0.0, 3.0], [0.0, 1.0, 0.0]);
         let camera = Camera::look_at(eye, [0.0; 3], up, 50.0, [2, 2]).unwrap();
@@ -93,7 +93,7 @@ pub(crate) fn held(device: &Device) {
     assert!(met == expected && again > 100 && closest.len() == live.rays.len());
     assert_eq!(closest.any().len() + any.in_scene().len(), 0);
     for i in 1..12 {
-        // Read while the next step is prepared, and after its memory was due for other results.
+        // The results are read while the next step is prepared, after their memory could have been reused.
         let step = live.tracer.step(0.0);
         assert!(bits(closest.clone()) == expected, "{i}");
         drop(step);
@@ -143,7 +143,7 @@ pub(crate) fn dropped(device: &Device) {
     }
 }
 
-/// Trees that are due are adopted after a refused query, and nothing of its frame is lost or answered twice.
+/// Checks that due trees are adopted after a refused query, and that no later result is lost or repeated.
 pub(crate) fn refused(device: &Device) {
     for update in [
         Update::Lockstep(1),

@@ -1,4 +1,4 @@
-//! The library inside the program's own threads: rayon, tokio, and readers of key frames.
+//! Tests the library inside the program's own threads: rayon, tokio, and readers of key frames.
 
 use crate::{demo, scene_of, still};
 use abvh::{Camera, Device, Mesh, Point, Query, Ray, Source, Tracer};
@@ -16,7 +16,7 @@ use tokio::runtime::Runtime;
 
 const SAIL: [Point; 3] = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
 
-/// Rays down on the sail, alternately through it and past it.
+/// Returns downward rays that alternately hit and miss the sail.
 fn down(count: usize) -> Vec<Ray> {
     let ray = |i: usize| Ray::new([9.0 * (i % 2) as f32, 9.0, 0.0], [0.0, -1.0, 0.0]);
     (0..count).map(ray).collect()
@@ -36,7 +36,7 @@ fn step(tracer: &mut Tracer) -> usize {
     usize::from(tracer.hits(done, query).unwrap().is_hit(0))
 }
 
-/// How many worlds or steps suit a device: opening a GPU's takes long.
+/// Returns a number of worlds or steps for a device. It is smaller for GPUs, which take long to open.
 fn many(device: &Device, most: usize) -> usize {
     match (device, is_full()) {
         (Device::Cpu, true) => most,
@@ -51,7 +51,7 @@ fn workers(threads: usize) -> ThreadPool {
     builder.build().unwrap()
 }
 
-/// Runs `work`, and panics if it does not end.
+/// Runs `work`, and panics if it does not finish in time.
 fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let (done, result) = channel();
     let thread = thread::spawn(move || done.send(work()));
@@ -65,7 +65,7 @@ fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     }
 }
 
-/// Worlds that tasks of rayon's build, use and drop.
+/// Tests worlds that rayon tasks build, use and drop.
 pub(crate) fn rayon_worlds(device: &Device) {
     let (device, count) = (device.clone(), many(device, 2000));
     let hits = within(move || {
@@ -75,7 +75,7 @@ pub(crate) fn rayon_worlds(device: &Device) {
     assert_eq!(hits, count);
 }
 
-/// One tracer that tasks of rayon's take turns with.
+/// Tests rayon tasks that take turns with one tracer.
 pub(crate) fn rayon_turns(device: &Device) {
     let (tracer, count) = (Mutex::new(world(device)), many(device, 5000));
     let hits = within(move || {
@@ -86,7 +86,7 @@ pub(crate) fn rayon_turns(device: &Device) {
     assert_eq!(hits, count);
 }
 
-/// A tracer for each thread.
+/// Tests a tracer per thread.
 pub(crate) fn rayon_threads(device: &Device) {
     thread_local! {
         static OWN: RefCell<Option<Tracer>> = const { RefCell::new(None) };
@@ -97,14 +97,14 @@ pub(crate) fn rayon_threads(device: &Device) {
         let pool = workers(2);
         let each = (0..count).into_par_iter().with_max_len(1);
         let hits = pool.install(|| each.map(turn).sum::<usize>());
-        // Drivers do not like a thread to end with a device.
+        // Some drivers fail if a thread exits while it owns a device.
         pool.broadcast(|_| OWN.with(RefCell::take));
         hits
     });
     assert_eq!(hits, count);
 }
 
-/// Worlds in tasks of tokio's, blocking and not, and one tracer that such tasks share.
+/// Tests worlds in tokio tasks, blocking and not, and one tracer that tasks share.
 pub(crate) fn tokio(device: &Device) {
     let (device, count) = (device.clone(), many(device, 2000));
     let hits = within(move || {
@@ -152,7 +152,7 @@ fn turns(runtime: &Runtime, tracer: &Arc<Mutex<Tracer>>, count: usize) -> usize 
     hits.sum()
 }
 
-/// All that a program does with a tracer, on meshes that the host prepares in parallel. `between` runs before each call.
+/// Makes every kind of call, with meshes large enough to be processed in parallel. `between` runs before each call.
 fn tour(device: &Device, between: &dyn Fn()) {
     let wide: Vec<Point> = (0..70_000).map(|i| SAIL[i % 3]).collect();
     let wide = |by: f32| wide.iter().map(|p| [p[0], p[1] + by, p[2]]).collect();
@@ -214,7 +214,7 @@ fn tour(device: &Device, between: &dyn Fn()) {
     between();
 }
 
-/// A pool's only worker calls the library while other tasks of the program wait for it.
+/// Checks that no other task runs when a pool's only worker calls the library.
 pub(crate) fn no_other_task(device: &Device) {
     let device = device.clone();
     within(move || {
@@ -235,7 +235,7 @@ pub(crate) fn no_other_task(device: &Device) {
     });
 }
 
-/// Blocks all workers of the global pool until what it returns is dropped.
+/// Blocks all workers of the global pool until the returned receiver is dropped.
 fn occupy_the_global_pool() -> Receiver<()> {
     let threads = rayon::current_num_threads();
     let (begun, (hold, held)) = (Arc::new(Barrier::new(threads + 1)), channel::<()>());
@@ -250,7 +250,7 @@ fn occupy_the_global_pool() -> Receiver<()> {
     held
 }
 
-/// Tasks of the global pool may wait for a tracer whose owner is in a call.
+/// Tests with a busy global pool. Its tasks may be waiting for a tracer that is in use.
 pub(crate) fn no_global_pool(device: &Device) {
     let device = device.clone();
     let held = occupy_the_global_pool();
@@ -258,7 +258,7 @@ pub(crate) fn no_global_pool(device: &Device) {
     drop(held);
 }
 
-/// Readers of key frames are the program's code: they may trace, also with a tracer that they share.
+/// Tests readers of key frames that trace, also with a shared tracer.
 pub(crate) fn readers_trace(device: &Device) {
     let demo = Arc::new(demo("demo:collide:300"));
     let (keys, shared) = (Arc::clone(&demo), Arc::new(Mutex::new(world(device))));
@@ -287,7 +287,7 @@ pub(crate) fn readers_trace(device: &Device) {
     });
 }
 
-/// A reader that panics is one that fails, whichever key frame it reads.
+/// Checks that a panic of a reader is reported as an error, for either key frame.
 pub(crate) fn readers_panic(_: &Device) {
     for bad in [0, 1] {
         let read = move |key: usize| match key == bad {

@@ -1,4 +1,4 @@
-//! `exact` against the oracle, which shares no code with it: every ray, without exception. And limits of rays.
+//! Compares `exact` with the oracle, which shares no code with it, on every ray. Also tests the limits of rays.
 
 use backend::{Intersector, QueryKind, Rays};
 use conformance::oracle::{ExactHit, Oracle};
@@ -11,12 +11,12 @@ use integration::stage::{Stage, camera, light, pixels};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// 32 roundings: how far off `t` may be, but where a triangle is seen from its side.
+/// Relative error bound of `t`, 32 roundings. Triangles that are seen edge-on may exceed it.
 const T_ERROR: f64 = 16.0 * f32::EPSILON as f64;
 
-/// Rays of a picture, and rays at insides, edges and vertices from near and far: `exact` finds what the oracle does.
-/// `watertight` may differ near edges, which a camera ray passes by chance only: a few in a million, so hardly ever two
-/// of 38,400.
+/// Checks that `exact` equals the oracle for the rays of a picture, and for rays at interiors, edges and vertices from
+/// near and far. `watertight` may differ near edges, which a camera ray hits only by chance: a few in a million, so
+/// hardly ever two of 38,400.
 pub(crate) fn rays(source: Source) {
     let animation = source.animation();
     let middle = 0.618 * animation.end();
@@ -46,7 +46,7 @@ pub(crate) fn rays(source: Source) {
     }
 }
 
-/// Closest hits and any hits of all rays, each against the oracle, whose answers these are.
+/// Checks the closest hit and the any-hit answer of every ray. Returns the oracle's answers.
 pub(crate) fn check(
     stage: &mut Stage,
     oracle: &Oracle,
@@ -75,7 +75,7 @@ pub(crate) fn check(
     answered.collect()
 }
 
-/// Slivers, stacks, far and tiny scenes, with rays along axes, through edges, with limits.
+/// Tests slivers, stacks, far and tiny scenes, with rays along axes, through edges, and with limits.
 pub(crate) fn odd_scenes() {
     for case in (0..share(280) as u32).map(|number| nth_case(7, number)) {
         let mut stage = Stage::new(&case.animation, Intersector::Exact, 2);
@@ -86,7 +86,7 @@ pub(crate) fn odd_scenes() {
     }
 }
 
-/// The shadow's ray is repeated here, operation for operation, and asked of the oracle.
+/// Tests shadow rays. They are recomputed here, operation by operation, and traced by the oracle.
 pub(crate) fn shadows(source: Source) {
     let animation: Arc<Animation> = source.animation();
     let scale = animation.scale_exponent();
@@ -113,7 +113,7 @@ pub(crate) fn shadows(source: Source) {
     }
 }
 
-/// "Shadow rays" in `docs/design/hits.md`, for a scene that is not scaled and holds no number too small to count.
+/// Computes the shadow ray by "Shadow rays" in `docs/design/hits.md`, for an unscaled scene without numbers to flush.
 fn shadow_ray(hit: &Hit, [v0, v1, v2]: &Triangle, eye: Point, light: Point, longest: f32) -> Ray {
     let minus = |a: Point, b: Point| -> Point { std::array::from_fn(|i| a[i] - b[i]) };
     let (e1, e2) = (minus(*v1, *v0), minus(*v2, *v0));
@@ -140,7 +140,7 @@ fn sign(x: f32) -> f32 {
     f32::from(i8::from(x > 0.0) - i8::from(x < 0.0))
 }
 
-/// By every intersector that rounds.
+/// Tests [`cut`] with every intersector that rounds.
 pub(crate) fn cut_where_hits_are(source: Source) {
     use Intersector::{MollerTrumbore, Watertight, Woop};
     let animation = source.animation();
@@ -149,8 +149,8 @@ pub(crate) fn cut_where_hits_are(source: Source) {
     }
 }
 
-/// Cutting a ray just before its hit makes it miss; just behind it changes
-/// nothing, and neither does starting just before; and any-hit agrees.
+/// Checks that a ray that ends just before its hit misses. Ending just behind the hit and starting just before it
+/// changes nothing, and any-hit agrees with closest-hit.
 fn cut(animation: &Arc<Animation>, by: Intersector) {
     let time = 0.5 * animation.end();
     let mut stage = Stage::new(animation, by, 2);

@@ -1,4 +1,4 @@
-//! Rays that take devices more work than most: far away, at ties, at hits that a first search leaves open.
+//! Rays that take devices extra work: from far away, at ties, and at hits that a first search leaves open.
 
 use crate::exact::check;
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 type Opened = backend::Result<Box<dyn Backend>>;
 
-/// One a device, ignored where there is none.
+/// Creates one test per device, ignored if the device is absent.
 pub(crate) fn trials() -> Vec<Trial> {
     let vulkan = gpu_vulkan::VulkanBackend::new(&Default::default());
     let wgpu = gpu_wgpu::WgpuBackend::new(&Default::default());
@@ -43,7 +43,7 @@ fn still(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Arc<Animation> {
     Arc::new(Animation::new(vec![points], triangles).unwrap())
 }
 
-/// So many triangles round one corner, and another corner of each on a circle.
+/// A fan of `triangles` triangles round one vertex, with the other vertices on a circle.
 fn hub(triangles: u32) -> Arc<Animation> {
     let spoke = |i: u32| {
         let (y, x) = (i as f32 * TAU / triangles as f32).sin_cos();
@@ -55,7 +55,7 @@ fn hub(triangles: u32) -> Arc<Animation> {
     still(points, ring.collect())
 }
 
-/// Rays through the hub, that begin before themselves, too: those are left to numbers of any length.
+/// Rays through the hub. Those with a negative `t_min` need integers of any length.
 fn through_hub() -> Vec<Ray> {
     let from = |x: f32, y: f32, t_min: f32| Ray {
         t_min,
@@ -67,25 +67,25 @@ fn through_hub() -> Vec<Ray> {
     all.collect()
 }
 
-/// So many triangles in one place.
+/// A stack of `triangles` triangles in one place.
 fn stack(triangles: usize) -> Arc<Animation> {
     let points = vec![[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [0.0, 3.0, 1.0]];
     still(points, vec![[0, 1, 2]; triangles])
 }
 
-/// The search itself takes more turns than there are.
+/// Number of triangles at which the search itself exceeds its limit of iterations.
 const TALL: usize = 30_000;
-/// The search does not, but going through its notes does.
+/// Number of triangles at which only the pass over the search's candidates exceeds the limit.
 const LOWER: usize = 12_000;
 
-/// Through the stack and beside it.
+/// One ray through the stack, and one that misses it.
 fn down() -> Vec<Ray> {
     let down = |x: f32| Ray::new([x, 0.5, 4.0], [0.25, 0.125, -3.0]);
     vec![down(0.5), down(9.0)]
 }
 
 fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
-    // From where every triangle is a candidate, and from where rounded arithmetic says nothing at all.
+    // From these distances, every triangle is a candidate or rounded arithmetic decides nothing.
     let cloth = open("demo:twist:1500");
     let far = [1e6, 1e22, 1e25].map(|far| aimed(&cloth, 0.0, Target::Vertex, far, 60));
     for (animation, rays) in [
@@ -117,7 +117,7 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
     backend
 }
 
-/// So small and far away that products are subnormal: a device that flushed them once missed it.
+/// A triangle so small and far away that products are subnormal. A device that flushed them once missed it.
 fn sliver() -> Arc<Animation> {
     let points = vec![
         [1.000_418e-9, 9.997_51e-10, 1.000_179_9e-9],
@@ -134,18 +134,18 @@ const AT_SLIVER: Ray = Ray {
     t_max: f32::INFINITY,
 };
 
-/// A camera's rays and their shadows, which kernels make by themselves.
+/// A picture with shadows. Kernels generate its rays.
 struct Picture {
     animation: Arc<Animation>,
     time: f64,
     layout: Layout,
     camera: Camera,
     light: Point,
-    /// Whether the host's hits are such that a device's can be told right from wrong.
+    /// Returns whether the host's hits are varied enough to detect errors of a device.
     tells: fn(&Hits) -> bool,
 }
 
-/// The host's hits must be the device's, bit for bit.
+/// Checks that the device's hits equal the host's, bit for bit.
 fn against_the_host(mut backend: Box<dyn Backend>) {
     for picture in pictures() {
         let method = Method {
@@ -212,7 +212,7 @@ fn pictures() -> Vec<Picture> {
     all
 }
 
-/// As far away as that along an axis, with the scene in the middle of the picture.
+/// Creates a camera at `distance` along an axis, with the scene in the middle of the picture.
 fn camera_at(distance: f32, animation: &Animation) -> Camera {
     let size = animation.bounds().extent().into_iter().fold(0.0, f32::max);
     let angle = (size / distance).min(1.0).to_degrees();
@@ -220,8 +220,8 @@ fn camera_at(distance: f32, animation: &Animation) -> Camera {
     Camera::look_at(eye, [0.0; 3], up, angle, [16, 12]).expect("a picture")
 }
 
-/// Every triangle twice, and some once more, turned round: every hit is a tie, so that a device's first search leaves
-/// them all open, and their shadows too.
+/// Doubles every triangle, and adds every third one again with rotated vertices. So every hit is a tie, which a
+/// device's first search leaves open, as it does the shadow.
 fn twice(animation: &Animation) -> Arc<Animation> {
     let triangles = animation.triangles();
     let turned = triangles.iter().step_by(3).map(|&[a, b, c]| [b, c, a]);
@@ -231,15 +231,15 @@ fn twice(animation: &Animation) -> Arc<Animation> {
     Arc::new(Animation::new(keys, all.collect()).unwrap())
 }
 
-/// Ridges, and stretches of each.
+/// Number of ridges, and number of segments per ridge.
 const RIDGES: i16 = 16;
 const STRETCHES: i16 = 40;
-/// Rows of pixels, none of which meets the end of a stretch.
+/// Rows of pixels. No row hits the end of a segment.
 const ROWS: u32 = 12;
 
-/// Steep on the left, gentle on the right; of every other ridge the left slope comes first. Rays along a crest have both
-/// slopes as candidates, of which one lies in shadow there. So few hits are open that a device seeks the shadows of
-/// their candidates before it knows which of them it is.
+/// Ridges that are steep on the left and gentle on the right. In every other ridge the left slope comes first. Rays
+/// along a crest have both slopes as candidates, and one slope is in shadow there. Since few hits are open, a device
+/// traces the shadow rays of all candidates before it has decided between them.
 fn ridges() -> Arc<Animation> {
     let (mut points, mut triangles) = (Vec::<Point>::new(), Vec::new());
     for ridge in 0..RIDGES {
@@ -258,14 +258,14 @@ fn ridges() -> Arc<Animation> {
             triangles.extend(both.concat());
         }
     }
-    // In a plane with the eye and the first column of pixels, whose rays so miss it.
+    // This triangle is coplanar with the eye and the first column of pixels, so their rays miss it.
     let at = points.len() as u32;
     points.extend([[-18.0, -8.0, 0.0], [-18.0, 8.0, 0.0], [-9.0, 0.0, 8.0]]);
     triangles.push([at, at + 1, at + 2]);
     still(points, triangles)
 }
 
-/// One column of pixels for each crest and one between, seen from above, and two beside the ridges.
+/// A camera above the ridges, with one column of pixels per crest, one between each two, and two outside the ridges.
 fn over_ridges() -> Camera {
     Camera {
         eye: [0.0, 0.0, 16.0],

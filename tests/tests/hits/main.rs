@@ -1,4 +1,4 @@
-//! What rays hit: by every intersector on whole scenes, against exact answers.
+//! Compares hits of every intersector on whole scenes with exact answers.
 
 mod exact;
 mod hard;

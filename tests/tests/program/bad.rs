@@ -1,11 +1,11 @@
-//! Bad usage and bad input: exit 2, one clear line, nothing written.
+//! Invalid usage and input: exit code 2, one line, no output files.
 
 use crate::devices::BACKENDS;
 use crate::sandbox::{SQUARE, Sandbox, trial};
 use integration::scenes::REAL;
 use libtest_mimic::Trial;
 
-/// A .npy file of `shape` that holds `data`.
+/// Creates a .npy file of `shape` with contents `data`.
 pub(crate) fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let dict = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
@@ -14,7 +14,7 @@ pub(crate) fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     file
 }
 
-/// All that [`CASES`] name.
+/// Writes all files that [`CASES`] names.
 fn inputs(sandbox: &Sandbox) {
     let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 1\nproperty list uchar int vertex_indices\nend_header\n";
@@ -41,7 +41,7 @@ fn inputs(sandbox: &Sandbox) {
     std::fs::create_dir(sandbox.path().join("empty")).unwrap();
 }
 
-/// Words after `abvh`, and what must be said.
+/// Arguments after `abvh`, and text that the message must contain.
 const CASES: &str = "
 render nowhere | nowhere
 render empty | empty
@@ -69,7 +69,7 @@ trace a.obj --time 0 --out hits.npz --rays half.npy | half.npy | f2 | 32
 trace a.obj --time 0 --out hits.npz --rays text.npy | text.npy
 ";
 
-/// Likewise, of which no backend may be named besides. Terminals obey some characters: those are spelt out.
+/// Further cases, to which no backend may be added. Control characters must be escaped, because terminals obey them.
 const OTHERS: &str = "
 paint demo:twist | paint
 bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast | nothing is left to measure | vulkan-rt | fast

@@ -1,4 +1,4 @@
-//! `bench`: a table for people, and every frame of every run for programs.
+//! `bench`: a table for people, and a file with every frame of every run for programs.
 
 use crate::devices::{BACKENDS, HOST, Subject};
 use crate::sandbox::{Sandbox, list, says, trial};
@@ -21,7 +21,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     all
 }
 
-/// Whatever the device did between the first frame and the others, they are the same.
+/// Checks that frames are the same whether or not the device was warmed up.
 fn warm_up(sandbox: &Sandbox, backend: &str) {
     let updates = match backend {
         "cpu" => "refit",
@@ -53,7 +53,7 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
     }
 }
 
-/// A tree with its records takes at most 160 bytes a triangle, whoever makes it.
+/// Checks that a tree with its records takes at most 160 bytes per triangle, wherever it is built.
 fn memory(sandbox: &Sandbox, backend: &str) {
     let words = "--update refit,device-rebuild --layout fast --frames 3 --size 16x12 --quiet";
     let what = format!("bench demo:twist:20000 --backend {backend} {words}");
@@ -66,7 +66,7 @@ fn memory(sandbox: &Sandbox, backend: &str) {
         let known = [
             (80.0..160.0).contains(&part(row, "tree")),
             scratch.contains(&part(row, "scratch")),
-            // Vertices are half as many as triangles: so many key frames, and two buffers of positions.
+            // Key frames and two position buffers. There are half as many vertices as triangles.
             (100.0..200.0).contains(&part(row, "scene")),
             (0.0..100.0).contains(&part(row, "frames")),
         ];
@@ -74,7 +74,7 @@ fn memory(sandbox: &Sandbox, backend: &str) {
     }
 }
 
-/// A scene of two halls has twice the triangles, and twice those that move.
+/// Checks that a scene of two halls has twice the triangles, and twice the moving triangles, of one hall.
 fn moving(sandbox: &Sandbox) {
     let words = "--backend cpu --update refit --frames 2 --size 8x8 --quiet";
     let two = "demo:hall:2000+demo:hall:2000@0,0,9.5*0.5";
@@ -139,7 +139,7 @@ fn random_rays(sandbox: &Sandbox) {
     assert!(ratios.len() == 4 && ratios.iter().all(alike), "{ratios:?}");
 }
 
-/// The other runs keep their rows. Only the host has an adapter of that name.
+/// Checks that other runs keep their rows when some fail. Only the host has an adapter of this name.
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     let words = "bench bad.obj demo:twist:500 --backend wgpu,cpu --adapter host --update refit \
@@ -162,14 +162,14 @@ fn failed(sandbox: &Sandbox) {
     assert!(text(&rows[3], "error").contains("wgpu"), "{}", rows[3]);
     let csv = sandbox.text("b.csv");
     assert!(csv.lines().count() == 5 && csv.contains(",error"), "{csv}");
-    // A later comparison has the one run.
+    // A later comparison uses the run that succeeded.
     says(
         &sandbox.does("bench --compare b.json b.json").stdout,
         "cpu refit|wall",
     );
 }
 
-/// A run that is none of those measured, an adapter that is not there, and measurements that are not.
+/// Tests a reference run that was not measured, an unknown adapter, and missing result files.
 fn refused(sandbox: &Sandbox) {
     let says = ["vulkan-rt", "cpu refit watertight fast"];
     sandbox.refuses(&format!("{SMALL} --frames 2 --against vulkan-rt"), &says);

@@ -1,4 +1,4 @@
-//! `chart`: four files that say the same, and what is known of right and wrong. `bench --csv`: a table over sizes.
+//! `chart`: four files with the same content, and counts of wrong answers. `bench --csv`: a table over sizes.
 
 use crate::devices::{BACKENDS, Subject};
 use crate::sandbox::{Run, Sandbox, list, says, trial};
@@ -30,7 +30,7 @@ fn draw(sandbox: &Sandbox, rays: usize, more: &str) -> (Run, Vec<Value>) {
 }
 
 fn files(sandbox: &Sandbox) {
-    // A link in the folder is replaced: what it leads to stays.
+    // A link in the folder is replaced, and its target is kept.
     #[cfg(unix)]
     {
         sandbox.write("c/mine", b"mine");
@@ -53,7 +53,7 @@ fn files(sandbox: &Sandbox) {
         assert!(known.iter().all(is_known), "{p}");
         let counts = [&p["rays_tested"], &p["samples"]].map(Value::as_u64);
         assert!(counts == [Some(2000), Some(1)], "{p}");
-        // Fewer where some suffice to tell methods apart: after an eighth, or a half.
+        // Fewer rays where a part suffices to distinguish methods: after an eighth, or a half.
         let aimed = p["aimed"]["rays"].as_u64().unwrap_or_default();
         assert!([64, 256, 500].contains(&aimed), "{p}");
         let name = p["intersector"].as_str().unwrap();
@@ -81,7 +81,7 @@ fn judged(sandbox: &Sandbox) {
         let wrong = wrong.map(|n| n.as_u64().unwrap_or(u64::MAX));
         let fits = match p["intersector"].as_str() {
             Some("exact") => wrong == [0; 3] && lost + counted + mixed == 0,
-            // It may name a neighbour of an edge, but never loses a ray.
+            // It may return a neighbour at an edge, but never loses a ray.
             Some("watertight") => {
                 wrong[1] > 0 && counted > 0 && lost + doubled == 0 && wrong[0] <= 2
             }
@@ -95,7 +95,7 @@ fn judged(sandbox: &Sandbox) {
     }
 }
 
-/// The other ways keep their points.
+/// Checks that other methods keep their points when some fail.
 fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     let words = "chart bad.obj demo:collide:300 --backend cpu --update refit --intersector woop,exact --frames 2";
@@ -115,7 +115,7 @@ fn failed(sandbox: &Sandbox) {
     );
 }
 
-/// One device traces all ways, one after the other.
+/// Checks that robust intersectors have the host's counts. One device traces all methods in turn.
 fn robust(sandbox: &Sandbox, backend: &str) {
     let words = "--quiet --update refit,async --intersector watertight,exact";
     let what = "chart demo:collide:300 --frames 2 --size 64x40 --out c --rays 4000";
@@ -135,7 +135,7 @@ fn robust(sandbox: &Sandbox, backend: &str) {
     }
 }
 
-/// Everything but times depends on the scene and the number of rays alone.
+/// Checks that everything except times depends only on the scene and the number of rays.
 fn repeated(sandbox: &Sandbox) {
     let [first, again] = [(); 2].map(|()| {
         let points = draw(sandbox, 9000, "--quiet --update async").1;
@@ -146,7 +146,7 @@ fn repeated(sandbox: &Sandbox) {
     assert_eq!(first, again);
 }
 
-/// A method named twice is drawn once in each layout, with what measures it again.
+/// Checks that a repeated method is drawn once per layout, and that its command measures it again.
 fn command(sandbox: &Sandbox) {
     let words = "--quiet --update async --intersector woop,woop";
     let points = draw(sandbox, 100, words).1;

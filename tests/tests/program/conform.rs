@@ -1,4 +1,4 @@
-//! `conform`: laws by name, leaks by number. `stability`: rates by family and intersector, within their bounds.
+//! `conform`: properties by name, leaks by number. `stability`: error rates by family and intersector, within bounds.
 
 use crate::sandbox::{Sandbox, list, says, trial};
 use libtest_mimic::Trial;
@@ -13,7 +13,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("conform::what_cannot_be_is_refused", refused),
         trial("stability::the_host_errs_as_often_as_expected", expected),
         trial("stability::one_seed_says_one_thing", repeatable),
-        // Half a minute of one core.
+        // Takes half a minute of one core.
         trial("stability::a_baseline_can_be_measured_anew", recorded)
             .with_ignored_flag(!integration::is_full()),
     ]
@@ -101,7 +101,7 @@ fn refused(sandbox: &Sandbox) {
     assert!(sandbox.files().is_empty(), "{:?}", sandbox.files());
 }
 
-/// Of which `stability` tells.
+/// Number of families that `stability` measures.
 const FAMILIES: usize = 21;
 
 fn expected(sandbox: &Sandbox) {
@@ -121,7 +121,7 @@ fn expected(sandbox: &Sandbox) {
         if (exact || row["intersector"] == "watertight") && !row["leaks"].is_null() {
             closed += 1;
             let none = |what: &str| row[what]["count"] == 0 && row[what]["bound"][1] == 0.0;
-            // Closed triangles may share a hit: those of `exact` are not counted.
+            // Closed triangles may share a hit, so double hits of `exact` are not counted.
             let counted = row["double_hits"]["rays"] == 2048 && none("double_hits");
             assert!(none("leaks") && (counted || exact), "{row}");
         }

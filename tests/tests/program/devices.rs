@@ -1,4 +1,4 @@
-//! Backends and adapters: taken by name, left to `auto`, or not there at all.
+//! Backends and adapters that are named, chosen by `auto`, or absent.
 
 use crate::files::array;
 use crate::sandbox::{Sandbox, list, says, trial};
@@ -8,15 +8,15 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::sync::LazyLock;
 
-/// A backend by its name on the command line; a machine may lack it.
+/// A backend by its name on the command line. It may be absent.
 #[derive(Clone, Copy)]
 pub(crate) struct Subject(pub(crate) &'static str);
 
-/// All but the host's.
+/// All backends except the host's.
 pub(crate) const BACKENDS: [Subject; 2] = [Subject("vulkan"), Subject("wgpu")];
 pub(crate) const HOST: Subject = Subject("cpu");
 
-/// Why those that cannot run here cannot.
+/// Reasons why backends are absent, by name.
 static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
     let found = [gpu_vulkan::adapters(), gpu_wgpu::adapters()];
     let all = BACKENDS.iter().zip(found);
@@ -25,7 +25,7 @@ static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
 });
 
 impl Subject {
-    /// A trial of the backend of that name, ignored, with the reason, where it is absent.
+    /// Creates a test of this backend. It is ignored, with the reason, if the backend is absent.
     pub(crate) fn trial(
         self,
         what: &str,
@@ -62,7 +62,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 const RENDER: &str = "render demo:twist:100 --frames 1 --size 8x8 --no-images";
 
-/// The entry of a list whose `key` is `value`.
+/// Returns the entry of a list whose `key` is `value`.
 fn entry<'a>(all: &'a Value, key: &str, value: &str) -> &'a Value {
     let found = list(all).iter().find(|e| e[key] == value);
     found.unwrap_or_else(|| panic!("no {key} {value} in {all}"))
@@ -93,7 +93,7 @@ fn info(sandbox: &Sandbox) {
             doctor.fails(1, &["no GPU can be used here"]);
         }
     }
-    // Libraries of window systems complain on standard error where theirs does not run.
+    // Without a display, window system libraries print complaints to standard error, which must not appear.
     let [display, folder] = ["wayland-0", ""].map(OsStr::new);
     let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
     let run = sandbox.run_where("info", &nowhere).succeeds();
@@ -103,7 +103,7 @@ fn info(sandbox: &Sandbox) {
     assert!(lines.all(|l| l.chars().count() <= 100), "{}", run.stdout);
 }
 
-/// The same on standard error, in the statistics, and as `info` and `inspect` foretell.
+/// Checks that standard error, the statistics, `info` and `inspect` name the same choice and reason.
 fn says_why(sandbox: &Sandbox) {
     let (run, stats) = sandbox.tells(RENDER, "--stats");
     let taken = entry(&stats["auto"], "what", "backend");
@@ -121,14 +121,14 @@ fn says_why(sandbox: &Sandbox) {
 const NOWHERE: &str = "/nonexistent";
 const NO_DRIVER: [(&str, &str); 2] = [("VK_DRIVER_FILES", NOWHERE), ("VK_ICD_FILENAMES", NOWHERE)];
 
-/// A file that is no library stands where the loader would be found first.
+/// Puts an invalid library first in the search path of the Vulkan loader.
 fn without_a_loader(sandbox: &Sandbox) {
     sandbox.write("lib/libvulkan.so.1", "");
     let folder = sandbox.path().join("lib");
     lacking(sandbox, &[("LD_LIBRARY_PATH", folder.to_str().unwrap())]);
 }
 
-/// Where graphics drivers are out of reach, the host renders, and nobody stands in for a backend that was named.
+/// Checks that the host renders without graphics drivers, and that a named backend is never replaced by another one.
 fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     let variables = variables.iter();
     let variables: Vec<_> = variables.map(|&(n, v)| (n, OsStr::new(v))).collect();
@@ -150,7 +150,7 @@ fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     array::<u32>(sandbox, "h/hits_0000.npz", "triangle");
 }
 
-/// Intersectors, layouts and the first adapter; and no other adapter.
+/// Checks that the listed intersectors, layouts and first adapter can be used, and that unknown adapters are refused.
 fn as_listed(sandbox: &Sandbox, backend: &str) {
     let info = sandbox.run("info --json").parsed();
     let lists = entry(&info["backends"], "backend", backend);

@@ -1,4 +1,4 @@
-//! What is written, and what is said, when all goes well: pictures and a table, hits, reduced key frames.
+//! Output of successful runs: pictures and a table, hits, reduced key frames.
 
 use crate::bad::npy;
 use crate::devices::{BACKENDS, HOST, Subject};
@@ -30,7 +30,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     backends.chain(scenes).chain(others).collect()
 }
 
-/// `images` holds pictures to their size and pixels.
+/// Checks names and messages. `images` checks size and pixels.
 fn table(sandbox: &Sandbox) {
     let run = sandbox.does("render demo:twist:500 --size 32x24 --frames 3");
     let expected = [0, 1, 2].map(|i| PathBuf::from(format!("abvh-out/frame_000{i}.png")));
@@ -38,16 +38,16 @@ fn table(sandbox: &Sandbox) {
     says(&run.stdout, "interpolate|preprocess|refit|trace|median|p95");
 }
 
-/// What a run is expected to take is what it takes, or up to half as much again.
+/// Checks that a run takes at least two thirds of the expected memory, and no more than expected.
 fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
     let words = format!("render demo:twist:100000 --backend {backend} --frames 3 --quiet");
-    // The host's memory holds a driver too, where there is one.
+    // On the other backends, the host's memory includes the driver's.
     let of = match backend {
         "cpu" => "host_bytes",
         _ => "device_bytes",
     };
     for how in [
-        // A builder that runs free may have a tree evaluated, whose boxes the estimate holds; in lockstep none is.
+        // Without lockstep a tree may be under evaluation, whose boxes the estimate includes.
         "--size 64x48 --layout bvh2 --update async --lockstep 1",
         "--size 640x480 --layout fast --update rebuild",
     ] {
@@ -60,7 +60,7 @@ fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
 }
 
 fn help(sandbox: &Sandbox) {
-    // How wide a terminal is, is no matter to a pipe.
+    // The width of the terminal must not affect output to a pipe.
     let narrow = [("COLUMNS", OsStr::new("20"))];
     for words in ["--help", "render --help", "trace --help", "info"] {
         let run = sandbox.does(words);
@@ -71,7 +71,7 @@ fn help(sandbox: &Sandbox) {
     assert!(sandbox.does("--version").stdout.starts_with("abvh "));
 }
 
-/// The pipe's reading end is closed before the program writes.
+/// Closes the reading end of the pipe before the program writes.
 fn broken_pipe(sandbox: &Sandbox) {
     for words in ["info", "--help", "inspect demo:twist:200"] {
         let mut child = sandbox.spawn(words, Stdio::piped);
@@ -83,7 +83,7 @@ fn broken_pipe(sandbox: &Sandbox) {
     }
 }
 
-/// A slope of 0.1 across a square of size 1, at a survey point where single precision has steps of 0.5.
+/// Tests a slope of 0.1 across a unit square, at coordinates where single precision has steps of 0.5.
 fn recentred(sandbox: &Sandbox) {
     let corner = |x: f64, y: f64| [691_608.0 + x, 5_334_760.2 + y, 520.0 + 0.1 * x];
     let corners = [
@@ -125,7 +125,7 @@ fn recentred(sandbox: &Sandbox) {
             .all(|(a, b)| (a - b).abs() < 1e-4),
         "{found:?}"
     );
-    // The view from above is that of a camera at the same place, and its rays are those of the files.
+    // A camera placed in the file's coordinates looks from above, and its rays are written in the file's coordinates.
     let view = "--eye 691608.5,5334760.7,522 --look-at 691608.5,5334760.7,520 --up 0,1,0 --light 691608,5334760,530";
     let frame = "--frames 1 --size 8x8 --no-images --backend cpu --intersector exact --quiet";
     let words = format!(
@@ -146,7 +146,7 @@ fn recentred(sandbox: &Sandbox) {
     assert_eq!(array::<u32>(sandbox, "again.npz", "triangle").1, triangles);
 }
 
-/// The rays that `render` writes, traced again: with a fresh tree, and with one of another time.
+/// Traces the rays that `render` writes, with a fresh tree and with one built at another time.
 fn trace_repeats_render(sandbox: &Sandbox) {
     let scene = "demo:collide:2000";
     let frame = "--time-range 7.25..9 --frames 2 --size 40x30 --no-images --quiet";
@@ -167,7 +167,7 @@ fn trace_repeats_render(sandbox: &Sandbox) {
     assert!(met.eq(hit), "any-hit disagrees");
 }
 
-/// `triangle`, and `t`, `u`, `v` by their bits.
+/// Returns `triangle`, and the bits of `t`, `u`, `v`.
 fn bits(sandbox: &Sandbox, file: &str) -> [Vec<u32>; 4] {
     let [t, u, v] = ["t", "u", "v"].map(|name| {
         let floats = array::<f32>(sandbox, file, name).1.into_iter();
@@ -176,7 +176,7 @@ fn bits(sandbox: &Sandbox, file: &str) -> [Vec<u32>; 4] {
     [array(sandbox, file, "triangle").1, t, u, v]
 }
 
-/// Shape and values of one array of a file.
+/// Returns shape and values of an array in a file.
 pub(crate) fn array<T: npyz::Deserialize>(
     sandbox: &Sandbox,
     file: &str,
@@ -189,7 +189,7 @@ pub(crate) fn array<T: npyz::Deserialize>(
     (array.shape().to_vec(), array.into_vec().unwrap())
 }
 
-/// Those that are written are the scene's own, and all others are played as near as was promised.
+/// Checks that key frames that are kept equal the scene's, and that all others are within the tolerance when played.
 fn reduced(source: Source) {
     let sandbox = Sandbox::new();
     let scene = source.open();
@@ -222,7 +222,7 @@ fn reduced(source: Source) {
     }
 }
 
-/// The largest distance of a corner of one animation from that of the other, at the same time.
+/// Returns the largest distance of a corner between two animations at the same time.
 fn played_off(a: &Animation, b: &Animation, time: f64) -> f64 {
     let corners = |a: &Animation, t| a.at(time).unwrap().corners(t);
     let off = |t| {

@@ -1,7 +1,7 @@
-//! Golden pictures: small, few, compared pixel by pixel.
+//! Golden pictures: few and small, compared pixel by pixel.
 //!
-//! `ABVH_BLESS=1 cargo test -p integration --test program images` writes them anew; look at them before you commit. A
-//! picture that differs is left in the target directory, and the failure says where.
+//! `ABVH_BLESS=1 cargo test -p integration --test program images` rewrites them. Check them before you commit. A
+//! picture that differs is saved in the target directory, and the failure names the file.
 
 use crate::sandbox::{Sandbox, trial};
 use integration::program::target_dir;
@@ -9,7 +9,7 @@ use libtest_mimic::Trial;
 use std::fs;
 use std::path::Path;
 
-/// Name, words after `abvh render`, and the frame to keep.
+/// Name, arguments after `abvh render`, and the frame to compare.
 const PICTURES: [(&str, &str, usize); 7] = [
     ("grove", "demo:grove:6000 --frames 3", 1),
     ("collide", "demo:collide:6000 --frames 3", 1),
@@ -24,7 +24,7 @@ const PICTURES: [(&str, &str, usize); 7] = [
     ("nothing", "nothing.obj", 0),
 ];
 
-/// A house with a roof on a field: quads, triangles, and a door left open to the light.
+/// A house with a roof on a field: quads, triangles, and an open doorway.
 const HOUSE: &str = "
 v -3 0 -3\nv 3 0 -3\nv 3 0 3\nv -3 0 3
 v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1
@@ -52,7 +52,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     PICTURES.map(one).into()
 }
 
-/// Compares a picture with the one kept under `name`, or keeps it if that is asked for.
+/// Compares a picture with the golden one called `name`, or replaces that if `ABVH_BLESS=1`.
 fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
     sandbox.write("house.obj", HOUSE);
     sandbox.write("nothing.obj", NOTHING);
@@ -72,7 +72,7 @@ fn picture(sandbox: &Sandbox, name: &str, words: &str, frame: usize) {
     if found == expected {
         return;
     }
-    // Kept where it outlives the test.
+    // Saved in a folder that outlives the test.
     let folder = target_dir().join("test-images");
     fs::create_dir_all(&folder).unwrap();
     let beside = folder.join(format!("{name}.png"));

@@ -1,4 +1,5 @@
-//! A run that is killed, told to end, out of disk or bereft of input leaves whole files only, and can be taken up again.
+//! Runs that are killed, terminated, out of disk space or lose their input leave only complete files and can be
+//! resumed.
 
 use crate::files::array;
 use crate::runs::bytes;
@@ -31,7 +32,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     all
 }
 
-/// Runs that are killed.
+/// Number of runs to kill.
 const RUNS: u32 = 14;
 
 const WORDS: &str = "render demo:twist:3000 --backend cpu --frames 12 --size 96x64 --quiet --out out --hits hits \
@@ -39,7 +40,7 @@ const WORDS: &str = "render demo:twist:3000 --backend cpu --frames 12 --size 96x
 
 fn whole_or_absent(undisturbed: &Sandbox) {
     let mut rng = Rng::with_seed(9);
-    // The first call builds the program: that is no part of a run.
+    // The first call builds the program, which must not count as run time.
     let _ = integration::program::abvh();
     let start = Instant::now();
     undisturbed.does(WORDS);
@@ -63,18 +64,18 @@ fn whole_or_absent(undisturbed: &Sandbox) {
             assert!(a == b, "{} differs", file.display());
         }
     }
-    // Otherwise nothing was put to the test.
+    // Otherwise the test would prove nothing.
     assert!(cut_short > 0, "no run was killed midway");
 }
 
-/// Kills it after a while, without leave to clean up.
+/// Kills the process after a delay, so that it cannot clean up.
 fn kill(child: &mut Child, delay: Duration) {
     std::thread::sleep(delay);
     child.kill().unwrap();
     child.wait().unwrap();
 }
 
-/// Sends it a signal; what it ends with.
+/// Sends a signal to the process and returns its exit code.
 fn signalled(child: &mut Child, signal: &str) -> Option<i32> {
     let pid = child.id().to_string();
     let sent = Command::new("kill").args(["-s", signal, &pid]).status();
@@ -82,7 +83,7 @@ fn signalled(child: &mut Child, signal: &str) -> Option<i32> {
     child.wait().unwrap().code()
 }
 
-/// Files under final names, each of which must read back whole.
+/// Returns the files with final names, after checking that each is complete.
 fn whole_files(sandbox: &Sandbox) -> Vec<PathBuf> {
     let mut files = sandbox.files();
     files.retain(|f| !has_extension(f, "part"));
@@ -158,7 +159,7 @@ fn signals(sandbox: &Sandbox) {
     }
 }
 
-/// Before the first frame, where nobody looks out for signals.
+/// Interrupts a run while it writes its first file, before the frame loop checks for signals.
 fn signal_while_writing(sandbox: &Sandbox) {
     let words = "render demo:twist:100 --backend cpu --frames 1 --size 2048x2048 --quiet --rays-out r/rays.npy";
     std::fs::create_dir(sandbox.path().join("r")).unwrap();
@@ -181,7 +182,7 @@ fn signal_while_writing(sandbox: &Sandbox) {
     panic!("the file was whole before the signal came, three times");
 }
 
-/// Nobody reads the video.
+/// Tests signals while the output pipe is full, because its reader does not read.
 #[cfg(unix)]
 fn blocked(sandbox: &Sandbox) {
     let words =
@@ -207,7 +208,7 @@ fn blocked(sandbox: &Sandbox) {
     }
 }
 
-/// A disk that fills up while files are written, in a namespace of its own, where this machine lets us have one.
+/// Creates a test with a disk that fills up during writes. It is ignored if the machine does not permit mounting one.
 fn on_disk() -> Trial {
     let trial = trial("killed::a_full_disk_leaves_no_half_file", full_disk);
     match on_full_disk(Sandbox::new().path(), Path::new("true"), "") {
@@ -221,7 +222,7 @@ fn full_disk(sandbox: &Sandbox) {
         "--size 640x480 --frames 1 --out full",
         "--size 160x120 --frames 2 --no-images --hits full",
         "--size 160x120 --frames 1 --no-images --rays-out full/rays.npy",
-        // So many that to list them takes more.
+        // The directory entries of 3000 files exceed the disk.
         "--size 8x8 --frames 3000 --out full",
     ] {
         let words = format!("render demo:twist:500 --quiet {words}");
@@ -232,7 +233,7 @@ fn full_disk(sandbox: &Sandbox) {
     }
 }
 
-/// Runs a command where `full` is a disk of 8 kB; the last line of stdout lists what it holds then.
+/// Runs a command with a disk of 8 kB at `full`. The last line of standard output lists the disk's files.
 fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<Output> {
     std::fs::create_dir_all(folder.join("full"))?;
     let script = "mount -t tmpfs -o size=8k none full || exit 77; \"$0\" \"$@\"; code=$?; \
@@ -243,7 +244,7 @@ fn on_full_disk(folder: &Path, program: &Path, words: &str) -> std::io::Result<O
     command.current_dir(folder).output()
 }
 
-/// Key frames that are read while they are played.
+/// Number of key frames that are read during playback.
 const KEYS: usize = 200;
 
 fn write_key(sandbox: &Sandbox, key: usize) {
@@ -251,7 +252,8 @@ fn write_key(sandbox: &Sandbox, key: usize) {
     sandbox.write(&format!("keys/{key}.obj"), text);
 }
 
-/// A reader that takes nothing keeps the run from reading all files before one of them is gone.
+/// Checks a key frame that vanishes or shrinks. The blocked output keeps the program from reading all files before
+/// that.
 fn vanishes(sandbox: &Sandbox) {
     (0..KEYS).for_each(|key| write_key(sandbox, key));
     let words = "render keys --key-memory 0 --backend cpu --frames 0..200 --size 320x240 --quiet";
@@ -276,7 +278,7 @@ fn vanishes(sandbox: &Sandbox) {
     }
 }
 
-/// How many there are, all of them whole.
+/// Returns the number of pictures, after checking that each is complete.
 fn pictures(sandbox: &Sandbox, run: usize) -> usize {
     let all = sandbox.files().into_iter();
     let all = all.filter(|f| f.starts_with(format!("out{run}")));

@@ -1,4 +1,4 @@
-//! What only Linux has: names of any bytes, and limits of memory.
+//! Features that only Linux has: names of arbitrary bytes, and memory limits.
 
 use crate::bad::npy;
 use crate::sandbox::{Run, SQUARE, Sandbox, trial};
@@ -14,7 +14,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Alone, joined and placed.
+/// Tests such names alone, joined and placed.
 fn any_bytes(sandbox: &Sandbox) {
     let name = OsStr::from_bytes(b"a\xff.obj");
     std::fs::write(sandbox.path().join(name), SQUARE).unwrap();
@@ -36,7 +36,7 @@ fn any_bytes(sandbox: &Sandbox) {
     run("inspect", b"a\xfe.obj").fails(2, &["no such file"]);
 }
 
-/// The system allows files of few blocks.
+/// Limits the size of files.
 fn too_large(sandbox: &Sandbox) {
     let words = format!("render demo:twist:100 --size 64x48 --frames 1 --quiet {CPU}");
     let run = sandbox.run_within("-f 8", &format!("{words} --no-images --hits h"));
@@ -44,10 +44,10 @@ fn too_large(sandbox: &Sandbox) {
     assert!(sandbox.files().is_empty(), "{:?}", sandbox.files());
 }
 
-/// On one thread each.
+/// Options for a single thread of each kind.
 const CPU: &str = "--backend cpu --threads 1 --builder-threads 1";
 
-/// Little text makes much mesh: both numbers are named, and nothing breaks down over it.
+/// Checks that small files of large meshes are refused with needed and available memory, without a crash.
 fn beyond_memory(sandbox: &Sandbox) {
     let ply = |faces: &str, list: &str, body: &str| {
         let point = "property float x\nproperty float y\nproperty float z";
@@ -62,14 +62,14 @@ fn beyond_memory(sandbox: &Sandbox) {
     let render = format!("--size 8x8 --frames 1 --quiet {CPU}");
     let says = ["are needed", "are free (address space"];
     for scene in ["a.obj", "a.ply"] {
-        // So little that reading breaks down over it, and trees beyond.
+        // Under the lowest limit reading fails, under the higher ones tree construction.
         for kilobytes in [150_000, 250_000, 400_000] {
             let limit = format!("-v {kilobytes}");
             let run = sandbox.run_within(&limit, &format!("render {scene} {render}"));
             run.fails(2, &says);
         }
     }
-    // One face of many corners, and many rays.
+    // One face with many corners, and then many rays.
     let face = "3000000".to_owned() + &" 0 1 2".repeat(1_000_000);
     sandbox.write("p.ply", ply("1", "int int vertex_indices", &face));
     let run = sandbox.run_within("-v 110000", &format!("render p.ply {render}"));
@@ -79,7 +79,7 @@ fn beyond_memory(sandbox: &Sandbox) {
     let rays = ray.concat().repeat(2_000_000);
     sandbox.write("r.npy", npy("<f4", "(2000000, 6)", &rays));
     let words = format!("trace s.obj --time 0 {CPU} --rays r.npy --out h.npz");
-    // Least and greatest limit under which rays can be read, and not be traced.
+    // Searches for a limit that suffices to read the rays but not to trace them.
     let trees = "1 key frame of 4 vertices, and trees over 2 triangles: ";
     for kilobytes in (150_000..600_000).step_by(30_000) {
         let run = sandbox.run_within(&format!("-v {kilobytes}"), &words);

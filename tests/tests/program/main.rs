@@ -1,4 +1,4 @@
-//! The program from end to end, as a person runs it; its pictures; and the pages that tell of it.
+//! End-to-end tests of the program, its pictures and its documentation pages.
 
 mod bad;
 mod bench;

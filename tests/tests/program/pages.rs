@@ -1,4 +1,4 @@
-//! What readers of the pages meet: links that lead somewhere, and the two commands.
+//! Tests of the documentation: links have targets, and the README has its two commands.
 
 use crate::sandbox::trial;
 use integration::scenes::workspace;
@@ -17,7 +17,7 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// Every page of the repository: not those of hidden folders, nor of what is built.
+/// Collects all pages of the repository, except in hidden folders and build output.
 fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("folders can be read") {
         let path = entry.expect("folders can be read").path();
@@ -30,7 +30,7 @@ fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The lines of a page that are no code.
+/// Returns the lines of a page that are not code.
 fn prose(page: &str) -> impl Iterator<Item = &str> {
     let mut code = false;
     page.lines().filter(move |line| {
@@ -40,7 +40,7 @@ fn prose(page: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Where links of a page lead within the repository, in order.
+/// Returns the link targets of a page within the repository, in order.
 fn links(page: &str) -> Vec<&str> {
     let of_line = |line| {
         let after = str::split(line, "](").skip(1);
@@ -50,7 +50,7 @@ fn links(page: &str) -> Vec<&str> {
     all.filter(|link| !link.contains("://")).collect()
 }
 
-/// A heading as the name of its place: lower case, blanks as dashes, nothing else but letters and digits.
+/// Converts a heading to its anchor: lower case, blanks as dashes, otherwise only letters, digits, `-` and `_`.
 fn anchor(heading: &str) -> String {
     let lower = heading.trim_start_matches('#').trim().to_lowercase();
     let kept = lower.chars().filter_map(|c| match c {
@@ -66,7 +66,7 @@ fn has_anchor(page: &str, name: &str) -> bool {
     headings.any(|heading| anchor(heading) == name)
 }
 
-/// Whether a link of a page leads somewhere.
+/// Returns whether the target of a page's link exists.
 fn leads(from: &Path, link: &str) -> bool {
     let (path, place) = link.split_once('#').unwrap_or((link, ""));
     let to = match path {
@@ -94,7 +94,7 @@ fn links_lead() {
     assert!(found.len() > 5 && count > 20, "{count} links in {found:?}");
 }
 
-/// Whoever clones the repository needs these two.
+/// Checks that the README starts with the two commands that a new user needs.
 fn two_commands() {
     let readme = read(&workspace().join("README.md"));
     let lines: Vec<&str> = readme.lines().take(16).collect();

@@ -1,4 +1,4 @@
-//! Runs that are resumed, divided among shards, and that must not eat each other's files.
+//! Runs that are resumed or divided into shards, and that must not overwrite each other's files.
 
 use crate::sandbox::{SQUARE, Sandbox, list, trial};
 use libtest_mimic::Trial;
@@ -25,7 +25,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 const SMALL: &str = "render demo:collide:300 --backend cpu --size 32x24 --quiet";
 
-/// The pictures and hits of a folder, by name.
+/// Returns the pictures and hits in a folder, by name.
 pub(crate) fn bytes(sandbox: &Sandbox, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let files = sandbox.files().into_iter();
     let files = files.filter(|f| f.starts_with(folder));
@@ -36,7 +36,7 @@ pub(crate) fn bytes(sandbox: &Sandbox, folder: &str) -> BTreeMap<PathBuf, Vec<u8
     files.map(named).collect()
 }
 
-/// The numbers of the frames in a file of statistics.
+/// Returns the frame numbers in a statistics file.
 fn frames(stats: &Value) -> Vec<u64> {
     let all = list(&stats["frames"]).iter();
     all.filter_map(|f| f["frame"].as_u64()).collect()
@@ -46,7 +46,7 @@ fn ranges(sandbox: &Sandbox) {
     sandbox.does(&format!("{SMALL} --frames 0..5 --out all"));
     sandbox.does(&format!("{SMALL} --frames 0..2 --out o"));
     sandbox.does(&format!("{SMALL} --frames 2,3-4 --out o"));
-    // Both ranges are known, whichever came last.
+    // Both ranges are recorded, in either order.
     let (_, joined) = sandbox.tells("merge o", "--stats");
     assert_eq!(frames(&joined), [0, 1, 2, 3, 4]);
     sandbox.refuses("merge o --stats o/frame_0001.png", &["would overwrite"]);
@@ -71,7 +71,7 @@ fn another(sandbox: &Sandbox) {
     let scene = SMALL.replace("collide", "twist");
     sandbox.refuses(&format!("{scene} --frames 3 --out o --resume"), &["scene"]);
     assert!(bytes(sandbox, "o") == kept, "it has changed");
-    // Who renders, and how trees follow, decides no byte.
+    // The output does not depend on the machine or on the update policy.
     let other = "--update rebuild --layout bvh2 --threads 1";
     sandbox.does(&format!("{SMALL} --frames 3 --out o {other}"));
     assert!(bytes(sandbox, "o") == kept, "by policy");
@@ -96,7 +96,7 @@ fn damaged(sandbox: &Sandbox) {
     let end = flipped.len() - 30;
     flipped[end] ^= 1;
     sandbox.write("h/hits_0003.npz", flipped);
-    // Whoever wrote it was killed.
+    // Simulates a process that was killed while writing the journal.
     let torn = sandbox.text("o/abvh-run.jsonl") + "{\"frame\":{\"fil";
     sandbox.write("o/abvh-run.jsonl", torn);
     for _ in 0..2 {
@@ -115,10 +115,10 @@ fn finished(sandbox: &Sandbox) {
     sandbox.does(words);
     let run = sandbox.does(&format!("{words} --resume"));
     assert!(run.stdout.contains("nothing is left"), "{}", run.stdout);
-    // A device that cannot be had is not asked for.
+    // A run without frames left does not open its device.
     let elsewhere = words.replace("--backend cpu", "--backend vulkan --adapter none");
     sandbox.does(&format!("{elsewhere} --resume"));
-    // What never ends is not read to be compared with what there was.
+    // Endless files are refused before they are compared with the previous run's.
     if cfg!(unix) {
         let says = ["/dev/zero", "a device is not a regular file"];
         sandbox.refuses("render /dev/zero --frames 1 --out o", &says);
@@ -181,7 +181,7 @@ fn stats_alone(sandbox: &Sandbox) {
     assert_eq!(frames(&sandbox.json("s.json")), [0, 1, 2]);
     let printed = sandbox.run(&format!("{words} --stats -")).parsed();
     assert_eq!(frames(&printed), [0, 1, 2]);
-    // What was joined can be joined again, but not with another run.
+    // Joined statistics can be joined again, but not with those of another run.
     sandbox.does("merge s.json");
     sandbox.does(&format!("{words} --eye 9,9,9 --stats other.json"));
     sandbox.refuses("merge s.json other.json", &["not of one run", "eye"]);
@@ -218,7 +218,8 @@ fn tampered(sandbox: &Sandbox) {
     sandbox.run("merge o").fails(1, &["no run has begun"]);
 }
 
-/// Whoever opens one to write to it waits for a reader.
+/// Checks that named pipes in the output folder are replaced. Opening one for writing would block until it has a
+/// reader.
 #[cfg(unix)]
 fn pipes(sandbox: &Sandbox) {
     let all = ["o/frame_0000.png", "o/hits_0001.npz", "o/abvh-run.json"];
@@ -256,7 +257,7 @@ fn eaten(sandbox: &Sandbox) {
     }
     let here = "render frame_1.obj --backend cpu --frames 1 --out .";
     sandbox.refuses(here, &["may overwrite", "which is read"]);
-    // Folders keep to names of their own, and many may write to a device.
+    // Output folders only claim file names of their own pattern, and one device file may receive several outputs.
     let beside = "--rays-out r.npy --stats o/stats.json --timeline frame_0000.json";
     sandbox.does(&format!("{render} {beside}"));
     if cfg!(unix) {

@@ -1,4 +1,4 @@
-//! A folder for one run, and what may be demanded of a run.
+//! A temporary folder for the runs of a test, and assertions on runs.
 
 use integration::program;
 use serde_json::Value;
@@ -7,10 +7,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-/// A folder that goes away; the program runs in it.
+/// A temporary folder in which the program runs.
 pub(crate) struct Sandbox(tempfile::TempDir);
 
-/// One finished run.
+/// A finished run.
 pub(crate) struct Run {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
@@ -27,7 +27,7 @@ impl Sandbox {
         self.0.path()
     }
 
-    /// Writes a file of input, making folders on the way.
+    /// Writes an input file and creates its parent folders.
     pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         let path = self.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -38,54 +38,54 @@ impl Sandbox {
         fs::remove_file(self.path().join(name)).unwrap();
     }
 
-    /// Runs the program with words separated by blanks.
+    /// Runs the program with arguments separated by blanks.
     pub(crate) fn run(&self, words: &str) -> Run {
         self.run_where(words, &[])
     }
 
-    /// Likewise, in an environment where `variables` have these values.
+    /// Runs the program with these environment variables.
     pub(crate) fn run_where(&self, words: &str, variables: &[(&str, &OsStr)]) -> Run {
         let output = program::run_where(self.path(), words.split_whitespace(), variables);
         Run::of(&output, words)
     }
 
-    /// Likewise, within a limit, such as `-v KILOBYTES` of addresses.
+    /// Runs the program under an `ulimit`, such as `-v KILOBYTES` of address space.
     #[cfg(target_os = "linux")]
     pub(crate) fn run_within(&self, limit: &str, words: &str) -> Run {
         let limited = format!("ulimit {limit}; exec \"$0\" \"$@\"");
         let mut command = Command::new("sh");
         command.args(["-c", &limited]).arg(program::abvh());
-        // glibc reserves 64 MB of address space when a thread first asks for memory, which may be at any moment.
+        // glibc reserves 64 MB of address space when a thread first allocates, which may be at any moment.
         command.env("MALLOC_ARENA_MAX", "1");
         let command = command.args(words.split(' ')).current_dir(self.path());
         Run::of(&command.output().unwrap(), words)
     }
 
-    /// Starts the program and does not wait; what it says goes where that leads.
+    /// Starts the program without waiting. `to` creates its standard output and standard error.
     pub(crate) fn spawn(&self, words: &str, to: fn() -> Stdio) -> Child {
         let mut command = Command::new(program::abvh());
         let command = command.args(words.split(' ')).current_dir(self.path());
         command.stdout(to()).stderr(to()).spawn().unwrap()
     }
 
-    /// Runs the program, which must do what was asked.
+    /// Runs the program, which must succeed.
     pub(crate) fn does(&self, words: &str) -> Run {
         self.run(words).succeeds()
     }
 
-    /// Likewise, and reads the JSON that an option asks for.
+    /// Runs the program, which must succeed, and returns the JSON file that `option` requests.
     pub(crate) fn tells(&self, words: &str, option: &str) -> (Run, Value) {
         let _ = fs::remove_file(self.path().join("told.json"));
         let run = self.does(&format!("{words} {option} told.json"));
         (run, self.json("told.json"))
     }
 
-    /// Runs the program, which must refuse in one line that says all of `says`.
+    /// Runs the program, which must refuse in one line that contains all of `says`.
     pub(crate) fn refuses(&self, words: &str, says: &[&str]) {
         self.run(words).fails(2, says);
     }
 
-    /// Every file below, sorted, as paths relative to the sandbox; manifests and journals of runs are left out.
+    /// Returns all files, sorted, as relative paths. Manifests and journals of runs are excluded.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         let mut files = self.all_files();
         let is_of_run = |name: &OsStr| name.to_string_lossy().starts_with("abvh-run");
@@ -93,7 +93,7 @@ impl Sandbox {
         files
     }
 
-    /// Likewise, with those.
+    /// Returns all files, including manifests and journals.
     pub(crate) fn all_files(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
         collect(self.path(), &mut files);
@@ -138,18 +138,18 @@ impl Run {
         }
     }
 
-    /// The run did what was asked.
+    /// Asserts that the run succeeded.
     pub(crate) fn succeeds(self) -> Self {
         self.demand(self.code == Some(0), "should succeed");
         self
     }
 
-    /// Likewise, and its standard output is JSON.
+    /// Asserts that the run succeeded, and parses its standard output as JSON.
     pub(crate) fn parsed(self) -> Value {
         serde_json::from_str(&self.succeeds().stdout).unwrap()
     }
 
-    /// The run ended with `code` and one clear line that says all of `says`.
+    /// Asserts that the run ended with `code` and one line on standard error that contains all of `says`.
     pub(crate) fn fails(self, code: i32, says: &[&str]) {
         self.demand(self.code == Some(code), &format!("should exit {code}"));
         let one = self.stderr.lines().count() == 1;
@@ -169,12 +169,12 @@ impl Run {
     }
 }
 
-/// The elements of a list.
+/// Returns the elements of a list.
 pub(crate) fn list(json: &Value) -> &[Value] {
     json.as_array().unwrap_or_else(|| panic!("no list: {json}"))
 }
 
-/// Every one of `parts`, between bars, is in the text.
+/// Asserts that the text contains all of `parts`, which are separated by bars.
 pub(crate) fn says(text: &str, parts: &str) {
     for part in parts.split('|') {
         assert!(text.contains(part), "no {part} in {text}");
@@ -184,7 +184,7 @@ pub(crate) fn says(text: &str, parts: &str) {
 /// A square of two triangles, as OBJ.
 pub(crate) const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
 
-/// A trial whose body gets a fresh sandbox.
+/// Creates a test whose body gets a new sandbox.
 pub(crate) fn trial(
     name: &str,
     body: impl FnOnce(&Sandbox) + Send + 'static,

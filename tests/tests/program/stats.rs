@@ -1,4 +1,4 @@
-//! The statistics file: schema 1. The timeline: a trace that viewers open and that agrees with the statistics.
+//! The statistics file (schema 1), and the timeline, which must be a valid trace and agree with the statistics.
 
 use crate::sandbox::{SQUARE, Sandbox, list, trial};
 use libtest_mimic::Trial;
@@ -23,12 +23,12 @@ pub(crate) const FRAME: &str = "frame time interpolate_ms preprocess_ms rebuild_
     convert_ms upload_bytes readback_bytes sah_ratio sah_cost hits blocked inactive degenerate settled host_bytes \
     device_bytes";
 
-/// Those that every run measures: `rebuild_ms` is of trees made on a device alone, `trace_shadow_ms` of shadows that
-/// are a stage of their own.
+/// Times that every run measures. Only trees made on a device have `rebuild_ms`, and only shadows that are a separate
+/// stage have `trace_shadow_ms`.
 const TIMES: &str = "interpolate_ms preprocess_ms refit_ms trace_primary_ms device_ms wall_ms build_wait_ms build_ms \
     convert_ms";
 
-/// Every one of these names is there, if only as null.
+/// Asserts that every one of these names exists, even if null.
 pub(crate) fn has_all(json: &Value, names: &str) {
     for name in names.split(' ') {
         assert!(json.get(name).is_some(), "no {name} in {json}");
@@ -40,7 +40,7 @@ fn stats(sandbox: &Sandbox, options: &str) -> Value {
     sandbox.tells(&format!("{words} {options}"), "--stats").1
 }
 
-/// One number of each frame.
+/// Returns one number per frame.
 fn column(stats: &Value, name: &str) -> Vec<Option<f64>> {
     let frames = list(&stats["frames"]).iter();
     frames.map(|f| f[name].as_f64()).collect()
@@ -59,7 +59,7 @@ fn every_field(sandbox: &Sandbox) {
     assert!(stats["schema"] == 1 && stats["backend"] == "cpu", "{stats}");
 }
 
-/// Triangles of vertices that are nowhere are counted, and the rest is seen.
+/// Checks that triangles with non-finite vertices are counted, and that the other triangles are hit.
 fn unhittable(sandbox: &Sandbox) {
     let fourths = ["nan 1 0", "0 inf 0", "0 1 1e39", "0.5 0.5 0"];
     for (i, fourth) in fourths.into_iter().enumerate() {
@@ -79,7 +79,7 @@ fn unhittable(sandbox: &Sandbox) {
     }
 }
 
-/// Frames after the first hundreds take no more memory than those before them.
+/// Checks that later frames use no more memory than earlier ones.
 #[cfg(target_os = "linux")]
 fn memory(sandbox: &Sandbox) {
     let stats = stats(sandbox, "--frames 1200 --update async");
@@ -91,21 +91,21 @@ fn memory(sandbox: &Sandbox) {
     assert!(course["worst"].as_f64() == Some(peak), "{course}");
     let most = |frames: &[f64]| frames.iter().copied().fold(0.0, f64::max);
     let growth = most(&known[900..]) - most(&known[300..600]);
-    // The rows themselves take 0.4 kB a frame.
+    // The rows themselves take 0.4 kB per frame.
     assert!(growth < 2e6, "{growth} bytes in 600 frames");
 }
 
-/// Elsewhere nobody counts.
+/// Checks that memory is null on other systems, where it is not measured.
 #[cfg(not(target_os = "linux"))]
 fn memory(sandbox: &Sandbox) {
     let stats = stats(sandbox, "--frames 3 --update async");
     assert!(stats["summary"]["host_bytes"].is_null(), "{stats}");
 }
 
-/// Microseconds that rounding may take: begin and end are whole nanoseconds.
+/// Rounding tolerance in microseconds: start and end are whole nanoseconds.
 const ROUNDING: f64 = 2e-3;
 
-/// Trees are built ahead or not: the vertices of so many are read back, at most.
+/// Checks that the timeline agrees with the statistics, and that at most `read_back` builds read vertices back.
 fn agrees(sandbox: &Sandbox, predict: &str, read_back: usize) {
     let words = "render demo:collide:2000 --frames 12 --size 24x16 --out out --overwrite --quiet";
     let files = "--stats s.json --timeline t.json --update async --lockstep 2";
@@ -138,7 +138,7 @@ fn agrees(sandbox: &Sandbox, predict: &str, read_back: usize) {
     }
 }
 
-/// Trees are adopted when the statistics say, and were asked for as long before as their age. How many there are.
+/// Checks that trees are requested and adopted in the frames that the statistics name. Returns the number of trees.
 fn marks_agree(events: &[Value], frames: &[Value]) -> usize {
     let args = |ph: &str, name: &str| -> Vec<&Value> {
         let named = events.iter().filter(|e| e["ph"] == ph && e["name"] == name);
@@ -166,7 +166,7 @@ fn marks_agree(events: &[Value], frames: &[Value]) -> usize {
     marks.len()
 }
 
-/// Each ends before the next begins.
+/// Asserts that each span ends before the next one starts.
 fn in_turn(spans: &[&Value]) {
     for pair in spans.windows(2) {
         let end = begin(pair[0]) + pair[0]["dur"].as_f64().unwrap_or(0.0);
@@ -178,7 +178,7 @@ fn begin(event: &Value) -> f64 {
     event["ts"].as_f64().unwrap()
 }
 
-/// Stages last as long as the statistics say.
+/// Checks that stages have the durations in the statistics.
 fn lasts(device: &[&Value], frame: &Value) {
     for name in "interpolate|rebuild|preprocess|refit|trace primary|trace shadow".split('|') {
         let is_of = |s: &&&Value| s["name"] == name && s["args"]["frame"] == frame["frame"];

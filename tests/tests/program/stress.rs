@@ -1,4 +1,4 @@
-//! `stress`: streamed steps of every backend have the host's hits.
+//! `stress`: streamed steps of every backend have the same hits as the host.
 
 use crate::devices::{BACKENDS, HOST, Subject};
 use crate::sandbox::{Sandbox, list, trial};

@@ -1,4 +1,4 @@
-//! `--video` and `--y4m`: frames in order, or one line and no file.
+//! `--video` and `--y4m`: frames are in order, and errors leave no file.
 
 use crate::sandbox::{Sandbox, trial};
 use libtest_mimic::Trial;
@@ -19,7 +19,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 const RUN: &str = "render demo:twist:500 --frames 5 --size 32x18 --quiet";
 
-/// The pictures of the run, one after the other.
+/// Returns the pixels of all pictures of the run.
 fn pictures(sandbox: &Sandbox) -> Vec<u8> {
     let picture = |i| image::open(sandbox.path().join(format!("out/frame_{i:04}.png"))).unwrap();
     (0..5)
@@ -46,7 +46,7 @@ fn raw(sandbox: &Sandbox) {
         }
     }
     assert!(decoder.read_frame().is_err());
-    // To standard output, results then being talk.
+    // `--y4m -` writes the video to standard output, and messages to standard error.
     let words = format!("{RUN} --no-images --fps 12.5 --y4m -");
     let output = integration::program::run_where(sandbox.path(), words.split(' '), &[]);
     assert!(output.status.success());
@@ -55,7 +55,7 @@ fn raw(sandbox: &Sandbox) {
     piped(sandbox, &file);
 }
 
-/// A pipe stays one, and a link a link.
+/// Checks that output to a pipe or a link does not replace it.
 #[cfg(unix)]
 fn piped(sandbox: &Sandbox, file: &[u8]) {
     use std::os::unix::fs::FileTypeExt;
@@ -90,7 +90,7 @@ fn absent(sandbox: &Sandbox) {
     sandbox.refuses(&twice, &["would overwrite"]);
 }
 
-/// Stands in for `ffmpeg` on PATH.
+/// Installs a script as `ffmpeg`. Returns the `PATH` to use.
 #[cfg(unix)]
 pub(crate) fn encoder(sandbox: &Sandbox, script: &str) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;
@@ -118,13 +118,13 @@ fn encoded(sandbox: &Sandbox) {
     for threads in [1, 4] {
         let afresh = format!("--out out --overwrite --threads {threads}");
         assert!(encoded(&afresh) == video, "{threads}");
-        // Of a run whose pictures are there, all frames again.
+        // A finished run encodes all of its frames again.
         sandbox.remove("a.mp4");
         assert!(encoded("--out out --resume") == video, "{threads}");
     }
 }
 
-/// The same luma, and chroma of half the size along both axes.
+/// Checks that luma is equal, and that chroma has half the size along both axes.
 #[cfg(unix)]
 fn is_halved(video: &[u8], full: &[u8]) {
     let [mut video, mut full] = [video, full].map(|file| y4m::decode(file).unwrap());

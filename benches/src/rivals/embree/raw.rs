@@ -1,13 +1,13 @@
-//! What is called of Embree's C interface, and the forms of its rays.
+//! The functions of Embree's C interface that are called, and its ray structures.
 
 use geom::{Hit, Ray};
 use std::ffi::{c_char, c_void};
 use std::ptr::null_mut;
 
-/// A device, a scene or a geometry.
+/// Pointer to a device, a scene or a geometry.
 pub(super) type Handle = *mut c_void;
 
-/// `RTCRayHit` of one ray, `RTCRayHit16` of sixteen.
+/// `RTCRayHit` for one ray, `RTCRayHit16` for sixteen.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct RayHits<const N: usize> {
@@ -28,7 +28,7 @@ pub(super) struct RayHits<const N: usize> {
 }
 
 impl<const N: usize> RayHits<N> {
-    /// Of N rays at most.
+    /// Converts at most `N` rays.
     pub(super) fn new(rays: &[Ray]) -> Self {
         let at = |lane: usize| rays.get(lane);
         let parts = |part: fn(&Ray) -> [f32; 3]| {
@@ -52,7 +52,7 @@ impl<const N: usize> RayHits<N> {
         }
     }
 
-    /// What the ray in one lane hit.
+    /// Returns the hit of the ray in `lane`.
     pub(super) fn hit(&self, lane: usize) -> Hit {
         Hit {
             t: self.t_max[lane],
@@ -63,7 +63,7 @@ impl<const N: usize> RayHits<N> {
     }
 }
 
-/// `RTCIntersectArguments` or `RTCOccludedArguments`, with room for a member that some builds have.
+/// `RTCIntersectArguments` or `RTCOccludedArguments`, including a member that exists only in some builds.
 #[repr(C)]
 pub(super) struct Arguments {
     flags: u32,
@@ -75,7 +75,7 @@ pub(super) struct Arguments {
 }
 
 impl Arguments {
-    /// As `rtcInitIntersectArguments` makes them, or for rays that lie close together.
+    /// Initializes arguments as `rtcInitIntersectArguments` does, with the coherence hint if `coherent`.
     pub(super) fn new(coherent: bool) -> Self {
         Self {
             flags: u32::from(coherent) << 16,
@@ -127,7 +127,7 @@ unsafe extern "C" {
     pub(super) fn rtcCommitScene(scene: Handle);
     pub(super) fn rtcSetGeometryBuildQuality(geometry: Handle, quality: u32);
     pub(super) fn rtcIntersect1(scene: Handle, ray: *mut RayHits<1>, how: *mut Arguments);
-    /// Asks for the ray alone, which comes first in `RTCRayHit`.
+    /// Reads and writes only the ray, the first member of `RTCRayHit`.
     pub(super) fn rtcOccluded1(scene: Handle, ray: *mut RayHits<1>, how: *mut Arguments);
     pub(super) fn rtcIntersect16(
         valid: *const i32,
@@ -135,7 +135,7 @@ unsafe extern "C" {
         rays: *mut RayHits<16>,
         how: *mut Arguments,
     );
-    /// Likewise.
+    /// Reads and writes only the rays, the first member of `RTCRayHit16`.
     pub(super) fn rtcOccluded16(
         valid: *const i32,
         scene: Handle,

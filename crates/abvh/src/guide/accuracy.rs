@@ -1,39 +1,39 @@
-//! What a hit promises.
+//! Accuracy of hits.
 //!
-//! | [`Intersector`](crate::Intersector) | which triangle is hit | on every device |
+//! | [`Intersector`](crate::Intersector) | accuracy | results on different devices |
 //! |---|---|---|
-//! | `Watertight`, the default | rounded, with exact signs at edges: no ray leaks through a shared edge, or hits both of its triangles | the same bits |
-//! | `Exact` | that of exact arithmetic, for every ray | the same bits |
-//! | `MollerTrumbore`, `Woop` | the textbook's, in single precision: rays leak near edges | within rounding |
+//! | `Watertight`, the default | single precision, with exact signs at edges: no ray passes through a shared edge, or hits both of its triangles | equal bits |
+//! | `Exact` | exact arithmetic, for every ray | equal bits |
+//! | `MollerTrumbore`, `Woop` | textbook methods in single precision: rays may pass between triangles near edges | equal within rounding |
 //!
-//! `Watertight` follows Woop, Benthin and Wald (2013). It computes `t`, `u` and `v` in single precision, and `t` lies
-//! within the triangle's bounding box. Triangles that the ray meets at a small angle lose digits.
+//! `Watertight` is the method of Woop, Benthin and Wald (2013). It computes `t`, `u` and `v` in single precision, and
+//! `t` is within the triangle's bounding box. Results lose digits if the angle between ray and triangle is small.
 //!
-//! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the exact
-//! values, each rounded once to the nearest float.
+//! With `Exact`, triangles include their edges, and a ray in a triangle's plane misses it. `t`, `u` and `v` are the
+//! exact values, each rounded once to the nearest float.
 //!
-//! A hit depends on the ray, the triangle and the intersector alone. A vertex that flies off changes no hit of another
-//! triangle, and only rays that meet its own triangles take notably longer.
+//! A hit depends only on the ray, the triangle and the intersector. A vertex that is very far away does not change hits
+//! of triangles without this vertex. Only rays that hit triangles with this vertex take notably longer.
 //!
 //! # Far away
 //!
-//! `Watertight` is exact for a ray within rounding of the given one, in single precision of the distance to the triangle.
-//! From `1e12` away the spacing of floats is 65,536, so such a ray may hit a triangle that it passes a few units away.
-//! A component of a direction below `2^-37` of the largest counts as 0. `Exact` has no such error.
+//! `Watertight` is exact for a ray that differs from the given ray by rounding, in single precision at the distance of
+//! the triangle. At a distance of `1e12`, the spacing of floats is 65,536. So a ray may hit a triangle that it actually
+//! misses by a few units. A direction component below `2^-37` of the largest component counts as 0. `Exact` has no such
+//! error.
 //!
-//! Rays are *extreme* that start `2^40` (`1.1e12`) or more from the origin along some axis, or while some vertex is beyond
-//! that. Single precision cannot bound its own error there. Both intersectors answer these in exact arithmetic, slowly: from
-//! very far away a ray tries all triangles. Rays that start within `2^-24` of the origin are extreme if vertices lie within
-//! `2^-32` of it, other than at the origin itself.
-//! So `Watertight` may hit from just below `1.1e12` what it rightly misses from just above.
+//! A ray is *extreme* if it starts `2^40` (`1.1e12`) or more from the origin along some axis, or if some vertex is that
+//! far away. A ray that starts within `2^-24` of the origin is also extreme if there are vertices within `2^-32` of the
+//! origin, other than at the origin itself. Single precision cannot bound its error for such rays. Both intersectors
+//! trace them in exact arithmetic, which is slow: from very far away, a ray is tested against all triangles. So
+//! `Watertight` may hit a triangle from just below `1.1e12` that it correctly misses from just above.
 //!
-//! Where the largest coordinate of all key frames, or of what meshes begin with, lies outside `2^-10..=2^30`, all are
-//! scaled by a power of two, and what is then below `2^-64` counts as 0. So coordinates of one scene should not
-//! differ by 18 orders of magnitude. Scenes that are scaled otherwise may round the last bits of `t`, `u` and `v`
-//! otherwise.
+//! If the largest coordinate of all key frames or initial positions is outside `2^-10..=2^30`, all coordinates are
+//! scaled by a power of two. Scaled coordinates below `2^-64` then count as 0. So coordinates of one scene should not
+//! differ by 18 orders of magnitude. The last bits of `t`, `u` and `v` may depend on the scale factor of the scene.
 //!
-//! No hit depends on a tree: not on its age, on [`Update`](crate::Update) or on [`Layout`](crate::Layout).
-//! So a run can be repeated, with another number of threads too.
+//! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update) nor on [`Layout`](crate::Layout). So
+//! a run can be repeated with the same hits, also with another number of threads.
 //!
 //! ```
 //! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};
@@ -41,7 +41,7 @@
 //! let corners = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.1, 1.0, 0.0], [1.1, 1.1, 0.0]];
 //! let mut scene = Scene::new();
 //! scene.add(Mesh::fixed(&corners, &[[0, 1, 2], [2, 1, 3]])?);
-//! // Rays from odd places to the edge that both triangles share, from corner 1 to corner 2.
+//! // Rays from irregular positions to the edge between corners 1 and 2, which both triangles share.
 //! let rays: Vec<Ray> = (1..1000).map(|i| {
 //!     let (along, i) = (i as f32 / 1000.0, i as f32);
 //!     let origin = [0.3 * i.sin(), 0.7 * i.cos(), 3.0];
@@ -60,20 +60,20 @@
 //! # Ok::<_, abvh::Error>(())
 //! ```
 //!
-//! # What misses
+//! # Rays and triangles that never hit
 //!
 //! - A ray whose direction is zero, whose origin or direction is not finite, or whose interval is empty.
-//! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. Nothing is added to `t_min`: a ray that
-//!   starts on a surface needs one above 0 to leave it.
+//! - A triangle whose reported `t` is not strictly between `t_min` and `t_max`. No epsilon is added to `t_min`: a ray that
+//!   starts on a surface needs a `t_min` above 0 to miss that surface.
 //! - A triangle with a vertex that is not finite, or without area. [`Statistics`](crate::Statistics) counts both.
 //!
 //! Both sides of a triangle are hit.
 //!
 //! # All hits along a ray
 //!
-//! A ray that continues with `t_min` equal to the reported `t` never meets the same triangle again. With `Exact`, such a
-//! walk visits all crossings in the order of their exact `t`. It skips only triangles that report the same `t` as the
-//! one before, such as the second triangle at a shared edge.
+//! A ray that continues with `t_min` equal to the reported `t` never hits the same triangle again. With `Exact`, this
+//! loop visits all hits in the order of their exact `t`. It skips only triangles that report the same `t` as the
+//! previous hit, such as the second triangle at a shared edge.
 //!
 //! ```
 //! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};

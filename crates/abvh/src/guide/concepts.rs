@@ -1,24 +1,24 @@
 //! Scenes, steps, queries, hits, trees.
 //!
-//! A [`Scene`](crate::Scene) is a list of meshes. [`Builder::build`](crate::Builder::build) hands it to a
-//! [`Tracer`](crate::Tracer), which puts it on a [`Device`](crate::Device). From then on no mesh is added,
-//! but any may be [replaced](crate::Tracer::replace).
+//! A [`Scene`](crate::Scene) is a list of meshes. [`Builder::build`](crate::Builder::build) moves it into a
+//! [`Tracer`](crate::Tracer), which uploads it to a [`Device`](crate::Device). After that no mesh can be added, but
+//! each can be [replaced](crate::Tracer::replace).
 //!
-//! | mesh | moves by | in steps that do not move it |
+//! | mesh | is moved by | in steps that do not move it |
 //! |---|---|---|
 //! | [`Mesh::fixed`](crate::Mesh::fixed) | nothing | |
 //! | [`Mesh::keyframes`](crate::Mesh::keyframes) | the step's time, in key frames: at 2.5, halfway from key 2 to key 3 | follows the time |
-//! | [`Mesh::sequence`](crate::Mesh::sequence) | likewise, by key frames that are read while they are played | follows the time |
-//! | [`Mesh::streamed`](crate::Mesh::streamed) | [`Step::vertices`](crate::Step::vertices) | stays |
-//! | [`Mesh::rigid`](crate::Mesh::rigid) | [`Step::poses`](crate::Step::poses), a matrix for each part | stays |
+//! | [`Mesh::sequence`](crate::Mesh::sequence) | the step's time, with key frames that are read while they are played | follows the time |
+//! | [`Mesh::streamed`](crate::Mesh::streamed) | [`Step::vertices`](crate::Step::vertices) | keeps its positions |
+//! | [`Mesh::rigid`](crate::Mesh::rigid) | [`Step::poses`](crate::Step::poses), a matrix for each part | keeps its positions |
 //!
-//! With the feature `files`, `Mesh::open` makes a mesh of files: OBJ, PLY and glTF, with their motion and colours.
+//! With the feature `files`, `Mesh::open` reads OBJ, PLY and glTF files, with their motion and colours.
 //!
-//! A [`Step`](crate::Step) is one moment: first meshes are moved, then any number of queries is traced, then it is
-//! submitted. [`Tracer::hits`](crate::Tracer::hits) waits for a query and returns a handle to its results, which keeps them
-//! without a copy. [`Tracer::is_done`](crate::Tracer::is_done) polls.
-//! A result can be read until the second step after its own is submitted, [`Hits`](crate::Hits) that were read for longer.
-//! A step that is dropped instead of submitted frees its results at once and does not count.
+//! A [`Step`](crate::Step) first moves meshes, then traces any number of queries, and is then submitted.
+//! [`Tracer::hits`](crate::Tracer::hits) waits for a query and returns a handle to its results, without a copy.
+//! [`Tracer::is_done`](crate::Tracer::is_done) polls.
+//! A result can be read until the second step after its own is submitted. [`Hits`](crate::Hits) that were read before
+//! remain valid. A step that is dropped instead of submitted frees its results at once and does not count.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Tracer};
@@ -44,22 +44,23 @@
 //!
 //! # Pictures
 //!
-//! [`Step::render`](crate::Step::render) traces a camera with shadows of a point light, and shades what it sees: on a GPU
-//! there, else on the host.
-//! [`Tracer::pixels`](crate::Tracer::pixels) copies the result, four bytes a pixel. Every device gives the same bytes.
-//! Meshes are grey unless they [have colours](crate::Mesh::with_colours).
-//! [`Tracer::render_frames`](crate::Tracer::render_frames) makes many, one after another, and lends each: see [`frames`](crate::frames).
+//! [`Step::render`](crate::Step::render) traces a camera with shadows of a point light and shades the hits, on the GPU
+//! or, without a GPU, on the host. [`Tracer::pixels`](crate::Tracer::pixels) copies the picture, four bytes per pixel.
+//! Every device produces the same bytes. Meshes are grey unless they [have colours](crate::Mesh::with_colours).
+//! [`Tracer::render_frames`](crate::Tracer::render_frames) renders a sequence of pictures and passes each to a closure:
+//! see [`frames`](crate::frames).
 //!
 //! # Units
 //!
-//! Positions have whatever unit yours have. `t` counts lengths of the ray's direction, above 2 each: a distance where that
-//! has length 1. For rays of a [`Camera`](crate::Camera) it is the depth along the line of sight.
-//! Where a triangle has the vertices `a`, `b`, `c`, the point is `(1 - u - v) a + u b + v c`.
-//! Of hits at the same `t`, the mesh that was added first wins, then the triangle with the least number.
+//! Positions may have any unit. `t` is in units of the length of the ray's direction, which is 2 in the example above.
+//! For a direction of length 1, it is a distance. For rays of a [`Camera`](crate::Camera), it is the depth along the
+//! line of sight. In a triangle with vertices `a`, `b`, `c`, the hit point is `(1 - u - v) a + u b + v c`. Of hits with
+//! equal `t`, the mesh that was added first wins, then the triangle of lowest index.
 //!
 //! # Trees
 //!
-//! Rays are traced through a bounding volume hierarchy. The device refits it to each step's vertices, while threads of the
-//! host build the next one. So only the first step waits for a build, unless you ask for
-//! [`Update::Rebuild`](crate::Update::Rebuild) or [`Update::Lockstep`](crate::Update::Lockstep).
-//! Trees decide how fast a hit is found, never which. [`Tracer::statistics`](crate::Tracer::statistics) tells their age and cost.
+//! Rays are traced through a bounding volume hierarchy. The device refits it to each step's vertices, while host
+//! threads build the next one. So only the first step waits for a build, except with
+//! [`Update::Rebuild`](crate::Update::Rebuild) or [`Update::Lockstep`](crate::Update::Lockstep). Trees affect the speed
+//! of queries, never their results. [`Tracer::statistics`](crate::Tracer::statistics) returns the age and the cost of
+//! the tree.

@@ -1,4 +1,4 @@
-//! Where rays are traced.
+//! Devices: selection, sharing, threads.
 //!
 //! | [`Device`](crate::Device) | traces with |
 //! |---|---|
@@ -8,15 +8,17 @@
 //! | `Wgpu(adapter)` | compute shaders through wgpu; feature `wgpu` |
 //! | `Own(device)` | compute shaders on a wgpu device that the program opened: see `own_device` |
 //!
-//! Both features are on by default; the host is always there. No GPU needs ray-tracing hardware. An adapter is an index or
-//! a part of a name; `None` takes the first GPU, else the first of all.
+//! Both features are enabled by default. The host is always available. GPUs need no ray-tracing hardware. An adapter is
+//! an index or a part of a name. `None` selects the first GPU or, without a GPU, the first adapter.
 //!
-//! `Auto` never takes a driver that runs shaders on the host's cores, and takes the host where a GPU cannot be opened.
-//! A device that you name is never replaced: if it cannot run, the error is [`Error::NoDevice`](crate::Error::NoDevice).
-//! [`Tracer::device`](crate::Tracer::device) tells what was taken, [`doctor`](crate::doctor()) why no GPU can be, and how
-//! to mend that. To open a device takes longer than to load a scene:
-//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another one on a device that is open,
-//! [`Builder::build_on`](crate::Builder::build_on) a scene on a backend of the program's own.
+//! `Auto` prefers the host to a driver that runs shaders on the host's cores, and takes the host if no GPU can be
+//! opened. A device that the program names is never replaced by another: if it cannot run, the error is
+//! [`Error::NoDevice`](crate::Error::NoDevice). [`Tracer::device`](crate::Tracer::device) returns the device in use.
+//! [`doctor`](crate::doctor()) reports why no GPU can be used, and how to fix it.
+//!
+//! Opening a device takes longer than loading a scene.
+//! [`Builder::build_in_place_of`](crate::Builder::build_in_place_of) loads another scene on an open device.
+//! [`Builder::build_on`](crate::Builder::build_on) loads a scene on the program's own backend.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Scene, Tracer};
@@ -41,27 +43,28 @@
 //!
 //! # A program's own device
 //!
-//! With `Own(device)`, vertices ([`Source`](crate::Source)) and rays may come from the program's wgpu buffers. Closest hits
-//! can be written to one, too (`own_device::RayBuffers`). All of it runs in the order of the program's queue, or with
-//! `Step::encode` in that of its commands. Its own shaders trace rays by the text that `shader_module` gives.
+//! With `Own(device)`, vertices ([`Source`](crate::Source)) and rays may come from the program's wgpu buffers, and
+//! results can be written to the program's buffers (`own_device::RayBuffers`). The work runs in the order of the
+//! program's queue or, with `Step::encode`, in the order of its commands. The program's shaders trace rays with the
+//! WGSL source from `shader_module`.
 //!
 //! # Memory that CUDA shares
 //!
-//! On `Vulkan(adapter)`, vertices, rays and answers may lie in memory that the library exports and another interface to the
-//! same GPU imports: see `external_memory`. A timeline semaphore orders their work; no host copies anything or waits.
+//! On `Vulkan(adapter)`, vertices, rays and results may be in memory that the library exports and another API on the
+//! same GPU imports: see `external_memory`. A timeline semaphore orders the work, without copies or waits on the host.
 //!
 //! # Threads
 //!
-//! [`Builder::threads`](crate::Builder::threads) limits the threads that build trees, and those that trace on the host;
-//! [`Builder::builder_threads`](crate::Builder::builder_threads) sets the former alone.
-//! Otherwise a quarter of four or more cores of the host builds while the others trace; beside a GPU, one for two cores
-//! builds. A [`Tracer`](crate::Tracer) may be sent to another thread, and several may exist side by side. Each has its own
-//! device and its own trees.
+//! [`Builder::threads`](crate::Builder::threads) sets the number of threads that trace on the host or, if a GPU traces,
+//! build trees. [`Builder::builder_threads`](crate::Builder::builder_threads) sets the number that build trees. By
+//! default, if the host has four or more cores, a quarter builds while the others trace. For a GPU, one thread per
+//! two cores builds. A [`Tracer`](crate::Tracer) can be sent to another thread, and a program can have several tracers.
+//! Each has its own device and trees.
 //!
-//! Tracers may be used from tasks of rayon, tokio and other runtimes. A call blocks its thread, which runs no other task
-//! meanwhile. Parallel work runs in pools of the library, never in rayon's global pool. A rayon worker starts a short-lived
-//! thread for each parallel part of a call, which takes some tens of microseconds.
+//! Tracers can be used from tasks of rayon, tokio and other runtimes. A call blocks its thread, which runs no other
+//! task meanwhile. Parallel work runs in the library's own thread pools, never in rayon's global pool. If the caller is
+//! a rayon worker, each parallel part of a call starts a short-lived thread, which takes some tens of microseconds.
 //!
 //! # First run
 //!
-//! Compiled shaders are kept in the folder `abvh` of the user's cache, so a second run starts faster.
+//! Compiled shaders are stored in the folder `abvh` of the user's cache, so the second run starts faster.

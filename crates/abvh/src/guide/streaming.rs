@@ -1,24 +1,25 @@
 //! Meshes that a simulation moves.
 //!
-//! [`Step::vertices`](crate::Step::vertices) takes all vertices of a mesh, in the order in which it was made, and copies
-//! them before it returns. The triangles stay those it was made with. [`Step::poses`](crate::Step::poses) takes a
-//! [`Matrix`](crate::Matrix) for each part, from where the part was made to where it is: matrices do not add up.
+//! [`Step::vertices`](crate::Step::vertices) takes all vertices of a mesh in their original order, and copies them
+//! before it returns. The triangles do not change. [`Step::poses`](crate::Step::poses) takes a
+//! [`Matrix`](crate::Matrix) for each part. A matrix maps the part's initial positions to the current ones, so matrices
+//! of successive steps are independent.
 //!
-//! [`Step::vertices_mut`](crate::Step::vertices_mut) lends the memory that the GPU reads instead: a simulation writes there,
-//! and nothing is copied. Meshes that are fixed are sent once; a step costs what its moving vertices cost.
-//! Vertices that the program computed on its own wgpu device never pass through the host: `Source::Wgpu` names their buffer.
-//! Nor do those that CUDA computed in memory which the library's Vulkan device shares: `Source::External`.
+//! [`Step::vertices_mut`](crate::Step::vertices_mut) returns memory that the GPU reads: the simulation writes there,
+//! and nothing is copied. Fixed meshes are uploaded once, so the cost of a step depends only on the moving vertices.
+//! Vertices that the program computed on its own wgpu device are not copied to the host: `Source::Wgpu` takes their
+//! buffer. The same holds for vertices that CUDA computed in memory of the library's Vulkan device: `Source::External`.
 //!
-//! All come before the step's first query, else they are [`Error::TooLate`](crate::Error::TooLate). A mesh that
-//! a step does not move stays where it is.
+//! All meshes must be moved before the step's first query, otherwise the error is
+//! [`Error::TooLate`](crate::Error::TooLate). A mesh that a step does not move keeps its positions.
 //!
 //! # Overlap
 //!
-//! On a GPU, [`Step::submit`](crate::Step::submit) returns while its queries run; [`Tracer::hits`](crate::Tracer::hits)
-//! waits, and [`Tracer::is_done`](crate::Tracer::is_done) polls. Simulate and submit the next step before you read the hits
-//! of the last one, and the GPU works meanwhile. [`Hits`](crate::Hits) may be held while further steps are prepared.
-//! Two queries may be under way: [`Step::trace`](crate::Step::trace) waits for the first before it begins a third. On the
-//! host it does the work itself.
+//! On a GPU, [`Step::submit`](crate::Step::submit) returns while its queries run. [`Tracer::hits`](crate::Tracer::hits)
+//! waits for a query, and [`Tracer::is_done`](crate::Tracer::is_done) polls. To keep the GPU busy, simulate and submit
+//! the next step before reading the hits of the last one. [`Hits`](crate::Hits) remain valid while further steps are
+//! prepared. Two queries can be in flight: [`Step::trace`](crate::Step::trace) waits for the first before it submits a
+//! third. On the host, [`Step::trace`](crate::Step::trace) traces the rays before it returns.
 //!
 //! ```
 //! use abvh::{Device, Mesh, Query, Ray, Scene, Source, Tracer};
@@ -45,29 +46,29 @@
 //!
 //! # New topology
 //!
-//! A mesh that tears, or grows, gets other vertices and triangles by [`Tracer::replace`](crate::Tracer::replace).
-//! A scene with them is loaded beside the steps, and its first tree built by the threads that build trees anyway. It
-//! counts once the program hands it to [`Tracer::commit`](crate::Tracer::commit), between two steps: from then on
-//! [`Step::vertices`](crate::Step::vertices) takes the new number.
+//! [`Tracer::replace`](crate::Tracer::replace) replaces the vertices and triangles of a mesh, for example when it tears
+//! or grows. The new scene is loaded in parallel with steps, and the builder threads build its first tree. The program
+//! commits it between two steps with [`Tracer::commit`](crate::Tracer::commit). From then on,
+//! [`Step::vertices`](crate::Step::vertices) takes the new number of vertices.
 //!
-//! [`Replacement::is_ready`](crate::Replacement::is_ready) tells when that need not wait. Other meshes stay where they are,
-//! and all keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until they are dropped,
-//! both scenes take memory.
+//! [`Replacement::is_ready`](crate::Replacement::is_ready) returns whether the commit would not wait. Other meshes keep
+//! their positions, and all meshes keep their [`MeshId`](crate::MeshId). Hits of earlier steps can still be read. Until
+//! they are dropped, both scenes take memory.
 //!
-//! Replacements of several meshes may be prepared at a time. They are prepared for the scene as it is, so all but the first
-//! to be committed are prepared once more by `commit`, which waits for that.
+//! Several meshes can be replaced at the same time. Each replacement is prepared for the current scene, so after the
+//! first commit, `commit` prepares each of the others again and waits for that.
 //!
 //! # Trees ahead of the motion
 //!
-//! [`Update::Auto`](crate::Update::Auto) takes [`Update::Async`](crate::Update::Async) for whatever moves. Then the next
-//! tree is built for where vertices are going, on the line through their last two places.
-//! Motion may turn or jump all the same. A tree that fits badly costs time, and no hit changes.
-//! Where it jumps in every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) has the GPU make a tree for each.
+//! [`Update::Auto`](crate::Update::Auto) selects [`Update::Async`](crate::Update::Async) for scenes that can move. The
+//! next tree is then built for predicted positions, on the line through the last two positions of each vertex. If the
+//! motion turns or jumps, the tree fits worse and queries take longer, but no hit changes. For motion that jumps in
+//! every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) makes the GPU build a tree in each step.
 //!
-//! Which step gets which tree depends on how fast the machine is. [`Update::Lockstep`](crate::Update::Lockstep) fixes it, so
-//! that each run does the same work.
+//! The tree that a step uses depends on the speed of the machine. [`Update::Lockstep`](crate::Update::Lockstep) fixes
+//! it, so that each run does the same work.
 //!
 //! # Numbers that are not finite
 //!
-//! A vertex may be NaN or infinite: its triangles are then inactive, never hit, and counted by
-//! [`Statistics::inactive`](crate::Statistics::inactive). That also hides triangles that are not needed at the moment.
+//! A vertex may be NaN or infinite. Its triangles are then inactive: they are never hit, and
+//! [`Statistics::inactive`](crate::Statistics::inactive) counts them. This can be used to hide triangles.

@@ -1,11 +1,11 @@
-//! The choice among made-up backends.
+//! Tests of the selection with fake backends.
 
 use super::*;
 use crate::adapters::named;
 use DeviceKind::{Cpu, Gpu, Software};
 use std::cell::RefCell;
 
-/// What a made-up backend offers, and how opening it ends.
+/// A fake backend: its adapters, and the error of opening it, if any.
 #[derive(Clone)]
 struct Fake {
     name: &'static str,
@@ -30,7 +30,7 @@ fn absent(name: &'static str) -> Fake {
     }
 }
 
-/// One card, which cannot be opened.
+/// A backend with one GPU that cannot be opened.
 fn broken(name: &'static str, breaks: fn() -> BackendError) -> Fake {
     Fake {
         breaks: Some(breaks),
@@ -79,7 +79,7 @@ impl Fake {
     }
 }
 
-/// The reason, and what the choice did, in order: `list NAME` or `open NAME ADAPTER`.
+/// Returns the reason, and the log of the selection: `list NAME` or `open NAME ADAPTER`.
 fn choose(
     fakes: &[Fake],
     asked: Option<&str>,
@@ -112,7 +112,8 @@ fn choose(
     (taken.map(|((), why)| why), log.take())
 }
 
-/// The reason is told, or the refusal, each with all of `says`; what was done is `log`, where that is not empty.
+/// Checks that the reason or the error contains each of `says`, and that the selection's log is `log` unless that is
+/// empty.
 fn check(fakes: &[Fake], asked: Option<&str>, log: &str, says: &[&str]) {
     let (found, did) = choose(fakes, asked, false);
     let text = found.unwrap_or_else(|vain| format!("refused: {}", vain.why));
@@ -139,7 +140,7 @@ fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() 
     let cases: [(&[Fake], &str, &[&str]); 7] = [
         (&[both, next(), host()], first, &[is_gpu]),
         (&[soft, host()], on_host, &["a finds no GPU but only soft"]),
-        // A GPU that fails gives way to the next.
+        // If a GPU fails, the next is tried.
         (&[small("a"), next(), host()], after_small, &[limit]),
         (&[small("a"), small("b"), host()], "", &[limit, "b on card"]),
         (&[two, host()], after_two, &[]),
@@ -165,7 +166,7 @@ fn a_driver_that_traces_is_named_where_hardware_may_do_it() {
     let says = "--backend vulkan-rt is the faster choice";
     assert!(named.contains(says), "{named}");
     assert_eq!(named.matches("vulkan-rt").count(), 1, "{named}");
-    // Where the card was meant by name, too; but no driver on the host's cores is hardware.
+    // The hint also appears if the GPU was named, but not for a driver on the host's cores, which has no hardware.
     assert!(why(&[CARD], Some("card")).ends_with("the driver's affair"));
     assert!(!why(&[SOFT], Some("soft")).contains("vulkan-rt"));
 }
@@ -180,14 +181,14 @@ fn a_backend_that_would_find_no_more_is_not_even_listed() {
     for first in [fake("a", &[SOFT]), absent("a")] {
         assert!(!log(first).contains(&"list b".to_owned()));
     }
-    // But it is where the other has a GPU that it cannot use.
+    // It is listed if the other backend has a GPU but cannot use it.
     assert!(log(broken("a", too_small)).contains(&"open b card".to_owned()));
 }
 
 #[test]
 fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
     let fakes = [fake("a", &[SOFT, CARD]), host()];
-    // Both have a number 0, and the host comes before software.
+    // Both backends have an adapter 0, and the host is preferred to software.
     for (asked, opened, says) in [
         ("soft", "open a soft", "'soft' is soft"),
         ("host", "open cpu host", "host"),
@@ -215,7 +216,7 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
         ..host()
     };
     let small = broken("a", too_small);
-    // An adapter that is there but fails is not called absent.
+    // An adapter that exists but fails is not reported as missing.
     let only = "refused: triangles needs 4000, the limit is 1000";
     check(&[small.clone(), host(lost)], Some("card"), "", &[only]);
     check(&[host(lost)], None, "", &["refused: ", "wrong bits"]);

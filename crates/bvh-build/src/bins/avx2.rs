@@ -1,4 +1,4 @@
-//! Binning with vectors of eight lanes, which hold a whole box. The same minima of the same numbers: the same bits.
+//! Binning with vectors of eight lanes, which hold a whole box. The minima are the same, so the bits are equal.
 
 #![expect(
     unsafe_code,
@@ -9,10 +9,10 @@ use super::{Bins, Grid};
 use crate::prim::{Bounds, Prim};
 use std::arch::x86_64::*;
 
-/// [`Bins::add`], if the machine has the vectors.
+/// Returns [`Bins::add`] for AVX2, if the processor has it.
 #[inline]
 pub(super) fn add() -> Option<fn(&mut Bins, &[Prim], &Grid)> {
-    // SAFETY: the machine has them.
+    // SAFETY: the closure is returned only if the processor has AVX2, which is all that `add_wide` requires.
     let add = |bins: &mut Bins, prims: &[Prim], grid: &Grid| unsafe { add_wide(bins, prims, grid) };
     std::arch::is_x86_feature_detected!("avx2").then_some(add)
 }
@@ -52,7 +52,7 @@ mod tests {
             .map(|i| {
                 let (min, edge) = (corner(100.0), corner(4.0));
                 let max = [0, 1, 2].map(|k| min[k] + edge[k].max(0.0));
-                // Zeros of either sign, and points.
+                // Zeros of both signs, and points.
                 let (min, max) = match i % 5 {
                     0 => ([0.0; 3], [-0.0; 3]),
                     1 => (min, min),

@@ -1,29 +1,29 @@
-//! Which subtrees of a tree still lie together.
+//! Finds the subtrees of a tree that are still compact.
 
 use crate::gather::is_usable;
 use crate::{BinaryTree, Boxes, Subtree};
 use geom::Aabb;
 use rayon::prelude::*;
 
-/// Triangles of a group at most.
+/// Maximum number of triangles of a group.
 pub(super) const MOST: u32 = 8;
-/// Levels below a group's root at most.
+/// Maximum number of levels below a group's root.
 pub(super) const LEVELS: u32 = MOST - 1;
-/// Two parts are one while the area of the box round both is so many times that of both boxes at most.
+/// Maximum ratio of a box's area to the summed areas of its two child boxes, for each inner node of a group.
 const TOGETHER: f64 = 1.2;
-/// Subtrees of at most so many leaves are gone through by one thread.
+/// Maximum number of leaves of the subtrees that one task visits.
 const TASK: u32 = 2048;
 
-/// Sums of half areas of nodes of the tree at hand.
+/// Sums of half areas of nodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Areas {
     pub(super) root: f64,
     pub(super) all: f64,
-    /// Of those below the roots of groups.
+    /// Sum over the nodes below the roots of groups.
     pub(super) within_groups: f64,
 }
 
-/// Groups of a tree, from left to right, with their boxes; keeps its memory.
+/// Groups of a tree, from left to right, with their boxes. Keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Groups {
     pub(super) nodes: Vec<Subtree>,
@@ -51,7 +51,7 @@ impl Groups {
     }
 }
 
-/// Subtrees for one thread each that make up `node`, from left to right.
+/// Appends the subtrees of `node` that are one task each, from left to right.
 fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
     if node.leaves <= TASK {
         return out.push(node);
@@ -61,7 +61,7 @@ fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
     split(tree, b, out);
 }
 
-/// Adds the areas below `node` up; gives its box.
+/// Sums the areas below `node`. Returns its box.
 fn sum<'a>(
     tree: &BinaryTree,
     node: Subtree,
@@ -80,7 +80,7 @@ fn sum<'a>(
     part.bounds
 }
 
-/// Puts parts of all one after the other.
+/// Concatenates the slices that `of` returns for each part.
 fn join<T: Copy + Default + Send + Sync>(
     from: &[Part],
     to: &mut Vec<T>,
@@ -97,10 +97,10 @@ fn join<T: Copy + Default + Send + Sync>(
     places.into_par_iter().for_each(fill);
 }
 
-/// What one thread found at a time.
+/// Result of one task.
 #[derive(Debug, Default)]
 struct Part {
-    /// Of all triangles, from left to right.
+    /// Boxes of all triangles, from left to right.
     leaves: Vec<Aabb>,
     nodes: Vec<Subtree>,
     boxes: Vec<Aabb>,
@@ -108,12 +108,12 @@ struct Part {
     bounds: Aabb,
 }
 
-/// A subtree gone through.
+/// A visited subtree.
 #[derive(Clone, Copy)]
 struct Seen {
     bounds: Aabb,
     area: f64,
-    /// The areas below its root, if it is one group.
+    /// Sum of the areas below the root, if the subtree can be one group.
     within: Option<f64>,
 }
 
@@ -122,7 +122,7 @@ impl Part {
         self.nodes.clear();
         self.boxes.clear();
         self.areas = Areas::default();
-        // Triangles lie scattered in memory: asked for in a row, many are on their way at once.
+        // Triangles are scattered in memory. Reading all boxes in one loop overlaps the cache misses.
         let leaves = tree.triangles(task).iter().map(|&t| boxes.get(t));
         self.leaves.clear();
         self.leaves.extend(leaves);
@@ -131,7 +131,7 @@ impl Part {
         self.bounds = seen.bounds;
     }
 
-    /// Adds the groups below `node`; the task's own leaves begin with `first`.
+    /// Adds the groups below `node`. The leaves of the task start at `first`.
     fn see(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Seen {
         let before = self.nodes.len();
         let seen = if node.leaves == 1 {
@@ -167,7 +167,7 @@ impl Part {
     }
 }
 
-/// A node of so many leaves over two.
+/// Combines two children to a node of `leaves` leaves.
 fn both([a, b]: [Seen; 2], leaves: u32) -> Seen {
     let bounds = a.bounds.union(b.bounds);
     let area = bounds.half_area();

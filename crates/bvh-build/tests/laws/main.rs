@@ -1,5 +1,5 @@
-//! What holds for the tree of any soup, built for one moment or for several: a permutation of the active triangles,
-//! consistent counts, bounded depth, and the same bits for every number of threads and every history of the workspace.
+//! Properties of the tree of any triangle soup: a permutation of the active triangles, consistent counts, bounded
+//! depth, and the same bits for every number of threads and every earlier use of the workspace.
 
 mod quality;
 
@@ -62,7 +62,7 @@ fn is_usable(b: &Aabb) -> bool {
     finite && !b.is_empty()
 }
 
-/// Each of `active` once, in a tree that is consistent and not deep; gives the depth of the deepest leaf.
+/// Checks that the tree contains each of `active` once, is consistent and not too deep. Returns the maximum leaf depth.
 fn check_holds(active: Vec<u32>, tree: &BinaryTree) -> u32 {
     let mut order = tree.order().to_vec();
     order.sort_unstable();
@@ -100,7 +100,7 @@ fn scaled(b: &Aabb, f: impl Fn(f32) -> f32) -> Aabb {
     }
 }
 
-/// One box of a soup, of one of the kinds that trouble builders.
+/// Returns one box of a kind that is difficult for builders.
 fn troublesome(kind: u8, scale: f32, random: &mut Rng) -> Aabb {
     let [at, size] = [1.0, 0.01].map(|most| [0; 3].map(|_| random.f32() * most));
     let mut b = Aabb {
@@ -123,7 +123,7 @@ fn troublesome(kind: u8, scale: f32, random: &mut Rng) -> Aabb {
     scaled(&b, |x| x * scale)
 }
 
-/// So many boxes of these kinds, one after the other.
+/// Returns `n` boxes that cycle through `kinds`.
 fn boxes(n: usize, kinds: &[u8], random: &mut Rng) -> Vec<Aabb> {
     let kinds = kinds.iter().cycle().take(n);
     kinds.map(|&kind| troublesome(kind, 1.0, random)).collect()
@@ -170,7 +170,7 @@ proptest! {
     }
 }
 
-/// A fault that comes with threads shows in any large soup; the full tier tries more.
+/// Configures few cases, since any large soup reveals a threading error. The full tier runs more.
 fn soups_by_threads() -> ProptestConfig {
     let full = std::env::var("ABVH_FULL").is_ok_and(|v| v == "1");
     ProptestConfig::with_cases(if full { 12 } else { 3 })
@@ -231,7 +231,7 @@ fn odd_scenes_stay_within_the_depth_bound() {
     }
     let nested = |i: u16| cube([-f32::from(i); 3], 2.0 * f32::from(i));
     check(&[(0..5_000).map(nested).collect()]);
-    // Specks too small to tell apart share a scene with a large box.
+    // Boxes too small to distinguish share a scene with a large box.
     let speck = |i: u32| cube([f32::from_bits(i), 0.0, 0.0], 0.0);
     let large = cube([0.5; 3], 0.5);
     check(&[(0..1_000).map(speck).chain([large]).collect()]);
@@ -239,8 +239,8 @@ fn odd_scenes_stay_within_the_depth_bound() {
 
 #[test]
 fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
-    // On each axis every point lies 64 times as far out as the next, so that each
-    // plane takes one away; the last 32 halve instead, for the exact sweep.
+    // On each axis, every point is 64 times as far out as the next, so that each plane separates one point. The last 32
+    // are halved by the exact sweep.
     let mut boxes = Vec::new();
     for i in 0..26 {
         let far = 2.0_f32.powi(58 - 6 * i);
@@ -256,7 +256,7 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
 
 #[test]
 fn the_scale_of_a_scene_does_not_change_its_tree() {
-    // Multiples of 2^-16 within -2..2 keep all their bits at every scale there is.
+    // Multiples of 2^-16 within -2..2 keep all their bits at every scale in this test.
     let round = |x: f32| ((x - 0.75) * 98_304.0).round() / 65_536.0;
     let boxes = boxes(3_000, &[0, 3, 4, 10], &mut Rng::with_seed(7));
     let boxes: Vec<_> = boxes.iter().map(|b| scaled(b, round)).collect();

@@ -1,4 +1,4 @@
-//! Binary record in, shape of the wide tree out: in parallel, level by level.
+//! Collapses a binary record to a wide tree, in parallel, level by level.
 
 use super::costs::CostedTree;
 use super::{Block, BlockTree, First, LANES, Link, RUN, Ranges, WideNode};
@@ -7,13 +7,14 @@ use geom::Aabb;
 use rayon::prelude::*;
 
 impl BlockTree {
-    /// Of a record, in the rayon pool that the caller installed; `triangles` are the scene's, three vertices each.
+    /// Collapses a record, in the rayon pool that the caller installed. `triangles` holds three vertex indices for each
+    /// triangle of the scene.
     ///
-    /// `with` is a box for each triangle, or none, and which of two subtrees a search asks first that any hit ends. Areas of
-    /// all nodes add up to the least that can be; without boxes, their triangles do.
+    /// `with` is a box for each triangle, or an empty slice, and the child that an any-hit traversal visits first. The
+    /// nodes have the least possible total area. Without boxes, they have the least possible total number of triangles.
     ///
     /// # Panics
-    /// If the record is not one of these triangles.
+    /// If the record does not belong to a scene of these triangles.
     #[must_use]
     pub fn of(tree: &Topology, triangles: &[[u32; 3]], with: (&[Aabb], First)) -> Self {
         let costed = &CostedTree::of(tree, with);
@@ -28,7 +29,7 @@ impl BlockTree {
         all
     }
 
-    /// All nodes, and the binary nodes that the blocks are to stand for.
+    /// Creates all wide nodes. Returns them with the binary root of each block.
     fn nodes_of(tree: &CostedTree<'_>, root: Option<NodeRank>) -> (Self, Vec<NodeRank>) {
         let mut all = Self::default();
         let mut roots = Vec::new();
@@ -47,7 +48,7 @@ impl BlockTree {
         (all, roots)
     }
 
-    /// Makes the nodes of one level, and tells the binary nodes of the next.
+    /// Appends the wide nodes of one level. Returns the binary roots of the next level's wide nodes.
     fn add_level(
         &mut self,
         tree: &CostedTree<'_>,
@@ -97,12 +98,12 @@ fn of_leaves(leaves: &Opened, leaf_triangles: &[u32], triangles: &[[u32; 3]]) ->
     block
 }
 
-/// Neighbouring subtrees that together make one node or block.
+/// Neighbouring binary subtrees that become the lanes of one wide node or block.
 #[derive(Clone, Copy, Debug, Default)]
 struct Opened {
     lanes: [NodeRank; LANES],
     count: usize,
-    /// First lane and end of each binary node opened; one less than lanes.
+    /// First lane and end of each opened binary node. There is one less than there are lanes.
     ranges: [[u8; 2]; LANES - 1],
 }
 
@@ -114,7 +115,7 @@ impl Opened {
         opened
     }
 
-    /// Puts the children of the inner node in `lane` in its place.
+    /// Replaces the inner node in `lane` by its children.
     fn open(&mut self, lane: usize, [left, right]: [NodeRank; 2]) {
         self.lanes.copy_within(lane + 1..self.count, lane + 2);
         self.lanes[lane] = left;
@@ -142,7 +143,7 @@ impl Opened {
 }
 
 impl CostedTree<'_> {
-    /// The subtrees of one node.
+    /// Returns the subtrees of one wide node.
     fn open_node(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);
         if self.size(root) as usize > LANES {
@@ -151,7 +152,7 @@ impl CostedTree<'_> {
         opened
     }
 
-    /// Puts the cheapest so many subtrees in the place of the one in `lane`.
+    /// Replaces the subtree in `lane` by the cheapest set of at most `lanes` subtrees.
     fn open(&self, opened: &mut Opened, lane: usize, lanes: usize) {
         let children = self.first_last(opened.lanes[lane]);
         let [a, b] = children.map(|child| self.costs(child));
@@ -159,7 +160,7 @@ impl CostedTree<'_> {
         let cheaper = |x, y| if cost(y) < cost(x) { y } else { x };
         let share = (2..lanes).fold(1, cheaper);
         opened.open(lane, children);
-        // The later one first, while the other still lies where it did.
+        // The right child first: opening it does not move the left child.
         for (lane, costs, share) in [(lane + 1, b, lanes - share), (lane, a, share)] {
             let enough = costs[..share]
                 .iter()
@@ -170,7 +171,7 @@ impl CostedTree<'_> {
         }
     }
 
-    /// The leaves of one block.
+    /// Returns the leaves of one block.
     fn open_block(&self, root: NodeRank) -> Opened {
         let mut opened = Opened::of(root);
         let mut lane = 0;

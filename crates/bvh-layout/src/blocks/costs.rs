@@ -1,36 +1,36 @@
-//! What subtrees of a record cost as wide ones, from the bottom up.
+//! Costs of binary subtrees after collapsing, computed from the bottom up.
 
 use super::{First, LANES, RUN};
 use crate::{NodeRank, NodeRanks, Topology};
 use geom::Aabb;
 use rayon::prelude::*;
 
-/// What lies below a node of the binary tree.
+/// Summary of the subtree below a binary node.
 #[derive(Clone, Copy)]
 struct Subtree {
-    /// Empty if boxes are not known.
+    /// Empty if there are no boxes.
     bounds: Aabb,
     leaves: u32,
 }
 
-/// The least areas of all nodes and blocks below a subtree and of itself, if so many lanes are left for it: one, two, up
-/// to all but one.
+/// Entry `i` is the least total area of the wide nodes and blocks of a subtree that may take `i + 1` lanes of its
+/// parent.
 pub(super) type Costs = [f32; LANES - 1];
 
-/// A binary record, and what its subtrees cost as wide ones.
+/// A binary record, and the costs of its subtrees after collapsing.
 pub(super) struct CostedTree<'a> {
     ranks: NodeRanks<'a>,
-    /// All inner nodes.
+    /// One entry per inner node.
     subtrees: Vec<Subtree>,
-    /// Of each inner node that is too large for a block. The other entries mean nothing.
+    /// Costs of each inner node that is too large for a block. The other entries are unused.
     large: Vec<Costs>,
-    /// One over the root's half area, if boxes are known.
+    /// Reciprocal of the root's half area, if there are boxes.
     over_root: Option<f64>,
     first: First,
 }
 
 impl<'a> CostedTree<'a> {
-    /// Areas are known if there is a box for each triangle.
+    /// Computes all costs. Boxes are used only if there is one for each triangle.
     pub(super) fn of(tree: &'a Topology, (boxes, first): (&[Aabb], First)) -> Self {
         let boxes = Some(boxes).filter(|boxes| boxes.len() == tree.triangle_count());
         let subtrees = subtrees(tree, boxes);
@@ -46,8 +46,8 @@ impl<'a> CostedTree<'a> {
         costed
     }
 
-    /// From the bottom up (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
-    /// BVHs*, 2017).
+    /// Computes costs from the bottom up (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through
+    /// Compressed Wide BVHs*, 2017).
     fn costs_of_large(&self, tree: &Topology) -> Vec<Costs> {
         let mut all = vec![[0.0; LANES - 1]; self.subtrees.len()];
         let levels: Vec<_> = tree.levels().collect();
@@ -66,7 +66,7 @@ impl<'a> CostedTree<'a> {
         all
     }
 
-    /// Leaves of a node.
+    /// Returns the number of leaves of a node.
     #[inline]
     pub(super) fn size(&self, node: NodeRank) -> u32 {
         match node.leaf() {
@@ -75,7 +75,7 @@ impl<'a> CostedTree<'a> {
         }
     }
 
-    /// An inner node's share of the root's area. Where that is not known, its leaves stand for it.
+    /// Returns an inner node's area relative to the root's. Without boxes, returns its number of leaves.
     fn area(&self, inner: NodeRank) -> f32 {
         let subtree = &self.subtrees[inner.rank() as usize];
         match self.over_root {
@@ -88,7 +88,8 @@ impl<'a> CostedTree<'a> {
         self.costs_by(node, &self.large, 0)
     }
 
-    /// `large` begins with the inner node `first`. A leaf is a block wherever it is.
+    /// Returns the costs of a node. `large` begins with inner node `first`. A leaf here is a child of a large node, so
+    /// it is a block of its own in every wide tree, and its area is left out.
     fn costs_by(&self, node: NodeRank, large: &[Costs], first: usize) -> Costs {
         if node.leaf().is_some() {
             [0.0; LANES - 1]
@@ -103,10 +104,10 @@ impl<'a> CostedTree<'a> {
         self.ranks.children(inner)
     }
 
-    /// Likewise, that which is asked first in the later lane.
+    /// Returns both children. The one to visit first comes last, since traversal visits later lanes first.
     pub(super) fn first_last(&self, inner: NodeRank) -> [NodeRank; 2] {
         let [left, right] = self.children(inner);
-        // A leaf's area is not at hand: none is less than any.
+        // A leaf's area is not stored: its `None` is less than any area.
         let known = |child: NodeRank| child.leaf().is_none().then(|| self.area(child));
         let has_order = self.first == First::Larger && self.over_root.is_some();
         match has_order && known(left) < known(right) {
@@ -116,7 +117,7 @@ impl<'a> CostedTree<'a> {
     }
 }
 
-/// All inner nodes.
+/// Summarizes the subtree of every inner node.
 fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<Subtree> {
     let triangles = tree.leaf_triangles();
     let leaf = |rank: u32| Subtree {
@@ -135,7 +136,7 @@ fn subtrees(tree: &Topology, boxes: Option<&[Aabb]>) -> Vec<Subtree> {
     })
 }
 
-/// Of a node of that area, by its children's.
+/// Computes the costs of a node from its area and its children's costs.
 fn costs_above(area: f32, a: &Costs, b: &Costs) -> Costs {
     let opened = |lanes: usize| {
         let shares = a[..lanes - 1].iter().zip(b[..lanes - 1].iter().rev());

@@ -1,79 +1,79 @@
-//! The tree once more, with eight children a node and eight triangles a block.
+//! The tree in its eight-wide form: eight children per node and eight triangles per block.
 
 mod collapse;
 mod costs;
 
 use std::ops::Range;
 
-/// Nodes or blocks that one task handles.
+/// Number of nodes or blocks per task.
 const RUN: usize = 2048;
 
-/// Children of a node, and triangles of a block.
+/// Maximum number of children of a node, and of triangles of a block.
 pub const LANES: usize = 8;
 
-/// Which of two subtrees a search asks first that any hit ends.
+/// The child that an any-hit traversal visits first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum First {
-    /// That of the larger area, where boxes are known: it is the likelier to end a ray. A leaf comes after.
+    /// The child of larger area, which is more likely to end the ray. Leaves come second. Without boxes, as `Left`.
     Larger,
-    /// The left one, as of trees that face the rays' end.
+    /// The left child, for trees that are built with the likely occluder on the left.
     Left,
 }
 
-/// The binary tree collapsed, for machines that test eight boxes or triangles at once (Wald, Benthin, Boulos 2008).
+/// The collapsed binary tree, for processors that test eight boxes or triangles at once (Wald, Benthin, Boulos 2008).
 ///
-/// A subtree of at most eight triangles is a *block*; above, a node holds up to eight subtrees, chosen so that a ray
-/// comes to few. There is always a root, and it is a node.
+/// A subtree of at most eight triangles is a *block*. Above blocks, a node holds up to eight subtrees, chosen so that
+/// rays visit few nodes. There is always a root, and it is a node.
 ///
-/// # What it costs
+/// # Size
 ///
-/// 56 bytes a node and 160 a block: about 23 bytes a triangle.
+/// 56 bytes per node and 160 per block: about 23 bytes per triangle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BlockTree {
-    /// Level by level, the root first.
+    /// Nodes level by level, root first.
     pub nodes: Vec<WideNode>,
-    /// In the order of their nodes and lanes.
+    /// Blocks in the order of their nodes and lanes.
     pub blocks: Vec<Block>,
-    /// Nodes of each level, root first.
+    /// Range of nodes of each level, root first.
     pub levels: Vec<Range<usize>>,
-    /// For each node, the first of its blocks; one more entry ends them.
+    /// Start of each node's blocks, and a final end: node `i` has blocks `first_blocks[i]..first_blocks[i + 1]`.
     pub first_blocks: Vec<u32>,
-    /// For each node, the first inner child of it or of those after it; one more entry ends them.
+    /// Start of each node's inner children, and a final end, in the same form as `first_blocks`.
     pub first_children: Vec<u32>,
 }
 
-/// Where a node's lanes lead.
+/// A wide node: the child of each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WideNode {
-    /// [`Link::ROOT`] in lanes without a child, which come last. Of the others the last one is to be asked first.
+    /// Children. Lanes without a child come last and hold [`Link::ROOT`]. Traversal visits later children first.
     pub links: [Link; LANES],
-    /// The binary nodes that it stands for.
+    /// The binary nodes that this node replaces.
     pub ranges: Ranges,
 }
 
 impl WideNode {
-    /// No children.
+    /// Node without children.
     pub const EMPTY: Self = Self {
         links: [Link::ROOT; LANES],
         ranges: Ranges::NONE,
     };
 }
 
-/// Up to eight triangles.
+/// A leaf of up to eight triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Vertices of each lane's triangle, for each corner.
+    /// Vertex index of each corner of each lane's triangle.
     pub vertices: [[u32; LANES]; 3],
-    /// Index in the scene; `u32::MAX` in lanes without a triangle, which come last.
+    /// Triangle index in the scene. Lanes without a triangle come last and hold `u32::MAX`.
     pub triangles: [u32; LANES],
-    /// The binary nodes that it stands for.
+    /// The binary nodes that this block replaces.
     pub ranges: Ranges,
-    /// Lanes with a triangle.
+    /// Number of lanes with a triangle.
     pub count: u8,
 }
 
 impl Block {
-    /// No triangles.
+    /// Block without triangles.
     pub const EMPTY: Self = Self {
         vertices: [[0; LANES]; 3],
         triangles: [u32::MAX; LANES],
@@ -82,63 +82,63 @@ impl Block {
     };
 }
 
-/// A node or (flagged) a block, which in a binary tree is a leaf.
+/// Reference to a node or to a block. Backends also use it for the leaves of a binary tree, in place of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Link(u32);
 
 impl Link {
     const BLOCK: u32 = 1 << 31;
-    /// The first node.
+    /// The root node.
     pub const ROOT: Self = Self(0);
 
-    /// A node by its number.
+    /// Returns the link to node `index`.
     #[must_use]
     pub const fn node(index: usize) -> Self {
         Self(index as u32)
     }
 
-    /// A block by its number.
+    /// Returns the link to block `index`.
     #[must_use]
     pub const fn block(index: usize) -> Self {
         Self(index as u32 | Self::BLOCK)
     }
 
-    /// It as a number.
+    /// Returns the link as a number.
     #[inline(always)]
     pub const fn bits(self) -> u32 {
         self.0
     }
 
-    /// The reverse of [`Link::bits`].
+    /// Returns the link that [`Link::bits`] encoded.
     #[inline(always)]
     pub const fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
-    /// Whether it leads to a block.
+    /// Returns whether this links to a block.
     #[inline(always)]
     pub const fn is_block(self) -> bool {
         self.0 & Self::BLOCK != 0
     }
 
-    /// Whether it leads to a node below the root.
+    /// Returns whether this links to a node other than the root.
     #[inline(always)]
     pub fn is_inner(self) -> bool {
         !self.is_block() && self != Self::ROOT
     }
 
-    /// Of the node or of the block.
+    /// Returns the index of the node or of the block.
     #[inline(always)]
     pub const fn index(self) -> usize {
         (self.0 & !Self::BLOCK) as usize
     }
 }
 
-/// The binary nodes that a node or block stands for, each a range of at least two neighbouring lanes.
+/// The binary nodes that a node or block replaces. Each covers a range of at least two neighbouring lanes.
 ///
-/// The box of a range is the union of two that may overlap, of two or of four lanes:
-/// as in a sparse table for range minima (Bender, Farach-Colton 2000).
+/// Every range is the union of two parts of equal length, two or four lanes, which may overlap. So its box is the union
+/// of two boxes, as in a sparse table for range minima (Bender, Farach-Colton 2000).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ranges {
     count: u8,
@@ -154,25 +154,25 @@ impl Ranges {
         places: [[0; LANES]; 2],
     };
 
-    /// How many there are.
+    /// Returns the number of ranges.
     #[inline(always)]
     pub const fn count(&self) -> usize {
         self.count as usize
     }
 
-    /// The first lanes of both parts of each range. What comes after the last range means nothing.
+    /// Returns the first lane of both parts of each range. Entries from [`Ranges::count`] on are unused.
     #[inline(always)]
     pub const fn places(&self) -> &[[u8; LANES]; 2] {
         &self.places
     }
 
-    /// For each range a bit: whether its parts are of four lanes, not of two.
+    /// Returns one bit per range: 1 if its parts have four lanes, 0 if they have two.
     #[inline(always)]
     pub const fn fours(&self) -> u8 {
         self.fours
     }
 
-    /// Takes a range of at least two lanes.
+    /// Appends a range of at least two lanes.
     fn push(&mut self, first: u8, end: u8) {
         let is_long = end - first >= 4;
         let at = self.count();

@@ -1,18 +1,18 @@
-//! The wide tree read back, lane by lane.
+//! Tests of the eight-wide form, read back lane by lane.
 
 use super::{random_tree, record, scene, shapes};
 use crate::{Block, BlockTree, First, LANES, Link};
 use bvh_build::{BinaryTree, Subtree};
 use geom::Aabb;
 
-/// Every triangle's own corners, so that vertices tell whose they are.
+/// Returns triangles without common vertices, so that a vertex identifies its triangle.
 fn triangles(n: usize) -> Vec<[u32; 3]> {
     (0..n as u32)
         .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
         .collect()
 }
 
-/// Triangles below a node, depth first, in the order of lanes.
+/// Appends the triangles below a node to `out`, depth first, last lane first.
 fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mut Vec<u32>) {
     assert!(
         tree.levels[depth].contains(&node),
@@ -24,13 +24,13 @@ fn below(tree: &BlockTree, node: usize, depth: usize, seen: &mut [u32], out: &mu
     let (links, empty) = links.split_at(children);
     assert!(empty.iter().all(|&link| link == Link::ROOT));
     assert_eq!(tree.nodes[node].ranges.count(), children.saturating_sub(1));
-    // Blocks lie in the order of nodes and lanes, and so do children.
+    // Blocks and inner children are in the order of nodes and lanes.
     let (blocks, nodes): (Vec<Link>, Vec<Link>) = links.iter().partition(|link| link.is_block());
     for (links, firsts) in [(blocks, &tree.first_blocks), (nodes, &tree.first_children)] {
         let places = firsts[node] as usize..firsts[node + 1] as usize;
         assert!(links.into_iter().map(Link::index).eq(places), "node {node}");
     }
-    // The left subtree is asked first, so it is in the last lane.
+    // The left subtree is visited first, so it is in the last lane.
     for link in links.iter().rev() {
         if link.is_block() {
             triangles_of(&tree.blocks[link.index()], out);
@@ -63,7 +63,7 @@ fn check(binary: &BinaryTree) {
         assert!(seen.iter().all(|&n| n == 1), "every node has one parent");
     }
     assert_eq!(found, binary.order());
-    // Every block belongs to a node, so all binary nodes have their ranges: as many as children or triangles, less one.
+    // Every block belongs to a node, so every binary node has a range: a node has one range less than it has children.
     let ends = (tree.first_blocks[0], *tree.first_blocks.last().unwrap());
     assert_eq!(ends, (0, tree.blocks.len() as u32));
 }
@@ -85,7 +85,7 @@ fn full_subtrees_make_full_nodes() {
     assert!(wide.blocks.len() * 4 < 20_000);
 }
 
-/// Equal boxes, but for that of one large triangle.
+/// Returns equal boxes, except for one large triangle.
 fn boxes(n: usize, large: u32) -> Vec<Aabb> {
     let bounds = |t| Aabb {
         min: [0.0; 3],
@@ -96,7 +96,7 @@ fn boxes(n: usize, large: u32) -> Vec<Aabb> {
 
 #[test]
 fn a_large_triangle_lies_higher_where_areas_are_known() {
-    // All subtrees are alike but those above one large triangle.
+    // Only the nodes above one large triangle differ in area.
     let tree = random_tree(20_000, 5);
     let record = record(&tree);
     let corners = triangles(scene(&tree));
@@ -114,7 +114,7 @@ fn a_large_triangle_lies_higher_where_areas_are_known() {
     assert!(depth(&by_area) < depth(&by_size));
 }
 
-/// The block that a search comes to that asks the last lane of each node first.
+/// Returns the block that a traversal reaches first.
 fn asked_first(wide: &BlockTree) -> &Block {
     let mut link = Link::ROOT;
     while !link.is_block() {
@@ -140,7 +140,7 @@ fn of_two_subtrees_the_larger_is_asked_first_or_the_left_one() {
     }
 }
 
-/// The box of what lies below a link, and the areas of all nodes and blocks there.
+/// Returns the box of the subtree at a link, and the total area of its nodes and blocks.
 fn areas_below(wide: &BlockTree, link: Link, boxes: &[Aabb]) -> (Aabb, f64) {
     let (mut bounds, mut sum) = (Aabb::EMPTY, 0.0);
     if link.is_block() {
@@ -159,14 +159,14 @@ fn areas_below(wide: &BlockTree, link: Link, boxes: &[Aabb]) -> (Aabb, f64) {
     (bounds, sum + bounds.half_area())
 }
 
-/// A binary tree with a box for each triangle, small enough to go through all its wide forms.
+/// A binary tree with a box for each triangle, small enough to enumerate all its wide forms.
 struct AllForms<'a> {
     tree: &'a BinaryTree,
     boxes: &'a [Aabb],
 }
 
 impl AllForms<'_> {
-    /// The least areas of all nodes and blocks below a subtree and of itself.
+    /// Returns the least total area of the wide nodes and blocks of a subtree.
     fn least(&self, node: Subtree) -> f64 {
         let leaves = node.leaves as usize;
         let triangles = &self.tree.order()[node.first_leaf as usize..][..leaves];
@@ -180,7 +180,7 @@ impl AllForms<'_> {
         own + opened.fold(f64::MAX, f64::min)
     }
 
-    /// All ways to part a subtree into at most eight, the first of which leaves it whole.
+    /// Returns all partitions of a subtree into at most eight subtrees. The first is the whole subtree.
     fn cuts(&self, node: Subtree) -> Vec<Vec<Subtree>> {
         let mut all = vec![vec![node]];
         if node.leaves as usize > LANES {

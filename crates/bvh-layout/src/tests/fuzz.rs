@@ -1,4 +1,4 @@
-//! Damaged records: taken only if they are records after all.
+//! Damaged records are accepted only if they are valid.
 
 use super::{chain, random_tree, record as record_of};
 use crate::treelets::depth_first;
@@ -6,7 +6,7 @@ use crate::{Converter, Spare, Topology};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// Words that are taken are what the converter makes of the tree that they hold, which shares no code with the check.
+/// Checks that accepted words equal the converter's record of their tree. The converter shares no code with validation.
 fn check_taken(words: Vec<u32>) -> Result<bool, TestCaseError> {
     let Ok(record) = Topology::from_words(words) else {
         return Ok(false);
@@ -26,7 +26,7 @@ fn record() -> impl Strategy<Value = Vec<u32>> {
     tree.prop_map(|tree| record_of(&tree).words().to_vec())
 }
 
-/// Damages some word, or the length.
+/// Damages one word, or the length.
 fn damage(words: &mut Vec<u32>, (kind, at, value): (u8, prop::sample::Index, u32)) {
     if words.is_empty() {
         return;
@@ -68,7 +68,7 @@ proptest! {
     }
 }
 
-/// Each line: a word of a record, what it becomes, and the error.
+/// Each line: index of a word, its new value, and the error.
 #[test]
 fn what_is_wrong_is_named() {
     let sample = record_of(&random_tree(40, 11));

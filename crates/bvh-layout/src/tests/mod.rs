@@ -1,4 +1,4 @@
-//! Trees to test with, and the reading of a record that tests trust.
+//! Test trees, and a reference check of records.
 
 mod blocks;
 mod fuzz;
@@ -9,7 +9,7 @@ use bvh_build::{BinaryTree, MAX_DEPTH};
 use geom::StaticParts;
 use std::collections::VecDeque;
 
-/// Grows a tree: `split` takes a subtree's leaves and depth and gives the leaves to the left.
+/// Creates a tree. `split` maps a subtree's number of leaves and depth to the number of leaves on the left.
 fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
     let mut left_leaves = Vec::new();
     let mut waiting = vec![(leaves as u32, 0)];
@@ -21,17 +21,17 @@ fn grow(leaves: usize, mut split: impl FnMut(u32, u32) -> u32) -> BinaryTree {
         }
     }
     let n = leaves as u32;
-    // A permutation with gaps: the scene has triangles that the tree leaves out.
+    // A permutation with gaps: the scene has triangles that are not in the tree.
     let order = (0..n).map(|i| (i * 7 + 3) % n.next_multiple_of(7).next_power_of_two() + 2);
     BinaryTree::new(order.collect(), left_leaves)
 }
 
-/// Triangles in a scene that the tree fits.
+/// Returns a number of scene triangles that fits the tree.
 pub(crate) fn scene(tree: &BinaryTree) -> usize {
     tree.order().iter().max().map_or(0, |&t| t as usize + 2)
 }
 
-/// Classes of `all` triangles, of which some move.
+/// Classifies `all` triangles as moving or static.
 pub(crate) fn parts(all: usize, moves: impl Fn(u32) -> bool) -> StaticParts {
     StaticParts {
         triangles: (0..all as u32).map(|t| !moves(t)).collect(),
@@ -43,7 +43,7 @@ pub(crate) fn record(tree: &BinaryTree) -> Topology {
     Converter::default().convert(tree, scene(tree), Spare::default())
 }
 
-/// A tree that is neither balanced nor too deep.
+/// Creates a tree that is neither balanced nor too deep.
 pub(crate) fn random_tree(leaves: usize, seed: u64) -> BinaryTree {
     let mut state = seed;
     grow(leaves, |k, _| {
@@ -56,7 +56,7 @@ pub(crate) fn random_tree(leaves: usize, seed: u64) -> BinaryTree {
     })
 }
 
-/// A tree as deep as any may be: of a node's leaves, `left` says how many go left as long as that allows.
+/// Creates a tree of maximum depth. `left` returns the number of leaves on the left while the depth limit permits.
 fn deep(leaves: usize, left: impl Fn(u32) -> u32) -> BinaryTree {
     grow(leaves, |k, depth| {
         let room = 1_u64 << (MAX_DEPTH - depth - 1);
@@ -68,12 +68,12 @@ fn deep(leaves: usize, left: impl Fn(u32) -> u32) -> BinaryTree {
     })
 }
 
-/// Such a tree whose leaves lie as far to the left as may be.
+/// Creates a tree of maximum depth in which every left child is a leaf, as far as the depth limit permits.
 pub(crate) fn chain(leaves: usize) -> BinaryTree {
     deep(leaves, |_| 1)
 }
 
-/// Every kind of shape, small: empty, single, full levels, chains, ragged ones, each side of a word's end.
+/// Returns small trees of every shape: empty, single, full, chains, ragged, and with sizes around word boundaries.
 pub(crate) fn shapes() -> Vec<BinaryTree> {
     let random = (0..70).chain([255, 256, 257, 1_000]);
     let mut all: Vec<BinaryTree> = random.map(|n| random_tree(n, n as u64)).collect();
@@ -83,7 +83,7 @@ pub(crate) fn shapes() -> Vec<BinaryTree> {
     all
 }
 
-/// Walks tree and record side by side, breadth first, with a queue as in the paper.
+/// Checks a record against its tree by a breadth-first walk over both, with a queue as in the paper.
 pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
     assert_eq!(record.leaf_count(), tree.leaf_count());
     assert_eq!(record.triangle_count(), scene(tree));
@@ -107,7 +107,7 @@ pub(crate) fn check_against(record: &Topology, tree: &BinaryTree) {
             assert_eq!(triangle, tree.order()[first_leaf as usize]);
             leaf += 1;
         } else {
-            // The children's numbers are those that the end of the queue will have.
+            // The children are appended to the queue, so their numbers follow those of its nodes.
             let next = node + queue.len() as u32 + 1;
             assert_eq!(Topology::children_of_inner(inner), [next, next + 1]);
             let left = tree.left_leaves()[preorder];

@@ -1,17 +1,17 @@
-//! Treelets read back, node by node.
+//! Tests of treelets, read back node by node.
 
 use super::{chain, random_tree, record, shapes};
 use crate::{Treelet, Treelets};
 use bvh_build::BinaryTree;
 use std::collections::BTreeMap;
 
-/// A reading of treelets that knows the layout's description alone, with what it found below each row of a box.
+/// Decodes treelets by the layout's documentation alone, and stores the subtree of each box's row.
 struct Reader<'a> {
     treelets: &'a Treelets,
     rows: BTreeMap<u32, Found>,
 }
 
-/// What stands below each row of a box.
+/// Returns the subtree of each box, by the first row of the box.
 pub(crate) fn rows_of(treelets: &Treelets) -> BTreeMap<u32, Found> {
     let rows = BTreeMap::new();
     let mut reader = Reader { treelets, rows };
@@ -37,7 +37,7 @@ pub(crate) fn rows_of(treelets: &Treelets) -> BTreeMap<u32, Found> {
     reader.rows
 }
 
-/// What a node stands for: its triangles, depth first, and the leaves to the left of each of its inner nodes.
+/// A decoded subtree: its triangles, depth first, and the number of leaves to the left of each inner node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Found {
     pub(crate) order: Vec<u32>,
@@ -59,7 +59,7 @@ impl Reader<'_> {
         assert!(self.rows.insert(row, found).is_none(), "row {row} twice");
     }
 
-    /// What a node of a treelet stands for, and its height; the flag says whether leaves are triangles.
+    /// Decodes a node of a treelet. Returns its subtree and height. The flag means that leaves are triangles.
     fn node(&mut self, of: (bool, Treelet), reference: u32) -> (Found, u32) {
         assert!(reference < 512);
         let ((is_lowest, entry), number) = (of, reference & 255);
@@ -131,7 +131,7 @@ fn check(tree: &BinaryTree) -> Treelets {
     treelets
 }
 
-/// The rows that a treelet's leaves stand on are all roots of its children and no others.
+/// Checks that the rows of a treelet's leaves are exactly the roots of its children.
 fn each_treelet_stands_below_one(treelets: &Treelets) {
     let all = (0..treelets.treelet_count() as u32).map(|t| (t, treelets.treelet(t as usize)));
     let levels = &treelets.levels;

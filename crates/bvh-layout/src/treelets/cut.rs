@@ -1,4 +1,4 @@
-//! Where to cut: subtrees that fit a treelet, and neighbours that fit one together.
+//! Partitions a tree: selects subtrees that fit a treelet, and packs neighbouring subtrees into one treelet.
 
 use super::Treelets;
 use crate::{NodeRank, Topology};
@@ -10,29 +10,33 @@ use std::ops::Range;
 pub(super) struct Cut {
     /// The subtrees that are kept whole, left to right.
     pub(super) roots: Vec<Subtree>,
-    /// Each treelet's share of them.
+    /// Range of roots of each treelet.
     pub(super) treelets: Vec<Range<usize>>,
-    /// What lies above, whose leaves the roots are: for each inner node in preorder, the roots to its left.
+    /// The tree above, whose leaves are the roots: for each inner node in preorder, the number of roots to its left.
     pub(super) above: Vec<u32>,
-    /// Which of the tree's inner nodes those are.
+    /// Index in the whole tree of each inner node of `above`.
     pub(super) names: Vec<u32>,
 }
 
-/// Triangles of a tree that is cut into the largest subtrees that fit. A device has enough workgroups to make all of its
-/// treelets at once, and fewer roots save levels.
+/// Maximum number of triangles of a tree that is cut into the largest subtrees that fit. A device has enough workgroups
+/// to refit all its treelets at once, and fewer roots save levels.
 const SMALL: usize = 1 << 17;
-/// Triangles of a larger tree's subtrees at most: four or more fill a treelet, on average to nine tenths, where the largest
-/// that fit leave three tenths empty (an H200: 17 us fewer at 1.6M triangles, of 146; with 128: 12, 48: 14 to 16).
+/// Maximum number of triangles of a subtree in larger trees. Four or more such subtrees fill a treelet to nine tenths
+/// on average, the largest that fit only to seven tenths. On an H200 at 1.6M triangles, a limit of 64 saves 17 of 146
+/// us, 128 saves 12, and 48 saves 14 to 16.
 const QUARTER: usize = Treelets::LEAVES / 4;
 
 impl Cut {
-    /// All levels, that of the triangles first.
+    /// Returns all levels, the level of the triangles first.
     ///
-    /// Each has at most a quarter of the roots of the one below, and one to spare: an inner node
-    /// that is cut through has more than 256 leaves; of such nodes without such children
-    /// there are fewer than a 256th of the leaves, and each has at most 64 nodes above. Where subtrees of the lowest
-    /// level are smaller, it has at most half as many roots as leaves: above each such node that has 65 leaves or more
-    /// there are at most 57 others (it is 7 levels high), and each has a leaf that is not below those.
+    /// With subtrees of at most 256 leaves, a level has at most one root more than a quarter of its leaves. The nodes
+    /// above the roots have more than 256 leaves. The lowest such nodes are fewer than a 256th of the leaves, and each
+    /// has at most 63 ancestors.
+    ///
+    /// With subtrees of at most 64 leaves, it has at most half as many roots as leaves. Let `m` be the number of lowest
+    /// nodes with 65 leaves or more. Each is at least 7 levels high, so it has at most 57 ancestors. Fewer than `m`
+    /// ancestors have two such nodes or more below different children. Each of the other `a <= 57 m` ancestors has a
+    /// child without such nodes, and so a leaf of its own. So there are at most `2 m + a` roots for `65 m + a` leaves.
     pub(super) fn all(tree: &BinaryTree) -> Vec<Self> {
         let most = match tree.leaf_count() {
             0..=SMALL => Treelets::LEAVES,
@@ -45,7 +49,7 @@ impl Cut {
             let next = Self::new(&last.above, Treelets::LEAVES, Some(&last.names));
             levels.push(next);
         }
-        // From the top down: roots go into one treelet only if they stand below one treelet.
+        // From the top down: roots share a treelet only if they are leaves of the same treelet above.
         let mut starts = Vec::new();
         for level in levels.iter_mut().rev() {
             level.treelets = pack(&level.roots, &starts);
@@ -65,7 +69,7 @@ impl Cut {
         let mut waiting = vec![(root, None)];
         while let Some((node, right_of)) = waiting.pop() {
             if let Some(parent) = right_of {
-                // Until its left side was done, the parent's entry held the roots before it.
+                // Until its left subtree is done, the parent's entry holds the number of roots before the parent.
                 let before: &mut u32 = &mut above[parent];
                 *before = roots.len() as u32 - *before;
             }
@@ -92,7 +96,7 @@ impl Cut {
     }
 }
 
-/// As many neighbours as fit into each treelet; another begins at each of `starts`, which rise.
+/// Packs as many neighbouring roots as fit into each treelet. A treelet begins at each of `starts`, which ascend.
 fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
     let (mut treelets, mut start, mut leaves) = (Vec::new(), 0, 0);
     let mut starts = starts.iter().copied().filter(|&at| at > 0).peekable();
@@ -108,7 +112,7 @@ fn pack(roots: &[Subtree], starts: &[usize]) -> Vec<Range<usize>> {
     treelets
 }
 
-/// A breadth-first record back to a depth-first tree.
+/// Converts a breadth-first record back to a depth-first tree.
 pub(crate) fn depth_first(topology: &Topology) -> BinaryTree {
     let (nodes, ranks) = (topology.node_count() as u32, topology.ranks());
     let sizes = topology.bottom_up(0_u32, |_| 1, |a, b| a + b);
@@ -118,7 +122,7 @@ pub(crate) fn depth_first(topology: &Topology) -> BinaryTree {
     };
     let mut order = vec![0; topology.leaf_count()];
     let mut left_leaves = vec![0; topology.leaf_count().saturating_sub(1)];
-    // Each node's first leaf and, if it is an inner node, its place in preorder.
+    // Each node's first leaf, and its preorder index if it is an inner node.
     let mut places = vec![(0_u32, 0_u32); nodes as usize];
     for node in 0..nodes {
         let (first_leaf, inner) = places[node as usize];

@@ -1,4 +1,4 @@
-//! From cuts to words: each treelet by itself, in parallel.
+//! Encodes treelets as words, each treelet independently, in parallel.
 
 use super::cut::Cut;
 use super::{Treelet, Treelets, WideTree};
@@ -6,32 +6,34 @@ use bvh_build::{BinaryTree, MAX_DEPTH, Subtree};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Bit 8 of a reference: a leaf.
+/// Bit 8 of a reference marks a leaf.
 const LEAF: u32 = 1 << 8;
-/// The first bit of an inner node's height, in its word.
+/// First bit of an inner node's height less one, in its word.
 const HEIGHT_AT: u32 = 26;
 
-/// Where inner nodes of the tree are in treelets: the number of the treelet, and from bit 8 down that of the node in it.
-/// Of nodes over so few triangles that a wide tree's blocks hold them, nothing is told.
+/// Place of each inner node of the tree: `treelet number << 8 | node number in the treelet`.
+/// Nodes of at most [`WideTree::LANES`] triangles have no place, since blocks of the wide tree contain them.
 pub(super) type Places = [AtomicU32];
 
-/// A treelet on its way: what it is made of, and its own part of the words.
+/// The inputs of one treelet, and its part of the output.
 struct Task<'a> {
     number: u32,
     left_leaves: &'a [u32],
-    /// Which of the tree's inner nodes those of its level are; none on the lowest, whose they are.
+    /// Index in the whole tree of each inner node of the level; `None` on the lowest level, where the indices are
+    /// equal.
     names: Option<&'a [u32]>,
     places: &'a Places,
     roots: &'a [Subtree],
     root_words: &'a mut [u32],
-    /// Its triangles; empty on higher levels, where no two leaves are joined.
+    /// Output for triangles; empty on higher levels, where leaves are not paired.
     triangles: &'a mut [u32],
     order: &'a [u32],
-    /// Room for as many inner nodes as it has leaves.
+    /// Output for inner nodes, as long as the treelet has leaves.
     inner: &'a mut [u32],
 }
 
-/// `room` and `words` lend their memory; what is in them does not matter. `places` have room for all inner nodes or none.
+/// Encodes all treelets. Reuses the memory of `room` and `words`, whatever they contain. `places` has an entry for
+/// every inner node, or is empty.
 pub(super) fn fill(
     tree: &BinaryTree,
     cuts: &[Cut],
@@ -47,7 +49,7 @@ pub(super) fn fill(
         0,
     );
     let inner_at = treelets * Treelets::ENTRY_WORDS + roots + leaves;
-    // Every word is written below, so none is cleared.
+    // Every word is written below, so reused words are not cleared.
     words.reserve((inner_at + room.len()).saturating_sub(words.len()));
     words.resize(inner_at, 0);
     let body = &mut words[treelets * Treelets::ENTRY_WORDS..];
@@ -72,7 +74,7 @@ fn leaves_of_each(cuts: &[Cut]) -> impl Iterator<Item = usize> {
         .flat_map(|cut| cut.treelets.iter().map(|t| cut.leaves(t).len()))
 }
 
-/// Copies every treelet's inner nodes from its room, which has a place for each leaf, to where they follow one another.
+/// Compacts the inner nodes of all treelets, which have one entry for each leaf in `room`, into `inner`.
 fn close_up(
     mut room: &[u32],
     leaves: impl Iterator<Item = usize>,
@@ -88,7 +90,7 @@ fn close_up(
     each.for_each(|(to, from)| to.copy_from_slice(&from[..to.len()]));
 }
 
-/// Cuts words for roots and triangles, and the room for inner nodes, into every treelet's own parts.
+/// Splits the outputs for roots, triangles and inner nodes into one part per treelet.
 fn tasks<'a>(
     tree: &'a BinaryTree,
     cuts: &'a [Cut],
@@ -124,16 +126,16 @@ fn take<'a>(from: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     part.expect("there is room for all")
 }
 
-/// Inner nodes of a treelet as they are met.
+/// Inner nodes of a treelet in preorder.
 struct Inner {
     words: [u32; Treelets::LEAVES],
     count: u32,
-    /// How many there are of each height, less one.
+    /// Entry `i` is the number of inner nodes of height `i + 1`.
     of_height: [u32; MAX_DEPTH as usize],
 }
 
 impl Task<'_> {
-    /// Returns how many inner nodes it has and its height. Their words are sorted: those of a height are neighbours.
+    /// Encodes the treelet, with inner nodes sorted by height. Returns the number of inner nodes and the height.
     fn run(mut self) -> (u32, u32) {
         let own = self.triangles.len();
         self.triangles.copy_from_slice(&self.order[..own]);
@@ -152,7 +154,7 @@ impl Task<'_> {
         (inner.count, height)
     }
 
-    /// Writes a subtree; returns its reference and height. Trees are at most 64 levels deep.
+    /// Encodes a subtree. Returns its reference and height. The recursion is at most 64 levels deep, as the tree.
     fn enter(&mut self, node: Subtree, inner: &mut Inner) -> (u32, u32) {
         let leaf = node.first_leaf - self.roots[0].first_leaf;
         let shared = node.leaves == 2 && !self.triangles.is_empty();
@@ -181,7 +183,7 @@ impl Task<'_> {
 }
 
 impl Inner {
-    /// The least height first; of one height as they were met.
+    /// Sorts the words by height, lowest first, and in preorder within a height.
     fn sort_into(&mut self, to: &mut [u32]) {
         let mut ends = self.of_height;
         let mut sum = 0;
@@ -241,7 +243,7 @@ impl Treelets {
         self.name_parents();
     }
 
-    /// The treelets of a level stand, in order, on the roots of those of the level below.
+    /// Sets the parents. The leaves of a level's treelets are, in order, the roots of the treelets below.
     fn name_parents(&mut self) {
         let levels = self.levels.clone();
         for pair in levels.windows(2) {

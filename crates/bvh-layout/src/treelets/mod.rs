@@ -1,4 +1,4 @@
-//! The tree once more, cut into treelets that a workgroup can refit in its own memory.
+//! The tree divided into treelets. A workgroup can refit one treelet in its own memory.
 
 mod cut;
 mod fill;
@@ -13,154 +13,159 @@ use geom::StaticParts;
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
 
-/// A tree in depth-first leaf order, cut into treelets.
+/// A tree in depth-first leaf order, divided into treelets.
 ///
-/// Two triangles under one parent share a leaf. A *treelet* is a run of at most 256 neighbouring triangles that holds
-/// whole subtrees; of large trees several, so that treelets are full, of others as few and as large as may be. What
-/// lies above those subtrees is a tree again, whose leaves they are, and is cut the same way, until one root is left:
-/// some three levels for a million triangles. All roots of a treelet stand below one treelet of the next level, its
-/// *parent*. So a device refits a level of treelets in one dispatch, each in the memory of one workgroup; or all of
-/// them, where the workgroup that comes last to a parent goes on with it.
+/// Two triangles under one parent share a leaf. A *treelet* is a run of at most 256 neighbouring triangles that
+/// consists of whole subtrees. In large trees it has several small subtrees, so that treelets are full. In other trees,
+/// subtrees are as few and as large as possible. The subtrees are the leaves of the tree above, which is divided in the
+/// same way, until one root is left. A million triangles take about three levels.
+///
+/// All roots of a treelet are leaves of one treelet of the next level, its *parent*. So a device can refit one level of
+/// treelets per dispatch, each in the memory of one workgroup. Or one dispatch refits all levels: the last workgroup to
+/// finish a child continues with the parent.
 ///
 /// # Layout
 ///
 /// Little-endian `u32` words: `T` treelets, `R` roots, `n` triangles, `I` inner nodes.
 ///
-/// | words | holds |
+/// | words | content |
 /// |---|---|
 /// | `12 T` | treelets, level by level from the triangles up; see [`Treelet`] |
 /// | `R` | roots, treelet by treelet: a reference each |
 /// | `n` | triangles, depth first; bit 31 is 1 if the next one shares the leaf |
 /// | `I` | inner nodes, treelet by treelet, by height |
 ///
-/// A *reference* has 9 bits and names a node of the same treelet: the inner node of that number, or with bit 8 the leaf
-/// that begins with the triangle (on higher levels: with the root of the level below) of that number. Inner nodes are
-/// numbered in preorder, subtree by subtree. An inner node's word is the left child's reference, the right one's from
-/// bit 9, its own number from bit 18, and from bit 26 how many inner nodes lie at most below it, one below the other: 0
-/// if both children are leaves. They stand in the order of their heights, so that a device's vectors make one height at
-/// a time.
+/// A *reference* has 9 bits and selects a node of the same treelet. If bit 8 is 0, the low bits are the number of an
+/// inner node. If bit 8 is 1, they are the number of a leaf's first triangle, or on higher levels of a root of the
+/// level below. Inner nodes are numbered in preorder, subtree by subtree.
 ///
-/// # Where a device keeps the nodes
+/// An inner node's *height* is the number of inner nodes on the longest path down from it, including itself. Its word
+/// holds the left child's reference, the right child's from bit 9, its own number from bit 18, and its height less one
+/// from bit 26. Words are sorted by height, so that a workgroup processes one height at a time.
 ///
-/// In rows of 16 bytes: inner node `i` (of all by their numbers, treelet by treelet, from 0) has the rows `4 (i + 1) ..`, two
-/// for the box of each child. Roots have two rows each, after the last inner node, level by
-/// level; that of the whole tree, which is the last, has rows 0 and 1.
+/// # Node memory on a device
 ///
-/// # What it costs
+/// Rows of 16 bytes. Inner nodes are counted from 0, treelet by treelet in the order of their numbers. Inner node `i`
+/// has four rows from row `4 (i + 1)`, two for the box of each child. Roots have two rows each, after the last inner
+/// node, level by level. The last root, which is that of the whole tree, has rows 0 and 1.
 ///
-/// `4 n` bytes, 4 for each inner node (`0.6 n` or so, as most leaves are shared), 48 a treelet:
-/// about 6.6 bytes a triangle.
+/// # Size
+///
+/// `4 n` bytes for triangles, 4 for each inner node (about `0.6 n`, as most leaves are shared) and 48 for each treelet:
+/// about 6.6 bytes per triangle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Treelets {
     pub(crate) words: Vec<u32>,
-    /// The numbers of each level's treelets, the level of the triangles first.
+    /// Range of treelets of each level, the level of the triangles first.
     pub levels: Vec<Range<u32>>,
-    /// Triangles.
+    /// Number of triangles.
     pub leaf_count: u32,
-    /// Inner nodes.
+    /// Number of inner nodes.
     pub inner_count: u32,
-    /// Roots of all treelets.
+    /// Number of roots of all treelets.
     pub root_count: u32,
-    /// What must be done again when the scene moves; `None` if all of it.
+    /// Treelets to refit when the scene moves; `None` for all.
     pub moving: Option<Moving>,
-    /// The same tree with 32 children a node, if it has that form.
+    /// The same tree with up to 32 children per node, if it has that form.
     pub wide: Option<WideTree>,
 }
 
-/// The same tree with up to 32 children a node, over blocks of up to 32 neighbouring triangles, for searches in which
-/// each invocation of a subgroup asks one child: names only, since the boxes are those of the binary nodes.
+/// The same tree with up to 32 children per node, over blocks of up to 32 neighbouring triangles. It serves traversals
+/// in which each invocation of a subgroup tests one child. It has no boxes, only references to those of the binary
+/// nodes.
 ///
 /// # Layout
 ///
-/// Little-endian `u32` words. The children of all nodes, level by level, are its *lanes*: for each lane the row of the
-/// child's box, then for each where it leads: to a node's lanes or, with bit 31, to a block's triangles in depth-first
-/// order. The first of these begins at bit 6, below that stands how many there are. The root's lanes come first.
+/// Little-endian `u32` words. The children of all nodes, level by level, are its *lanes*, those of the root first. The
+/// first half of the words holds the row of each lane's box, the second half each lane's target. If bit 31 of a target
+/// is 1, it is a block's range of triangles in depth-first order, otherwise a node's range of lanes. The low 6 bits are
+/// the length of the range, and the bits from bit 6 its first element.
 ///
-/// # What it costs
+/// # Size
 ///
-/// 8 bytes a lane: half a byte a triangle or so.
+/// 8 bytes per lane: about half a byte per triangle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WideTree {
-    /// What is handed over.
+    /// Words to upload.
     pub words: Vec<u32>,
-    /// Lanes of all nodes.
+    /// Number of lanes of all nodes.
     pub lanes: usize,
-    /// Where a lane would lead that leads to the root.
+    /// The root, in the format of a lane's target.
     pub root: u32,
 }
 
 impl WideTree {
-    /// Children of a node, and triangles of a block, at most.
+    /// Maximum number of children of a node, and of triangles of a block.
     pub const LANES: usize = 32;
-    /// Levels of nodes, at most.
+    /// Maximum number of levels of nodes.
     pub const MOST_LEVELS: usize = 16;
-    /// Trees of more triangles have no such form: what it serves does not pay there.
+    /// Maximum number of triangles. Larger trees have no wide form, because traversals that use it do not pay there.
     pub const MOST_TRIANGLES: usize = 1 << 20;
     const BLOCK: u32 = 1 << 31;
     const FIRST_AT: u32 = 6;
 }
 
-/// Memory that treelets are made in: a word a triangle, and another where they are made wide.
+/// Scratch memory for creating treelets: one word per triangle, and a second one for trees with a wide form.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
     pub(crate) inner: Vec<u32>,
     pub(crate) places: Vec<AtomicU32>,
 }
 
-/// A treelet's entry in the table: twelve words, in this order.
+/// A treelet's entry in the table: twelve words, in field order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Treelet {
-    /// Its first triangle in depth-first order; on higher levels the row of the first root that it stands on.
+    /// First triangle in depth-first order. On higher levels, row of the first root that is a leaf of this treelet.
     pub first_leaf: u32,
-    /// Its triangles, or the roots that it stands on.
+    /// Number of triangles. On higher levels, number of roots that are leaves of this treelet.
     pub leaf_count: u32,
-    /// The word of its first inner node.
+    /// Word index of the first inner node.
     pub inner_at: u32,
-    /// Its inner nodes.
+    /// Number of inner nodes.
     pub inner_count: u32,
-    /// The row of its first inner node.
+    /// Row of the first inner node.
     pub inner_row: u32,
-    /// The word of its first root.
+    /// Word index of the first root.
     pub roots_at: u32,
-    /// Its roots.
+    /// Number of roots.
     pub root_count: u32,
-    /// The row of its first root.
+    /// Row of the first root.
     pub root_row: u32,
-    /// The greatest height among its inner nodes; 0 if there is none.
+    /// Maximum height of the inner nodes; 0 without inner nodes.
     pub height: u32,
-    /// The treelet of the next level that stands on its roots; [`Treelet::NONE`] for the last.
+    /// Treelet of the next level whose leaves include this treelet's roots; [`Treelet::NONE`] for the last treelet.
     pub parent: u32,
-    /// How many treelets have this one as their parent.
+    /// Number of treelets whose parent is this one.
     pub children: u32,
-    /// How many of them are listed as moving.
+    /// Number of `children` that are listed as moving.
     pub moving_children: u32,
 }
 
 impl Treelets {
-    /// Triangles that a treelet may hold, and roots of the level below that one on a higher level may stand on.
+    /// Maximum number of leaves of a treelet: triangles, or on higher levels roots of the level below.
     pub const LEAVES: usize = 256;
-    /// Set in a triangle's word if the next triangle shares its leaf.
+    /// Flag in a triangle's word: the next triangle shares its leaf.
     pub const SHARED: u32 = 1 << 31;
-    /// Words of a treelet's entry.
+    /// Number of words of a treelet's entry.
     pub const ENTRY_WORDS: usize = size_of::<Treelet>() / 4;
 
-    /// The same tree as a record's.
+    /// Creates the treelets of a record.
     ///
-    /// One thread, about 40 ns a triangle: whoever has the binary tree asks for
-    /// [`crate::Converter::convert_with_treelets`] instead.
+    /// Takes one thread about 40 ns per triangle. With the binary tree,
+    /// [`crate::Converter::convert_with_treelets`] is faster.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         Self::of_tree(&depth_first(topology))
     }
 
-    /// Of a binary tree; in parallel, in the rayon pool that the caller installed.
+    /// Creates the treelets of a binary tree, in the rayon pool that the caller installed.
     #[must_use]
     pub fn of_tree(tree: &BinaryTree) -> Self {
         Self::of_tree_in(tree, &mut Workspace::default(), Vec::new())
     }
 
-    /// Likewise, in the memory of old ones' words; `room` is for whoever makes several.
+    /// Creates the treelets of a binary tree, reusing the memory of `room` and of `words`.
     pub(crate) fn of_tree_in(tree: &BinaryTree, room: &mut Workspace, words: Vec<u32>) -> Self {
         if tree.leaf_count() == 0 {
             return Self::default();
@@ -176,15 +181,15 @@ impl Treelets {
         made
     }
 
-    /// What is handed over.
+    /// Returns the words, without lists and wide form.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// The same treelets with lists of those that move, where they pay; in parallel.
+    /// Adds lists of the moving treelets, unless more than half move. Runs in parallel.
     ///
     /// # Panics
-    /// If `parts` are of a scene that has not all the triangles.
+    /// If `parts` lacks a triangle of the tree.
     #[must_use]
     pub fn with_moving(mut self, parts: &StaticParts) -> Self {
         self.moving = Moving::of_treelets(&self, parts);
@@ -203,32 +208,32 @@ impl Treelets {
         &mut bytemuck::cast_slice_mut(entry)[0]
     }
 
-    /// All that is handed over, in this order: the words, lists of what moves, the wide tree.
+    /// Returns everything to upload, in this order: the words, the lists of moving treelets, the wide form.
     pub fn parts(&self) -> [&[u32]; 3] {
         let lists = self.moving.as_ref().map_or(&[][..], |m| &m.words);
         let wide = self.wide.as_ref().map_or(&[][..], |w| &w.words);
         [&self.words, lists, wide]
     }
 
-    /// Bytes handed over.
+    /// Returns the size in bytes of all [`Treelets::parts`].
     pub fn bytes(&self) -> usize {
         self.parts().iter().map(|part| size_of_val(*part)).sum()
     }
 
-    /// All treelets, level by level.
+    /// Returns the number of treelets of all levels.
     pub fn treelet_count(&self) -> usize {
         self.levels.last().map_or(0, |level| level.end as usize)
     }
 
-    /// A treelet's entry; it must be there.
+    /// Returns the entry of treelet `number`. Panics if there is no such treelet.
     pub fn treelet(&self, number: usize) -> Treelet {
         assert!(number < self.treelet_count(), "no treelet {number}");
         let entry = &self.words[number * Self::ENTRY_WORDS..][..Self::ENTRY_WORDS];
         bytemuck::cast_slice(entry)[0]
     }
 
-    /// The roots of the lowest level that has at most so many: the row of the first, and how many.
-    /// Every triangle lies below one of them.
+    /// Finds the lowest level that has at most `most` roots. Returns the row of its first root and its number of roots.
+    /// Together, these roots cover every triangle.
     pub fn few_roots(&self, most: u32) -> (u32, u32) {
         let roots = self.levels.iter().map(|level| {
             let each = level.clone().map(|t| self.treelet(t as usize).root_count);
@@ -239,19 +244,19 @@ impl Treelets {
         few.next().unwrap_or((0, 1))
     }
 
-    /// The triangles of a treelet of the lowest level, each with [`Treelets::SHARED`] or without.
+    /// Returns the triangles of a treelet of the lowest level, including the [`Treelets::SHARED`] flags.
     pub(crate) fn triangles(&self, number: usize) -> &[u32] {
         let entry = self.treelet(number);
         let at = self.triangles_at() + entry.first_leaf as usize;
         &self.words[at..][..entry.leaf_count as usize]
     }
 
-    /// Where the triangles begin, in words.
+    /// Returns the word index of the first triangle.
     pub fn triangles_at(&self) -> usize {
         self.words.len() - (self.inner_count + self.leaf_count) as usize
     }
 
-    /// Rows of 16 bytes in which a device keeps all nodes.
+    /// Returns the number of 16-byte rows that the nodes take on a device.
     pub fn rows(&self) -> usize {
         let waiting_roots = (self.root_count as usize).saturating_sub(1);
         4 * (1 + self.inner_count as usize) + 2 * waiting_roots
@@ -259,6 +264,6 @@ impl Treelets {
 }
 
 impl Treelet {
-    /// In place of a parent.
+    /// Marks the last treelet, which has no parent.
     pub const NONE: u32 = u32::MAX;
 }

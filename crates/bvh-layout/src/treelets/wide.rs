@@ -1,4 +1,4 @@
-//! The tree once more, wide: for searches in which the invocations of a subgroup ask a child each.
+//! The tree in its wide form, for traversals in which each invocation of a subgroup tests one child.
 
 use super::fill::Places;
 use super::{Treelets, WideTree};
@@ -6,17 +6,17 @@ use bvh_build::{BinaryTree, Subtree};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
-/// Wide nodes that one task makes at least.
+/// Minimum number of wide nodes per task.
 const RUN: usize = 16;
 
-/// A binary tree, and where treelets have its nodes.
+/// A binary tree, and the places of its nodes in treelets.
 struct Source<'a> {
     left_leaves: &'a [u32],
     treelets: &'a Treelets,
     places: &'a Places,
 }
 
-/// A child of a wide node: what it stands for, and the row of its box.
+/// A child of a wide node: the binary subtree, and the row of its box.
 #[derive(Clone, Copy)]
 struct Lane {
     node: Subtree,
@@ -41,7 +41,7 @@ impl Source<'_> {
         [(left, row), (right, row + 2)].map(|(node, row)| Lane { node, row })
     }
 
-    /// The subtrees that stand for an inner node: the largest is opened first.
+    /// Returns the subtrees of a wide node. The largest subtree is opened first.
     fn open_wide(&self, node: Subtree) -> Vec<Lane> {
         let mut lanes = Vec::with_capacity(WideTree::LANES);
         lanes.extend(self.open(node));
@@ -59,7 +59,7 @@ impl Source<'_> {
     }
 }
 
-/// Lanes as they are made, level by level.
+/// Lanes under construction, level by level.
 #[derive(Default)]
 struct Lanes {
     rows: Vec<u32>,
@@ -67,7 +67,8 @@ struct Lanes {
 }
 
 impl Lanes {
-    /// Adds a node's and tells where it begins, and which of its lanes lead to nodes yet to be made.
+    /// Appends a node's lanes. Returns the node's target word, and adds the lanes whose nodes are still missing to
+    /// `next`.
     fn add_node(&mut self, lanes: &[Lane], next: &mut Vec<(Subtree, usize)>) -> u32 {
         let first = self.goals.len();
         for lane in lanes {
@@ -94,7 +95,7 @@ impl Lanes {
 }
 
 impl WideTree {
-    /// Of a tree and its treelets, in the rayon pool that the caller installed; `None` if it is too deep.
+    /// Creates the wide form of a tree, in the rayon pool that the caller installed. Returns `None` if it is too deep.
     pub(super) fn of(tree: &BinaryTree, treelets: &Treelets, places: &Places) -> Option<Self> {
         let node = tree.root()?;
         let tree = Source {
@@ -103,7 +104,7 @@ impl WideTree {
             places,
         };
         let mut lanes = Lanes::default();
-        // Rows 0 and 1 are the box of all.
+        // Rows 0 and 1 hold the box of the whole tree.
         let all = Lane { node, row: 0 };
         if all.is_block() {
             lanes.add_node(&[all], &mut Vec::new());
@@ -124,7 +125,7 @@ impl WideTree {
     }
 }
 
-/// Lanes of a node, or triangles of a block: the first, and how many.
+/// Encodes a range of lanes or of triangles as a target word.
 fn goal(first: u32, count: u32) -> u32 {
     first << WideTree::FIRST_AT | count
 }
@@ -135,7 +136,7 @@ mod tests {
     use crate::tests::treelets::rows_of;
     use crate::tests::{chain, random_tree, shapes};
 
-    /// Triangles below a lane that leads somewhere, and the levels from there on.
+    /// Appends the triangles below a target. Returns its number of levels of nodes.
     fn below(wide: &WideTree, goal: u32, triangles: &mut Vec<u32>) -> usize {
         let (first, count) = ((goal & !WideTree::BLOCK) >> 6, goal & 63);
         assert!((1..=32).contains(&count));

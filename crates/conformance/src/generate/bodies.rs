@@ -8,18 +8,18 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 backend::named! {
-    /// What a ray is aimed at.
+    /// Target of a ray.
     pub enum Aim {
-        /// A point on an edge, as near as its coordinates can be.
+        /// A point on an edge, as close as its coordinates can be.
         Edge = "an edge",
         /// A vertex.
         Vertex = "a vertex",
-        /// Nothing in particular.
+        /// A random point.
         Random = "random",
     }
 }
 
-/// What rays take turns to be aimed at, and whether they begin inside.
+/// Aims of rays, used in rotation, and whether rays start inside the body.
 pub(crate) const SORTS: [(Aim, bool); 6] = [
     (Aim::Edge, true),
     (Aim::Vertex, true),
@@ -29,18 +29,18 @@ pub(crate) const SORTS: [(Aim, bool); 6] = [
     (Aim::Random, false),
 ];
 
-/// A closed body about the origin.
+/// A closed body around the origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     pub(crate) name: &'static str,
     pub(crate) shape: fn() -> Mesh,
-    /// A point at random that stays inside when all coordinates are off by some hundredths.
+    /// Returns a random point that stays inside even if all coordinates are off by a few hundredths.
     pub(crate) inner: fn(&mut Rng) -> [f64; 3],
-    /// No vertex is farther from the origin.
+    /// Upper bound of the distance of vertices from the origin.
     pub(crate) radius: f64,
 }
 
-/// Round, not convex, with coplanar faces, and thin.
+/// Bodies that are round, not convex, with coplanar faces, and thin.
 pub(crate) const BODIES: &[Body] = &[
     Body {
         name: "icosphere",
@@ -75,17 +75,18 @@ pub(crate) const BODIES: &[Body] = &[
     },
 ];
 
-/// A body shuffled, moved and perhaps turned.
+/// A body whose triangles are shuffled, at a new position and optionally rotated.
 pub(crate) struct Placed<'a> {
     body: &'a Body,
     points: Vec<Point>,
     triangles: Vec<[u32; 3]>,
-    /// From the body's own space to the scene's.
+    /// Transform from the body's space to the scene's.
     to_scene: DAffine3,
 }
 
 impl<'a> Placed<'a> {
-    /// Moved by `offset` and up to one more along each axis. A body that is not turned keeps its flat faces flat.
+    /// Moves a body by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless the body is
+    /// turned.
     pub(crate) fn new(body: &'a Body, offset: f32, is_turned: bool, rng: &mut Rng) -> Self {
         let (points, mut triangles) = (body.shape)();
         rng.shuffle(&mut triangles);
@@ -106,13 +107,13 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// The body at rest.
+    /// Returns the static body as an animation.
     pub(crate) fn animation(&self) -> Arc<Animation> {
         let animation = Animation::new(vec![self.points.clone()], self.triangles.clone());
         Arc::new(animation.expect("bodies name their own vertices"))
     }
 
-    /// A ray of a sort at the body.
+    /// Returns a ray at the body with this aim and start.
     pub(crate) fn ray(&self, (aim, is_inside): (Aim, bool), rng: &mut Rng) -> Ray {
         let radius = self.body.radius;
         let place = |p| placed(&self.to_scene, p);
@@ -144,12 +145,12 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Rounded once to single precision.
+/// Transforms a point, and rounds once to single precision.
 fn placed(to_scene: &DAffine3, p: [f64; 3]) -> Point {
     to_scene.transform_point3(p.into()).as_vec3().to_array()
 }
 
-/// A direction of length 1, all alike.
+/// Returns a uniformly distributed direction of length 1.
 fn sphere(rng: &mut Rng) -> [f64; 3] {
     let z = 2.0 * rng.f64() - 1.0;
     let (sin, cos) = (TAU * rng.f64()).sin_cos();
@@ -160,18 +161,18 @@ fn sphere(rng: &mut Rng) -> [f64; 3] {
 /// Radius of the torus's tube.
 const TUBE: f64 = 0.4;
 
-/// At random within `reach` of `centre` along each axis.
+/// Returns a random point within `reach` of `centre` along each axis.
 fn near(centre: [f64; 3], reach: [f64; 3], rng: &mut Rng) -> [f64; 3] {
     std::array::from_fn(|i| centre[i] + reach[i] * (2.0 * rng.f64() - 1.0))
 }
 
-/// Three vertices a triangle.
+/// Vertex indices of the triangles.
 const ICOSAHEDRON: [u32; 60] = [
     0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1,
     8, 3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1,
 ];
 
-/// An icosahedron, its faces split `n` times.
+/// Returns an icosahedron whose faces are split `n` times.
 pub(crate) fn icosphere(n: u32) -> Mesh {
     let phi = f32::midpoint(1.0, 5.0_f32.sqrt());
     let corners = |i: usize| {
@@ -181,7 +182,7 @@ pub(crate) fn icosphere(n: u32) -> Mesh {
             unit(p)
         })
     };
-    // 0..4 in the plane x-y, 4..8 in y-z, 8..12 in z-x.
+    // Vertices 0..4 are in the plane x-y, 4..8 in y-z, 8..12 in z-x.
     let points = (0..3).flat_map(corners).collect();
     let triangles = ICOSAHEDRON.as_chunks::<3>().0.to_vec();
     (0..n).fold((points, triangles), |shape, _| {
@@ -194,7 +195,7 @@ fn unit(p: Point) -> Point {
     p.map(|x| x / length)
 }
 
-/// `around` rings of `along` vertices.
+/// Returns a torus of `around` rings with `along` vertices each.
 fn torus(around: u32, along: u32) -> Mesh {
     let angle = |i: u32, n: u32| TAU * f64::from(i) / f64::from(n);
     let point = |i, j| {
@@ -209,7 +210,7 @@ fn torus(around: u32, along: u32) -> Mesh {
     (points, quads(around, along, at).concat())
 }
 
-/// The cube `-1..=1`, its faces split `n` times.
+/// Returns the cube `-1..=1`, with its faces split `n` times.
 fn cuboid(n: u32) -> Mesh {
     let corner = |i: u32| [0, 1, 2].map(|axis| (2 * (i >> axis & 1)) as f32 - 1.0);
     let sides = [

@@ -1,4 +1,4 @@
-//! What laws are tried on: every case, how large its scene is and where it stands.
+//! Cases to test properties on, with the scale and position of each scene.
 
 use super::mixed;
 use super::rays::{Aims, RayKind, turn};
@@ -8,24 +8,24 @@ use geom::{Animation, Camera, Point, Ray};
 use std::fmt;
 use std::sync::Arc;
 
-/// A scene in motion with rays to trace in it.
+/// An animated scene with rays to trace in it.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Which of its seed's cases it is.
+    /// Number of the case within its seed.
     pub number: u32,
-    /// What it is made of, its scale and how far from the origin it was moved, for messages.
+    /// Description for messages: kind of scene, scale and offset from the origin.
     pub about: String,
     /// The scene.
     pub animation: Arc<Animation>,
-    /// Moments to visit, in key frames, at least three; the first is where the first tree is built.
+    /// Times to visit, in key frames. There are at least three, and the first tree is built at the first one.
     pub times: Vec<f64>,
-    /// Rays given one by one, of each [`crate::RayKind`] in turn.
+    /// List of rays, of each [`crate::RayKind`] in rotation.
     pub rays: Vec<Ray>,
     /// A camera that sees the scene.
     pub camera: Camera,
     /// A point light.
     pub light: Point,
-    /// Bits at random, for laws with choices of their own.
+    /// Random bits, for properties that make random choices.
     pub chance: u64,
 }
 
@@ -41,16 +41,16 @@ impl fmt::Display for Case {
     }
 }
 
-/// Rays of a case: so many of each kind.
+/// Number of rays of each kind per case.
 const ROUNDS: u64 = 6;
 
-/// The `i`-th case of a seed.
+/// Returns case `i` of a seed.
 pub fn nth_case(seed: u64, i: u32) -> Case {
     let rng = &mut Rng::with_seed(mixed(mixed(seed) ^ u64::from(i)));
     let kind = SceneKind::ALL[i as usize % SceneKind::ALL.len()];
     let place = Placement::any(rng);
     let animation = place.animation(scene(kind, rng));
-    // One of them is often a key frame.
+    // Often one of the times is a key frame.
     let mut times = [(); 3].map(|()| 2.0 * rng.f64());
     if rng.bool() {
         times[rng.usize(..3)] = f64::from(rng.u8(..3));
@@ -72,7 +72,8 @@ pub fn nth_case(seed: u64, i: u32) -> Case {
     }
 }
 
-/// Half the time, a light where shadows are hardest: in a triangle's plane beyond it, or at one of its vertices.
+/// Returns, half of the time, a light where shadows are hardest: in a triangle's plane outside the triangle, or at one
+/// of its vertices.
 fn hard_light(animation: &Animation, time: f64, rng: &mut Rng) -> Option<Point> {
     let count = animation.triangle_count() as u32;
     let (hard, reach) = (rng.bool(), [0.0, 3.0][rng.usize(..2)]);
@@ -84,14 +85,15 @@ fn hard_light(animation: &Animation, time: f64, rng: &mut Rng) -> Option<Point> 
     light.iter().all(|x| x.is_finite()).then_some(light)
 }
 
-/// A scene of about unit size is multiplied by `scale`, then moved by `offset`.
+/// Placement of a scene of about unit size, which is multiplied by `scale` and then moved by `offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     scale: f64,
     offset: [f64; 3],
 }
 
-/// Scale and, in units of the scaled scene, offset: far from the origin, and at sizes whose products overflow or vanish.
+/// Scales and offsets, in units of the scaled scene: far from the origin, and at sizes whose products overflow or
+/// underflow.
 const ELSEWHERE: [[f64; 2]; 16] = [
     [1.0, 10.0],
     [1.0, 1e3],
@@ -105,7 +107,8 @@ const ELSEWHERE: [[f64; 2]; 16] = [
     [1e15, 1e5],
     [1e30, 10.0],
     [3e37, 0.0],
-    // Coordinates that are subnormal, or nearly: devices that flush them must answer as those that do not.
+    // Coordinates that are subnormal or nearly so. Devices that flush them must give the same results as those that do
+    // not.
     [1e-36, 0.0],
     [1e-38, 0.0],
     [1e-41, 10.0],
@@ -113,7 +116,7 @@ const ELSEWHERE: [[f64; 2]; 16] = [
 ];
 
 impl Placement {
-    /// At home or elsewhere.
+    /// Returns a random placement, often the identity.
     pub(crate) fn any(rng: &mut Rng) -> Self {
         let [scale, offset] = match rng.usize(..12) {
             0..5 => [1.0, 0.0],
@@ -125,7 +128,7 @@ impl Placement {
         }
     }
 
-    /// A scene put there.
+    /// Returns an animation of a scene with this placement.
     pub(crate) fn animation(&self, (mut keys, triangles): Moving) -> Arc<Animation> {
         for p in keys.iter_mut().flatten() {
             *p = self.put(*p);
@@ -134,7 +137,7 @@ impl Placement {
         Arc::new(animation.expect("scenes made here are sound"))
     }
 
-    /// Where a point of the unit scene is put, rounded once. A zero keeps its sign where nothing is added to it.
+    /// Places a point of the unit scene, rounded once. A zero keeps its sign if the offset is 0.
     pub(crate) fn put(&self, p: Point) -> Point {
         std::array::from_fn(|i| {
             let (x, by) = (f64::from(p[i]) * self.scale, self.offset[i]);
@@ -143,7 +146,7 @@ impl Placement {
         })
     }
 
-    /// A camera that sees the scene.
+    /// Returns a camera that sees the scene.
     pub(crate) fn camera(&self, unit: Point) -> Camera {
         let eye = self.put([2.5 + unit[0], 1.5 + unit[1], 3.0 + unit[2]]);
         let target = self.put([0.0; 3]);

@@ -4,35 +4,38 @@ use fastrand::Rng;
 use geom::{Point, Triangle};
 use std::collections::BTreeMap;
 
-/// Vertices, and three of them a triangle.
+/// Vertices, and three vertex indices per triangle.
 pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
 
-/// A number in `-1..1`.
+/// Returns a number in `-1..1`.
 pub(crate) fn unit(rng: &mut Rng) -> f64 {
     2.0 * rng.f64() - 1.0
 }
 
-/// A point in the cube `-1..1`.
+/// Returns a point in the cube `-1..1`.
 pub(crate) fn point(rng: &mut Rng) -> [f64; 3] {
     [(); 3].map(|()| unit(rng))
 }
 
-/// A power of ten whose exponent is at random between two.
+/// Returns a power of ten with a random exponent between `low` and `high`.
 pub(crate) fn power([low, high]: [f64; 2], rng: &mut Rng) -> f64 {
     10.0_f64.powf(low + (high - low) * rng.f64())
 }
 
-/// `a + s * b`, rounded once to single precision.
+/// Returns `a + s * b`, rounded once to single precision.
 pub(crate) fn along(a: [f64; 3], s: f64, b: [f64; 3]) -> Point {
     std::array::from_fn(|i| (a[i] + s * b[i]) as f32)
 }
 
-/// Likewise, from single precision.
+/// Returns `a + s * b` in single precision.
 pub(crate) fn plus(a: Point, s: f32, b: Point) -> Point {
     std::array::from_fn(|i| a[i] + s * b[i])
 }
 
-/// Free triangles, the edges of which are up to `size` long on each axis, the second up to `thin` times that.
+/// Returns `n` separate triangles.
+///
+/// First edges are up to `size` long along each axis. Second edges are scaled by a random power of ten, with an exponent
+/// in `thin`.
 pub(crate) fn soup(n: usize, size: f64, thin: [f64; 2], rng: &mut Rng) -> Vec<Triangle> {
     let one = |()| {
         let (corner, e, f) = (point(rng), point(rng), point(rng));
@@ -46,21 +49,21 @@ pub(crate) fn soup(n: usize, size: f64, thin: [f64; 2], rng: &mut Rng) -> Vec<Tr
     std::iter::repeat_n((), n).map(one).collect()
 }
 
-/// Second edges about as long as first ones.
+/// Exponents for second edges about as long as the first.
 pub(crate) const PLUMP: [f64; 2] = [0.0, 0.0];
 
-/// Triangles that share no vertex.
+/// Returns a mesh of triangles that share no vertex.
 pub(crate) fn separate(triangles: &[Triangle]) -> Mesh {
     (triangles.concat(), apart(triangles.len()))
 }
 
-/// So many triangles of three vertices each.
+/// Returns the indices of `count` triangles with three vertices of their own.
 pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
     let all = 0..count as u32;
     all.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
 }
 
-/// A point moved between a thousand and `3e38` away, along one axis or all of them.
+/// Returns a point moved by `1e3` to `3e38`, along one axis or along all.
 pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
     let by = power([3.0, 38.5], rng);
     let axis = rng.usize(..4);
@@ -70,7 +73,7 @@ pub(crate) fn outlying(p: Point, rng: &mut Rng) -> Point {
     })
 }
 
-/// A small triangle far away, or a far smaller one at the origin.
+/// Returns a small triangle far away, or a much smaller one at the origin.
 pub(crate) fn outlier(rng: &mut Rng) -> Triangle {
     let (size, by) = match rng.usize(..3) {
         0 => (1.0, power([-38.0, -3.0], rng)),
@@ -79,18 +82,18 @@ pub(crate) fn outlier(rng: &mut Rng) -> Triangle {
     scaled(&soup(1, size, PLUMP, rng), by)[0]
 }
 
-/// Every coordinate multiplied, then rounded once.
+/// Multiplies all coordinates, rounding once.
 pub(crate) fn scaled(triangles: &[Triangle], by: f64) -> Vec<Triangle> {
     let scale = |x: f32| (f64::from(x) * by) as f32;
     triangles.iter().map(|t| t.map(|p| p.map(scale))).collect()
 }
 
-/// A multiple of `1 / n` in `-1..=1`.
+/// Returns a random multiple of `1 / n` in `-1..=1`.
 pub(crate) fn grid(n: i32, rng: &mut Rng) -> f32 {
     rng.i32(-n..=n) as f32 / n as f32
 }
 
-/// A triangle in a plane across `axis`, its corners on a grid.
+/// Returns a triangle in a plane perpendicular to `axis`, with its corners on a grid.
 pub(crate) fn flat(axis: usize, rng: &mut Rng) -> Triangle {
     let height = grid(4, rng);
     [(); 3].map(|()| {
@@ -100,7 +103,7 @@ pub(crate) fn flat(axis: usize, rng: &mut Rng) -> Triangle {
     })
 }
 
-/// Flat and free triangles, each twice, once turned round and once reversed.
+/// Returns flat and free triangles, each with one copy, one rotation of its vertices and one reversal.
 pub(crate) fn stacks(rng: &mut Rng) -> Mesh {
     let mut bases: Vec<Triangle> = (0..9).map(|i| flat(i % 3, rng)).collect();
     bases.extend(soup(7, 0.8, PLUMP, rng));
@@ -111,7 +114,7 @@ pub(crate) fn stacks(rng: &mut Rng) -> Mesh {
     (points, all)
 }
 
-/// Sound triangles, and as many of no area or hardly any.
+/// Returns triangles of regular shape, and as many with zero or nearly zero area.
 pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
     let mut all = soup(32, 0.5, PLUMP, rng);
     for i in 0..32 {
@@ -121,9 +124,9 @@ pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
         all.push(match i % 4 {
             0 => [a, b, a],
             1 => [a; 3],
-            // On one line, for sums of sixteenths are exact.
+            // Collinear, because sums of multiples of a sixteenth are exact.
             2 => [0.0, 1.0, 3.0].map(|share| plus(g, share, d)),
-            // On one line but for rounding.
+            // Collinear except for rounding.
             _ => {
                 let step = std::array::from_fn(|k| f64::from(b[k]) - f64::from(a[k]));
                 [a, b, along(a.map(f64::from), s, step)]
@@ -134,7 +137,7 @@ pub(crate) fn flakes(rng: &mut Rng) -> Vec<Triangle> {
     all
 }
 
-/// A sheet with dents, `n` quads each way, its heights multiples of `1 / steps`.
+/// Returns a sheet with dents, `n` quads in each direction. Heights are multiples of a quarter of `1 / steps`.
 pub(crate) fn sheet(n: u32, steps: i32, rng: &mut Rng) -> Mesh {
     let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
     let mut points = Vec::new();
@@ -144,7 +147,7 @@ pub(crate) fn sheet(n: u32, steps: i32, rng: &mut Rng) -> Mesh {
     (points, quads(n, n, |i, j| j * (n + 1) + i).concat())
 }
 
-/// Two triangles a cell of a lattice, whose vertices have these numbers.
+/// Returns two triangles per cell of a lattice, whose vertex numbers `at` returns.
 pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 3]; 2]> {
     let cells = (0..m).flat_map(|j| (0..n).map(move |i| (i, j)));
     let quad = |(i, j)| {
@@ -154,7 +157,7 @@ pub(crate) fn quads(n: u32, m: u32, at: impl Fn(u32, u32) -> u32) -> Vec<[[u32; 
     cells.map(quad).collect()
 }
 
-/// Splits each triangle in four; `middle` places the vertex between two.
+/// Splits each triangle into four. `middle` computes the vertex between two others.
 pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> Point) -> Mesh {
     let mut middles = BTreeMap::new();
     let mut smaller = Vec::new();
@@ -171,14 +174,14 @@ pub(crate) fn split((mut points, triangles): Mesh, middle: fn(Point, Point) -> P
     (points, smaller)
 }
 
-/// Triangles whose coordinates are among these.
+/// Returns `n` triangles with random coordinates from `numbers`.
 pub(crate) fn of_numbers(numbers: &[f32], n: usize, rng: &mut Rng) -> Vec<Triangle> {
     let mut number = || numbers[rng.usize(..numbers.len())];
     let one = |()| [(); 3].map(|()| [(); 3].map(|()| number()));
     std::iter::repeat_n((), n).map(one).collect()
 }
 
-/// A grid of quads in one plane, every point exact.
+/// Returns a grid of quads in one plane, with exact coordinates.
 pub(crate) fn plane(rng: &mut Rng) -> Mesh {
     let n = rng.u32(2..17);
     let tilt = [(); 2].map(|()| grid(4, rng));

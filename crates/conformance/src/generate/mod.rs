@@ -1,4 +1,4 @@
-//! Scenes, rays and trees to try backends on: one set for laws, leaks, stress tests and audits.
+//! Scenes, rays and trees to test backends with, shared by properties, leaks, stress tests and audits.
 
 pub(crate) mod bodies;
 pub(crate) mod cases;
@@ -9,12 +9,12 @@ pub(crate) mod topologies;
 
 use fastrand::Rng;
 
-/// A number at random that depends on `x` alone.
+/// Returns a pseudorandom number that depends only on `x`.
 pub(crate) fn mixed(x: u64) -> u64 {
     Rng::with_seed(x).u64(..)
 }
 
-/// Shares `total` out among `count`, the first of which may get one more.
+/// Splits `total` into `count` shares that differ by at most one, the larger ones first.
 pub(crate) fn shares(total: u64, count: u64) -> impl Iterator<Item = u64> {
     (0..count).map(move |i| total / count + u64::from(i < total % count))
 }

@@ -1,19 +1,19 @@
-//! Rays made for one purpose each. Sums are in double precision and rounded once.
+//! Rays of several kinds, each for one purpose. Sums are computed in double precision and rounded once.
 
 use super::meshes::{point, unit};
 use crate::stage;
 use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle, is_active};
 
-/// The bits of an exponent.
+/// Bits of the exponent of an `f64`.
 const EXPONENT: u64 = 0x7ff << 52;
 
 backend::named! {
-    /// Where on a triangle to aim.
+    /// Part of a triangle to aim at.
     pub enum Target {
-        /// A point of its inside.
+        /// A point in the interior.
         Inside = "inside",
-        /// A point of an edge.
+        /// A point on an edge.
         Edge = "edge",
         /// A vertex.
         Vertex = "vertex",
@@ -21,17 +21,17 @@ backend::named! {
 }
 
 backend::named! {
-    /// What a ray was made for.
+    /// Purpose of a ray.
     pub enum RayKind {
-        /// Through the scene, at nothing in particular.
+        /// Random ray through the scene.
         Random = "random",
         /// From around the scene, or from within it, to a target.
         Aimed = "aimed",
-        /// Likewise, so that coordinates allow it to pass exactly through the target.
+        /// From a grid point in or around the scene to a target, so that the ray can pass exactly through it.
         Exactly = "exactly",
         /// In the plane of a triangle, towards it.
         InPlane = "in-plane",
-        /// Likewise, from and to points with exact coordinates.
+        /// In the plane of a triangle, from and to points with exact coordinates.
         InPlaneExactly = "in-plane-exactly",
         /// Along an axis; the other components are zeros of either sign.
         AlongAxis = "along-axis",
@@ -39,13 +39,13 @@ backend::named! {
         AlongEdge = "along-edge",
         /// From a point on a triangle in any direction.
         OnSurface = "on-surface",
-        /// From a vertex or an edge of one triangle to another triangle.
+        /// From a vertex or an edge midpoint of one triangle to another triangle.
         Between = "between",
         /// From very far away to a target.
         Beyond = "beyond",
         /// One component of the direction is a zero of either sign.
         ZeroComponent = "zero-component",
-        /// Components of the direction are of very different size.
+        /// Components of the direction differ greatly in size.
         Lopsided = "lopsided",
         /// The direction is very short.
         Short = "short",
@@ -53,15 +53,16 @@ backend::named! {
         Long = "long",
         /// The direction is subnormal.
         Subnormal = "subnormal",
-        /// The interval begins or ends at the target, just before it or just beyond.
+        /// The interval starts or ends at the target, or directly before or after it.
         Limited = "limited",
-        /// Can hit nothing: [`Ray::is_valid`] says so.
+        /// Cannot hit anything: [`Ray::is_valid`] returns `false`.
         Void = "void",
     }
 }
 
-/// `count` rays from up to `distance` times the scene's size away, from all sides, each at a target on a triangle taken
-/// at random.
+/// Returns `count` rays from all sides, each at a target on a random triangle.
+///
+/// Rays start at most `distance` times the scene's size away.
 pub fn aimed(
     animation: &Animation,
     time: f64,
@@ -75,7 +76,7 @@ pub fn aimed(
     all.filter(Ray::is_valid).take(count).collect()
 }
 
-/// The `i`-th ray of a scene: of each kind in turn, aimed at an inside, an edge or a vertex in turn.
+/// Returns ray `i` of a scene. Kinds rotate, and so do the interior, an edge and a vertex as targets.
 pub(crate) fn turn([near, all]: &[Aims; 2], i: u64, rng: &mut Rng) -> Ray {
     let (i, kinds) = (i as usize, RayKind::ALL.len());
     let (kind, target) = (RayKind::ALL[i % kinds], Target::ALL[i / kinds % 3]);
@@ -83,11 +84,11 @@ pub(crate) fn turn([near, all]: &[Aims; 2], i: u64, rng: &mut Rng) -> Ray {
     aims.ray(kind, target, rng)
 }
 
-/// Triangles as they stand at the moment of asking, inactive ones left out.
+/// The active triangles of a scene at one time, as targets.
 pub(crate) struct Aims {
     corners: Vec<Triangle>,
     centre: [f64; 3],
-    /// The largest distance from the centre on one axis.
+    /// Largest distance from the centre along one axis.
     radius: f64,
 }
 
@@ -106,7 +107,7 @@ impl Aims {
         }
     }
 
-    /// Over a scene at a moment: without triangles that reach a thousand times as far as most, and over all.
+    /// Returns the targets of a scene at a time: without triangles that reach a thousand times as far as most, and all.
     pub(crate) fn of(animation: &Animation, time: f64) -> [Self; 2] {
         let all = stage::triangles(animation, time);
         let size = |t: &Triangle| t.iter().flatten().fold(0.0_f32, |m, x| m.max(x.abs()));
@@ -117,7 +118,8 @@ impl Aims {
         [near, all].map(Self::new)
     }
 
-    /// A ray of a kind, aimed at a target where it is aimed; any ray where there is nothing to aim at.
+    /// Returns a ray of a kind, which is aimed at `target` if its kind allows. If there is no triangle, returns a
+    /// random ray.
     pub(crate) fn ray(&self, kind: RayKind, target: Target, rng: &mut Rng) -> Ray {
         if self.corners.is_empty() {
             return Ray::new([0.0; 3], point(rng).map(|x| x as f32));
@@ -136,7 +138,7 @@ impl Aims {
         }
     }
 
-    /// Where a ray begins, and where it is aimed at.
+    /// Returns the start of a ray and the point at which it is aimed.
     fn ends(&self, kind: RayKind, target: Target, rng: &mut Rng) -> [[f64; 3]; 2] {
         let on_rim = |rng: &mut Rng| [Target::Edge, Target::Vertex][rng.usize(..2)];
         let around = |reach: f64, p: [f64; 3]| -> [f64; 3] {
@@ -151,14 +153,14 @@ impl Aims {
                 let from = within(triangle, [4.0 * unit(rng), 4.0 * unit(rng)]);
                 [from, at]
             }
-            // From a corner of the triangle's parallelogram or beyond.
+            // From a lattice point of the triangle's parallelogram or beyond.
             RayKind::InPlaneExactly => {
                 let triangle = self.triangle(rng);
                 let weights = [(); 2].map(|()| f64::from(rng.i32(-4..=4)));
                 let at = halves(on_rim(rng), rng);
                 [within(triangle, weights), within(triangle, at)]
             }
-            // Where vertices are multiples of a power of two, the ray passes exactly through what it is aimed at.
+            // If vertices are multiples of a power of two, the ray passes exactly through its target.
             RayKind::Exactly | RayKind::Limited => {
                 let at = within(self.triangle(rng), halves(target, rng));
                 let from = around(2.0 * self.radius, point(rng));
@@ -199,7 +201,7 @@ impl Aims {
         within(triangle, weights)
     }
 
-    /// The nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
+    /// Returns the nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
     fn snapped(&self, x: f64) -> f64 {
         let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
         match step > 0.0 {
@@ -208,7 +210,7 @@ impl Aims {
         }
     }
 
-    /// Along an axis to a target, whose other coordinates are the origin's.
+    /// Returns a ray along an axis, which shares its other coordinates with the target.
     fn along_axis(&self, target: Target, rng: &mut Rng) -> Ray {
         let axis = rng.usize(..3);
         let sign = [1.0, -1.0][rng.usize(..2)];
@@ -219,7 +221,7 @@ impl Aims {
         Ray::new(from.map(|x| x as f32), direction)
     }
 
-    /// From up to so many times the scene's size away.
+    /// Returns a ray that starts at most `times` the scene's size away.
     fn beyond(&self, target: Target, times: f64, rng: &mut Rng) -> Ray {
         let (from, at) = (point(rng), self.target(target, rng));
         let reach = times * self.radius;
@@ -227,12 +229,12 @@ impl Aims {
     }
 }
 
-/// The point of a triangle with these weights of its second and third vertex.
+/// Returns the point of a triangle with these weights of its second and third vertex.
 fn within([a, b, c]: [[f64; 3]; 3], [v, w]: [f64; 2]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + v * (b[i] - a[i]) + w * (c[i] - a[i]))
 }
 
-/// Weights of the second and third vertex: a vertex, the middle of an edge or a point well inside.
+/// Returns weights of the second and third vertex: of a vertex, the midpoint of an edge or an interior point.
 fn halves(target: Target, rng: &mut Rng) -> [f64; 2] {
     let vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let edges = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
@@ -249,7 +251,7 @@ fn towards(from: [f64; 3], at: [f64; 3]) -> Ray {
     Ray::new(origin, to)
 }
 
-/// From a point of zeros and small numbers along others.
+/// Returns a ray whose origin and direction consist of zeros and small numbers.
 pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
     const FROM: [f32; 8] = [0.0, -0.0, 0.25, -0.25, 0.5, -0.5, 2.0, -2.0];
     const ALONG: [f32; 6] = [0.0, -0.0, 1.0, -1.0, 0.5, -0.25];
@@ -257,7 +259,7 @@ pub(crate) fn of_zeros(rng: &mut Rng) -> Ray {
     Ray::new(origin, [(); 3].map(|()| ALONG[rng.usize(..ALONG.len())]))
 }
 
-/// A ray at a target, with the limits or the direction that its kind requires.
+/// Applies the limits or the direction that the ray's kind requires.
 fn bent(mut ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
     let (d, axis) = (&mut ray.direction, rng.usize(..3));
     match kind {
@@ -283,14 +285,14 @@ fn bent(mut ray: Ray, kind: RayKind, rng: &mut Rng) -> Ray {
     ray
 }
 
-/// A direction whose largest component is about that.
+/// Scales a direction so that its largest component is about `length`.
 fn stretched(direction: Point, length: f64) -> Point {
     let d = direction.map(f64::from);
     let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     d.map(|x| (x / longest * length) as f32)
 }
 
-/// A ray that hits nothing, whatever there is.
+/// Returns a ray that can hit nothing.
 fn void(ray: Ray, rng: &mut Rng) -> Ray {
     let (mut void, axis) = (ray, rng.usize(..3));
     match rng.usize(..7) {

@@ -1,4 +1,4 @@
-//! Every scene and motion that laws and audits try backends on.
+//! All scenes and motions with which properties and audits test backends.
 
 use super::bodies::{BODIES, icosphere};
 use super::meshes::{self, Mesh, PLUMP, flakes, grid, plane, plus, sheet, soup, stacks};
@@ -7,50 +7,50 @@ use geom::Point;
 use std::ops::Range;
 
 backend::named! {
-    /// What scenes are made of. Kinds take turns, so that few cases already see each of them.
+    /// Contents of a scene. Kinds rotate, so that a few cases contain every kind.
     pub(crate) enum SceneKind {
-        /// Free triangles.
+        /// Separate triangles.
         Soup = "soup",
         /// A sheet whose triangles share vertices.
         Sheet = "sheet",
         /// A closed body.
         Body = "body",
-        /// Triangles of no area and of hardly any, among sound ones.
+        /// Triangles with zero or nearly zero area, among regular ones.
         Flakes = "flakes",
-        /// A regular grid in one plane, tilted so that its points stay exact.
+        /// A regular grid in one plane, tilted so that its coordinates stay exact.
         Plane = "plane",
         /// Needles and flakes.
         Slivers = "slivers",
         /// Equal triangles, and coplanar ones that overlap.
         Stack = "stack",
-        /// Triangles that are inactive or degenerate, always or at times.
+        /// Triangles that are inactive or degenerate, always or in some key frames.
         Broken = "broken",
-        /// Nothing, one triangle, two triangles.
+        /// No triangle, one triangle or two triangles.
         Few = "few",
-        /// All triangles inactive, always or at times.
+        /// All triangles inactive, in some or all key frames.
         Gone = "gone",
-        /// Key frames of very different size.
+        /// Key frames that differ greatly in size.
         Grown = "grown",
-        /// Coordinates that are zeros of either sign or hardly more.
+        /// Coordinates that are zeros of either sign, or small numbers.
         Zeros = "zeros",
-        /// Much or all of it never moves: free triangles, some of them joined to what moves, of no area or inactive.
+        /// Mostly or entirely static separate triangles, some joined to moving ones, of no area or inactive.
         Resting = "resting",
-        /// A body that moves over a large sheet that does not, so that few of many treelets move.
+        /// A body that moves over a large static sheet, so that few of many treelets move.
         Hall = "hall",
-        /// One vertex or one triangle goes far away, or comes near the origin, always or at times.
+        /// One vertex or one triangle moves far away or close to the origin, in some or all key frames.
         Outlying = "outlying",
     }
 }
 
-/// Key frames of vertices, and three vertices a triangle.
+/// Vertices of each key frame, and three vertex indices per triangle.
 pub(crate) type Moving = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 
-/// Numbers in `-1..=1`, three at a time, none of them subnormal, all multiples of a power of two.
+/// Returns three numbers in `-1..=1` that are multiples of a power of two and not subnormal.
 pub(crate) fn unit(rng: &mut Rng) -> Point {
     [(); 3].map(|()| grid(1024, rng))
 }
 
-/// Three key frames of a mesh of about unit size.
+/// Returns three key frames of a mesh of about unit size.
 pub(crate) fn scene(kind: SceneKind, rng: &mut Rng) -> Moving {
     match kind {
         SceneKind::Soup => free(1..150, PLUMP, rng),
@@ -78,13 +78,14 @@ pub(crate) fn scene(kind: SceneKind, rng: &mut Rng) -> Moving {
     }
 }
 
-/// So many free triangles, whose second edge is a power of ten times as long as the first.
+/// Returns separate triangles, whose number is in `count`. Second edges are scaled by a power of ten with an exponent in
+/// `thin`.
 fn free(count: Range<usize>, thin: [f64; 2], rng: &mut Rng) -> Moving {
     let count = rng.usize(count);
     scattered(meshes::separate(&soup(count, 0.4, thin, rng)), rng)
 }
 
-/// One of [`BODIES`], at unit size.
+/// Returns one of [`BODIES`], scaled to unit size.
 fn body(rng: &mut Rng) -> Mesh {
     let body = BODIES[rng.usize(..BODIES.len())];
     let (points, triangles) = (body.shape)();
@@ -92,12 +93,12 @@ fn body(rng: &mut Rng) -> Mesh {
     (points.into_iter().map(shrunk).collect(), triangles)
 }
 
-/// Where something stands in each of three key frames.
+/// Returns an offset for each of three key frames.
 fn drift(rng: &mut Rng) -> [Point; 3] {
     [[0.0; 3], unit(rng), unit(rng)]
 }
 
-/// Every three vertices go their own way.
+/// Animates a mesh so that each run of three vertices moves independently.
 fn scattered((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     let mut keys = vec![Vec::new(); 3];
     for three in points.chunks(3) {
@@ -108,7 +109,7 @@ fn scattered((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// A body whose vertices drift, each by its own share.
+/// Animates a body whose vertices drift, each by a random share.
 fn animate((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     let shares: Vec<f32> = points.iter().map(|_| rng.f32()).collect();
     let key = |by: Point| {
@@ -118,7 +119,7 @@ fn animate((points, triangles): Mesh, rng: &mut Rng) -> Moving {
     (drift(rng).map(key).to_vec(), triangles)
 }
 
-/// Some vertices not finite in some keys, some triangles of no area.
+/// Makes some vertices not finite in some key frames, and adds triangles of no area.
 fn broken((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
     let vertices = keys[0].len();
     for n in 0..12 {
@@ -136,7 +137,7 @@ fn broken((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// Nothing finite in some key frame, or in several.
+/// Makes all vertices not finite in at least one key frame.
 fn gone((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
     let which = rng.usize(1..8);
     for (i, key) in keys.iter_mut().enumerate() {
@@ -148,7 +149,7 @@ fn gone((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// Each key frame multiplied by a power of two.
+/// Multiplies each key frame by a power of two.
 fn grown((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
     for key in &mut keys {
         let by = 2.0_f32.powi(rng.i32(-35..=20));
@@ -157,8 +158,10 @@ fn grown((mut keys, triangles): Moving, rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// Only the first few triangles move, up to three of sixteen; the rest stands as in
-/// the first key frame. Some of the rest is odd: see the arms.
+/// Makes all triangles static except the first few, up to three of sixteen.
+///
+/// Static triangles stay as in the first key frame. Some static vertices get special values, and some triangles are
+/// degenerate.
 fn resting((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
     let moving = triangles.len() * rng.usize(..4) / 16;
     let still = 3 * moving..keys[0].len();
@@ -170,7 +173,7 @@ fn resting((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
         let (vertex, axis, often) = (rng.usize(still.clone()), n % 3, rng.u8(..3) == 0);
         let all = keys.iter_mut().map(|key| &mut key[vertex]);
         match n % 8 {
-            // Between key frames, this zero has another sign.
+            // Between key frames, this zero is positive.
             0 => all.for_each(|p| p[axis] = -0.0),
             1 => all.for_each(|p| p[axis] = 0.0),
             2 if often => all.for_each(|p| p[axis] = f32::NAN),
@@ -183,7 +186,7 @@ fn resting((mut keys, mut triangles): Moving, rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// A sheet that stands still, a small body that moves above it, and triangles of no area on both.
+/// Returns a static sheet, a small body that moves above it, and triangles of no area on both.
 fn hall(rng: &mut Rng) -> Moving {
     let n = rng.u32(18..34);
     let (floor, mut triangles) = sheet(n, 8, rng);
@@ -202,7 +205,7 @@ fn hall(rng: &mut Rng) -> Moving {
     (keys, triangles)
 }
 
-/// In some key frames, some vertices multiplied by a power of two between `2^-128` and `2^126`.
+/// In some key frames, multiplies some vertices by a power of two between `2^-128` and `2^126`.
 fn outlying(rng: &mut Rng) -> Moving {
     let (mut keys, triangles) = match rng.usize(..3) {
         0 => animate(sheet(4, 8, rng), rng),

@@ -1,17 +1,17 @@
-//! Trees that no builder would make: odd and foreign ones.
+//! Valid but unusual trees, and trees of other scenes.
 
 use bvh_build::{BinaryTree, MAX_DEPTH};
 use bvh_layout::{Converter, Spare, Topology};
 use geom::Animation;
 
-/// How a node's leaves are shared out among its children.
+/// Distribution of a node's leaves among its children.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Split {
-    /// All but one to the left: a chain as deep as a tree may be.
+    /// All leaves except one to the left: a chain of maximum depth.
     LeftChain,
-    /// All but one to the right.
+    /// All leaves except one to the right.
     RightChain,
-    /// Whatever.
+    /// A random distribution.
     Random,
 }
 
@@ -19,7 +19,7 @@ impl Split {
     pub(crate) const ALL: [Self; 3] = [Self::LeftChain, Self::RightChain, Self::Random];
 
     fn left(self, leaves: usize, depth: u32, rng: &mut fastrand::Rng) -> usize {
-        // The record's depth is bounded: once the levels left hold no more than the leaves, trees are full.
+        // The depth of trees is limited. A subtree whose remaining levels just hold its leaves must be full.
         let room = 1_usize << (MAX_DEPTH - depth - 1).min(40);
         let wanted = match self {
             Self::LeftChain => leaves - 1,
@@ -30,7 +30,7 @@ impl Split {
     }
 }
 
-/// The triangles that a tree of the scene must hold, shuffled.
+/// Returns the triangles that a tree of the scene must contain, shuffled.
 pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
     let all = 0..animation.triangle_count() as u32;
     let mut live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
@@ -38,7 +38,7 @@ pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
     live
 }
 
-/// A tree split in some odd way.
+/// Returns a tree whose nodes are split by `split`.
 pub(crate) fn odd(triangles: usize, leaves: &[u32], split: Split, chance: u64) -> Topology {
     let mut rng = fastrand::Rng::with_seed(chance);
     record(triangles, leaves, |depth, leaves| {
@@ -46,11 +46,12 @@ pub(crate) fn odd(triangles: usize, leaves: &[u32], split: Split, chance: u64) -
     })
 }
 
-/// A tree over `leaves`, left to right, for a scene of `triangles` triangles: `split` says, by a node's depth and its
-/// number of leaves, how many are its left child's.
+/// Returns a tree over `leaves`, left to right, for a scene of `triangles` triangles.
+///
+/// `split` takes a node's depth and its number of leaves, and returns the number of leaves of its left child.
 ///
 /// # Panics
-/// If `split` leaves a child without leaves, or makes a tree deeper than any may be.
+/// If `split` leaves a child without leaves, or if the tree exceeds the maximum depth.
 pub fn record(
     triangles: usize,
     leaves: &[u32],
@@ -68,7 +69,7 @@ pub fn record(
     Converter::default().convert(&tree, triangles, Spare::default())
 }
 
-/// Trees that are not of this scene, each with what is wrong.
+/// Returns trees that do not belong to this scene, each with the reason.
 pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, Topology)> {
     let count = animation.triangle_count();
     let live = live(animation, chance);

@@ -1,4 +1,4 @@
-//! What rays hit.
+//! Properties of hits.
 
 use super::Check;
 use crate::Case;
@@ -10,11 +10,11 @@ use anyhow::{Context, Result, bail, ensure};
 use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
 
-/// Holds what a query found at a time to what it should.
+/// Compares the result of a query at a time with the expected result.
 pub(super) type Verify =
     fn(&mut Check<'_>, f64, (Rays<'_>, QueryKind), &(Hits, FrameReport)) -> Result<()>;
 
-/// At each of the case's times. Where a driver makes the trees, those made anew and those brought along take turns.
+/// Traces a query at each of the case's times. If a driver makes the trees, alternates between rebuilds and refits.
 pub(super) fn asked(
     c: &mut Check<'_>,
     rays: Rays<'_>,
@@ -35,7 +35,8 @@ pub(super) fn asked(
     Ok(())
 }
 
-/// Triangle, `t`, `u`, `v`: bit for bit those of the reference. Triangles and hits are counted alike too.
+/// Checks that triangle, `t`, `u` and `v` equal the reference's, bit for bit, and that triangles and hits are counted
+/// alike.
 pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,
@@ -45,7 +46,7 @@ pub(super) fn verify(
     let expected = c.reference.answer(c.case, (c.method, time), Some(query))?;
     answers(c.case, time, query.0, seen, &expected.hits)?;
     same_counts(report, &expected.report).with_context(|| format!("at time {time:?}"))?;
-    // How many rays `exact` settles is a backend's own affair; `watertight` settles extreme rays alone.
+    // With `exact`, a backend may settle any number of rays. `watertight` settles only extreme rays.
     let may_settle =
         c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.0);
     let settled = report.settled;
@@ -62,17 +63,17 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
     }
 }
 
-/// Closest hits of given rays.
+/// Tests the closest hits of listed rays.
 pub(super) fn closest(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     asked(c, c.rays(), QueryKind::Closest, verify)
 }
 
-/// Whether anything is hit.
+/// Tests whether listed rays hit anything.
 pub(super) fn any(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     asked(c, c.rays(), QueryKind::Any, verify)
 }
 
-/// A camera's rays made on the device, with shadows; and the shadows of given rays.
+/// Tests rays that the device generates from a camera, with shadows, and the shadows of listed rays.
 pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let (case, light) = (c.case, c.case.light);
     for rays in [Rays::Camera(&case.camera), c.rays()] {
@@ -81,7 +82,7 @@ pub(super) fn shadows(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     Ok(())
 }
 
-/// A camera's rays made on the device answer as the same rays given one by one, whatever the method.
+/// Tests that rays generated from a camera have the same hits as the same rays in a list, for every method.
 pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
@@ -100,7 +101,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Any-hit says yes exactly where closest-hit finds something, whatever the method.
+/// Tests that any-hit reports a hit exactly if closest-hit does, for every method.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
     c.stand(c.case.times[1])?;
@@ -116,7 +117,7 @@ pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Queries of one submission find what each finds by itself, where the backend takes them together.
+/// Tests that queries traced in one submission have the same hits as separate queries, if the backend supports it.
 pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let half = Camera {
@@ -155,10 +156,11 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Rays of one case at closed bodies.
+/// Number of rays per case at closed bodies.
 const LEAK_RAYS: u64 = 240;
 
-/// No ray leaves a closed body without a hit, and crossings add up. Each case has one of the bodies.
+/// Tests that no ray leaves a closed body without a hit, and that parities of crossings are right. Each case tests one
+/// body.
 pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
     let chance = c.case.chance;
     let body = (chance >> 32) as usize % BODIES.len();

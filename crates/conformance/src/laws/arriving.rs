@@ -1,4 +1,4 @@
-//! Key frames may arrive while they are played, and nobody needs to have looked at them.
+//! Key frames that arrive during playback, whose coordinates the host need not examine.
 
 use super::Check;
 use super::answers::Verify;
@@ -12,11 +12,11 @@ use fastrand::Rng;
 use geom::{Animation, Point, PointBuffer, Ray};
 use std::sync::Arc;
 
-/// Key frames that are pushed.
+/// Number of key frames that are pushed.
 const PUSHED: usize = 12;
-/// Rays that are aimed at them, two of each kind.
+/// Number of rays aimed at them, two of each kind.
 const AIMED: u64 = 34;
-/// Where a vertex leaps.
+/// Positions to which a vertex leaps.
 const LEAPS: [Point; 6] = [
     [1e30, 0.0, -2.0],
     [f32::MAX, -f32::MAX, f32::MAX],
@@ -26,11 +26,11 @@ const LEAPS: [Point; 6] = [
     [-5.0, 3.0, 40.0],
 ];
 
-/// Key frames that arrive give the hits and counts of an animation that holds them all.
+/// Tests that key frames that arrive give the same hits and counts as an animation that holds them all.
 pub(super) fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
     let (case, live) = leaping(c.case, rng)?;
-    // It has another scene loaded.
+    // Resets the reference, which has another scene loaded.
     c.reference.backend();
     let mut c = Check {
         case: &case,
@@ -45,8 +45,9 @@ pub(super) fn pushed(c: &mut Check<'_>, verify: Verify) -> Result<()> {
     Ok(())
 }
 
-/// The case's key frames over and over, in some of which a vertex leaps while others never move; and an animation in
-/// which all but the first are still to arrive.
+/// Returns a case that repeats the key frames, and a live animation with only its first key frame.
+///
+/// In some key frames one vertex leaps. Some vertices may be fixed.
 fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let (own, first) = (case.animation.all_keys()?, case.animation.first());
     let triangles = || case.animation.triangles().to_vec();
@@ -60,7 +61,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
         if rng.bool() {
             frame[rng.usize(still..first.len())] = LEAPS[rng.usize(..LEAPS.len())];
         }
-        // An animation that knows all its key frames may choose other units, in which hits are rounded otherwise.
+        // An animation that knows all key frames may choose another scale, in which hits round differently.
         let both = Animation::new(vec![first.to_vec(), frame.clone()], triangles())?;
         if both.scale_exponent() == live.scale_exponent() {
             keys.push(frame);
@@ -79,7 +80,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     Ok((case, Arc::new(live)))
 }
 
-/// Pushes the case's key frames in memory of every sort, adopts trees of any of them, and starts a query at each.
+/// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
 fn push_all(
     c: &mut Check<'_>,
     live: &Arc<Animation>,
@@ -112,7 +113,7 @@ fn push_all(
     Ok(started)
 }
 
-/// Memory for a key frame: of the host, lent by the subject, or of one that was dropped.
+/// Returns memory for a key frame: allocated on the host, borrowed from the subject, or of a dropped key frame.
 fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
     let count = live.vertex_count();
     Ok(match live.spare_frame().filter(|_| rng.bool()) {
@@ -122,10 +123,10 @@ fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<
     })
 }
 
-/// What is special about a key frame, and the key frame.
+/// Description of a key frame, and its vertices.
 type Odd = (&'static str, Vec<Point>);
 
-/// A device finds out by itself how far coordinates reach: rays find what they do where the host has looked before.
+/// Tests that a device measures the range of coordinates itself: hits equal those with a range computed on the host.
 pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     let first = c.case.animation.first().to_vec();
     if first.len() < 8 {
@@ -144,7 +145,7 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Answers to each of two queries.
+/// Results of two queries.
 type Answers = [(Hits, FrameReport); 2];
 
 fn same(found: &Answers, expected: &Answers) -> Result<()> {
@@ -156,7 +157,7 @@ fn same(found: &Answers, expected: &Answers) -> Result<()> {
     Ok(())
 }
 
-/// Answers to the same queries of each key frame, at which the host looks before or not at all.
+/// Returns the results of the same queries at each key frame. If `looks` is set, the host computes the range first.
 fn play(
     subject: &mut dyn Backend,
     (live, method, looks): (&Arc<Animation>, Method, bool),
@@ -179,21 +180,21 @@ fn play(
     frames.iter().map(play).collect()
 }
 
-/// Rays of either kind. In exact arithmetic each takes its time.
+/// Number of rays of either kind. Exact arithmetic is slow.
 const RAYS: usize = 12;
 
-/// Rays to some vertices that start beside the origin, at many distances.
+/// Returns rays to some vertices, which start at many small distances from the origin.
 fn from_the_middle(frame: &[Point]) -> impl Iterator<Item = Ray> {
     let ends = frame.iter().cycle().zip(0..RAYS);
     ends.map(|(&to, i)| Ray::new([0.0, (-4.0 * i as f32).exp2(), 0.0], to))
 }
 
-/// Coordinates up to this make no moment extreme, where the scene is not scaled.
+/// Largest coordinate of a moment that is not extreme, in a scene that is not scaled.
 const FAR: f32 = geom::Range::FAR;
-/// Vertices are near the origin below this, where the scene is not scaled.
+/// Upper bound of the coordinates of a tiny triangle, in a scene that is not scaled.
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 
-/// Key frames on both sides of each bound.
+/// Returns key frames on both sides of each bound.
 fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
     let mut rng = Rng::with_seed(chance);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));

@@ -1,4 +1,4 @@
-//! Far geometry: a hit depends on the ray, the triangle and the intersector alone, not on the rest of the scene.
+//! Far geometry: a hit depends only on the ray, the triangle and the intersector, not on the rest of the scene.
 
 use super::Check;
 use crate::compare::answers;
@@ -8,10 +8,11 @@ use backend::{Hits, Query, QueryKind, Rays};
 use geom::{Animation, Hit, Point, Ray, Triangle};
 use std::sync::Arc;
 
-/// Distances of the stray triangle from the origin. Scenes of each keep the units that they were given in.
+/// Distances of the stray triangle from the origin. Scenes keep their units at each distance.
 const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 
-/// A scene with a stray triangle is hit as the closer of the scene and the triangle, each by itself, bit for bit.
+/// Tests that a scene with a stray triangle has the closer hit of the scene and the triangle, each traced alone, bit
+/// for bit.
 pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let points = vertices(&case.animation, case.times[1]);
@@ -22,7 +23,7 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let range = near.0.range(near.0.pose(0.0));
     let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
     if is_scaled || range.extreme || range.tiny {
-        // Such scenes have units of their own, or rays that are answered in exact arithmetic.
+        // Such scenes have other units, or rays that are tested in exact arithmetic.
         return Ok(());
     }
     let mut rays = case.rays.clone();
@@ -63,14 +64,14 @@ pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The closer of a scene's hit and a stray triangle's, which follows the scene's `count` triangles.
+/// Returns the closer of a scene's hit and the stray triangle's, whose index is `count`.
 fn closer(near: &Hit, far: &Hit, count: u32) -> Hit {
     let triangle = if far.is_hit() { count } else { far.triangle };
     let far = Hit { triangle, ..*far };
     if far.is_before(near) { far } else { *near }
 }
 
-/// A scene that does not move.
+/// A static scene.
 struct Scene(Arc<Animation>);
 
 impl Scene {
@@ -78,7 +79,7 @@ impl Scene {
         Ok(Self(Arc::new(Animation::new(vec![points], triangles)?)))
     }
 
-    /// The same with one more triangle.
+    /// Returns the same scene with one more triangle.
     fn with(&self, corners: &Triangle) -> Result<Self> {
         let mut points = vertices(&self.0, 0.0);
         let mut triangles = self.0.triangles().to_vec();
@@ -114,7 +115,7 @@ impl Stray {
         }
     }
 
-    /// Rays to the middle of the triangle from the scene, from half way and from behind.
+    /// Returns rays to the centre of the triangle, from the scene, from half way and from behind.
     fn rays(&self) -> impl Iterator<Item = Ray> {
         let [a, b, c] = self.corners;
         let middle: Point = std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0);

@@ -1,4 +1,4 @@
-//! What comes before any ray: positions and boxes.
+//! Properties of positions and boxes, which precede ray tracing.
 
 use super::Check;
 use crate::compare::{lists, same_counts, same_point};
@@ -8,7 +8,7 @@ use backend::Generation;
 use geom::Animation;
 use std::sync::Arc;
 
-/// Interpolated positions have the bits of `geom`'s formula.
+/// Tests that interpolated positions equal `geom`'s formula bit for bit.
 pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
     for &time in &c.case.times {
@@ -22,19 +22,19 @@ pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Requested copies hold the positions of the submissions that requested them, oldest first, whatever came after.
+/// Tests that requested copies contain the positions of the submissions that requested them, oldest first.
 pub(super) fn read_back(c: &mut Check<'_>) -> Result<()> {
     let times = &c.case.times;
     c.open(times[0])?;
     let mut requested = Vec::new();
-    // The second time nothing is made of them.
+    // The second time, no boxes are computed from the positions.
     for (&time, made) in times[1..3].iter().zip([true, false]) {
         match made {
             true => c.stand(time)?,
             false => c.interpolate(time)?,
         }
         c.subject.request_positions()?;
-        // What is recorded after the request does not disturb it.
+        // Commands recorded after the request must not change the copy.
         if made {
             c.interpolate(times[0])?;
         }
@@ -58,7 +58,7 @@ pub(super) fn read_back(c: &mut Check<'_>) -> Result<()> {
     }
 }
 
-/// What may be recorded before the boxes of a moment, which `now` interpolates.
+/// Commands that may precede the boxes of a moment, which `now` interpolates.
 const WAYS: [(&str, &str); 7] = [
     ("nothing came before", "now"),
     ("another moment was interpolated before", "other now"),
@@ -72,12 +72,14 @@ const WAYS: [(&str, &str); 7] = [
     ("a tree came between", "other preprocess now submit adopt"),
 ];
 
-/// Refitted boxes are the reference's, every one, of the moment interpolated last, whatever was recorded besides; so
-/// are the counts of triangles. A backend may make boxes from key frames, beside positions or before those are there.
+/// Tests that refitted boxes and counts of triangles equal the reference's for the moment interpolated last, whatever
+/// else was recorded.
+///
+/// A backend may compute boxes from key frames, at the same time as positions or before.
 pub(super) fn boxes(c: &mut Check<'_>) -> Result<()> {
     let now = c.case.times[2];
     let expected = c.reference.answer(c.case, (c.method, now), None)?;
-    // Three a case.
+    // Three of these per case.
     let begin = c.case.chance as usize % WAYS.len();
     for (about, steps) in WAYS.iter().cycle().skip(begin).take(3) {
         c.open(c.case.times[0])?;
@@ -106,17 +108,18 @@ fn record(c: &mut Check<'_>, step: &str) -> backend::Result<()> {
     }
 }
 
-/// Key frames of a stream that are played, of which so many are kept.
+/// Number of key frames in the stream, and number kept in memory.
 const KEYS: usize = 24;
 const WINDOW: usize = 8;
 const FRAMES: usize = 40;
-/// Frames that are under way while the positions of one are taken.
+/// Number of frames in flight when the positions of one are read.
 const AHEAD: usize = 2;
 
-/// Positions of a stream are those of key frames that are held, forward and in leaps, while others are under way.
+/// Tests that positions of a stream equal those of key frames in memory, in forward playback and at random times, with
+/// frames in flight.
 pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
     let triangles = || c.case.animation.triangles().to_vec();
-    // The case's key frames over and over, the first vertex shifted a little more each time.
+    // The case's key frames repeated. Each moves the first vertex a little more.
     let own = c.case.animation.all_keys()?;
     let source = move |key: usize| {
         let mut points = own[key % own.len()].to_vec();
@@ -151,7 +154,7 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// When a stream is played: half the times forward, the others anywhere.
+/// Returns the times of playback: the first half forward, the others random.
 fn times(chance: u64) -> Vec<f64> {
     let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
     let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);

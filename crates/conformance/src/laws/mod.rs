@@ -1,4 +1,4 @@
-//! The laws, by name.
+//! Tables of all properties.
 
 mod answers;
 mod arriving;
@@ -16,18 +16,18 @@ use answers::verify;
 use anyhow::{Result, ensure};
 use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
 
-/// Says by which methods a law is tried, one after the other in use.
+/// Selects the methods with which a property is tested, one after the other.
 pub(crate) type Methods = fn(&Check<'_>) -> Result<Vec<Method>>;
 
-/// A law: `Err` says how subject and reference disagree.
+/// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
 pub struct Law {
-    /// Its name, as a sentence with underscores.
+    /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
     pub(crate) methods: Methods,
     /// The name of `methods` in the table of properties.
     method_set: &'static str,
-    /// Whether it holds.
+    /// Test of the property.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
 
@@ -40,12 +40,12 @@ impl Law {
     }
 }
 
-/// What a law is tried on.
+/// Inputs of a test.
 pub(crate) struct Check<'a> {
     pub(crate) case: &'a Case,
     pub(crate) subject: &'a mut dyn Backend,
     pub(crate) reference: &'a mut Reference,
-    /// How the subject traces.
+    /// Method with which the subject traces.
     pub(crate) method: Method,
 }
 
@@ -68,19 +68,19 @@ impl<'a> Check<'a> {
         Ok(stage::ask(self.subject, rays, kind)?.0)
     }
 
-    /// The closest hits of the case's own rays.
+    /// Returns the closest hits of the case's rays.
     fn closest(&mut self) -> backend::Result<Hits> {
         self.ask(self.rays(), QueryKind::Closest)
     }
 
-    /// The case's own rays.
+    /// Returns the case's rays.
     fn rays(&self) -> Rays<'a> {
         let case: &'a Case = self.case;
         Rays::List(&case.rays)
     }
 }
 
-/// Every method by which the subject traces.
+/// Returns every method that the subject supports.
 fn all(c: &Check<'_>) -> Result<Vec<Method>> {
     let with = |intersector| {
         Layout::ALL.map(|layout| Method {
@@ -95,24 +95,24 @@ fn all(c: &Check<'_>) -> Result<Vec<Method>> {
     Ok(all)
 }
 
-/// Those with some intersectors.
+/// Returns the supported methods with some intersectors.
 fn by(c: &Check<'_>, is_wanted: impl Fn(Intersector) -> bool) -> Result<Vec<Method>> {
     let mut some = all(c)?;
     some.retain(|m| is_wanted(m.intersector));
     Ok(some)
 }
 
-/// The usual intersector on every layout.
+/// Returns the default intersector with every layout.
 fn usual(c: &Check<'_>) -> Result<Vec<Method>> {
     by(c, |i| i == Method::default().intersector)
 }
 
-/// The exact intersector on every layout.
+/// Returns the exact intersector with every layout.
 fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
     by(c, |i| i == Intersector::Exact)
 }
 
-/// Those whose answers are the same everywhere.
+/// Returns the methods whose results are the same on every backend.
 fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
     by(c, |i| {
         matches!(i, Intersector::Watertight | Intersector::Exact)
@@ -127,7 +127,7 @@ fn robust_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {
     in_turn(c, robust(c)?)
 }
 
-/// Of these methods those with the intersector whose turn it is: all have theirs within a few cases.
+/// Returns the methods with one intersector, which rotates with the case number. A few cases test all intersectors.
 fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
     let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
     intersectors.dedup();
@@ -136,7 +136,7 @@ fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Result<Vec<Method>> {
     Ok(methods)
 }
 
-/// A line a law: by which methods it is tried, its name, and whether it holds.
+/// Defines one property per line: its methods, its name and its test.
 macro_rules! laws {
     ($($methods:ident $name:ident: $check:expr;)+) => {
         &[$(Law {
@@ -148,7 +148,7 @@ macro_rules! laws {
     };
 }
 
-/// Every law of backends that trace our trees.
+/// Properties of backends that trace our trees.
 pub const LAWS: &[Law] = laws! {
     usual positions_equal_the_formula: geometry::positions;
     robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
@@ -179,7 +179,7 @@ pub const LAWS: &[Law] = laws! {
     usual loading_again_starts_afresh: reports::reload;
 };
 
-/// Every law of backends that make their trees themselves and leave what a ray hits to a driver.
+/// Properties of backends that make their own trees and whose driver determines hits.
 pub const OWN_TREE_LAWS: &[Law] = laws! {
     usual positions_equal_the_formula: geometry::positions;
     usual reports_name_what_was_done: reports::stages;
@@ -192,7 +192,7 @@ pub const OWN_TREE_LAWS: &[Law] = laws! {
     usual key_frames_that_arrive_are_played_as_those_held: |c| arriving::pushed(c, within::verify);
 };
 
-/// The laws that `backend` is to keep.
+/// Returns the properties that `backend` must have.
 pub fn laws_of(backend: &dyn Backend) -> &'static [Law] {
     match backend.makes_own_trees() {
         true => OWN_TREE_LAWS,

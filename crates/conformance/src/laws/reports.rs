@@ -1,4 +1,4 @@
-//! What a backend says of its own work; answers that wait to be fetched, and scenes that follow one another.
+//! Properties of frame reports, of results that are fetched later, and of scenes that replace one another.
 
 use super::Check;
 use crate::compare::answers;
@@ -8,8 +8,8 @@ use backend::{FRAMES_IN_FLIGHT, FrameReport, Hits, QueryKind};
 use geom::Animation;
 use std::sync::Arc;
 
-/// Times are there for stages done and missing for stages left out; a
-/// device's clock never runs backwards; asked again, a report is the same.
+/// Tests the times in reports: present for recorded stages and absent for others, never decreasing, and equal when read
+/// again.
 pub(super) fn stages(c: &mut Check<'_>) -> Result<()> {
     let rays = c.rays();
     c.open(c.case.times[0])?;
@@ -30,8 +30,10 @@ pub(super) fn stages(c: &mut Check<'_>) -> Result<()> {
     }
 }
 
-/// A backend without a clock may leave all times out, but none may report one of what was not done. What both
-/// `interpolate` and `preprocess` took may be reported as the latter's.
+/// Checks the times of the stages that were `done`.
+///
+/// A backend without a clock may omit all times, but must not report times of other stages. The time of `interpolate`
+/// may be included in that of `preprocess`.
 fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<()> {
     let t = &report.times;
     let stages = [
@@ -52,7 +54,7 @@ fn same_stages(what: &str, report: &FrameReport, done: [bool; 5]) -> Result<()> 
     Ok(())
 }
 
-/// Tickets rise; a later one done means the earlier are; answers are kept for as many traces as may be under way.
+/// Tests that tickets increase and finish in order, and that results are kept for as many traces as may be in flight.
 pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     let (case, rays) = (c.case, c.rays());
     let times = &case.times[..FRAMES_IN_FLIGHT];
@@ -67,7 +69,7 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
         c.stand(time)?;
         tickets.push(start(c.subject, rays, QueryKind::Closest)?);
     }
-    // Submissions without a trace take no answer away, nor does a trace in the making.
+    // Neither submissions without a trace nor an unfinished recording may discard results.
     for &time in &case.times {
         c.stand(time)?;
         tickets.push(c.subject.submit()?);
@@ -75,7 +77,7 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     c.stand(case.times[0])?;
     let rise = tickets.is_sorted_by(|a, b| a < b);
     ensure!(rise, "tickets do not rise: {tickets:?}");
-    // Each twice, the later ones first.
+    // Each result twice, in descending order of tickets.
     for _ in 0..2 {
         for ((&ticket, expected), &time) in tickets.iter().zip(&expected).zip(times).rev() {
             answers(case, time, rays, &fetch(c.subject, ticket)?.0, expected)?;
@@ -84,7 +86,7 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A scene loaded after another answers as if it were the first, whatever was under way.
+/// Tests that a scene loaded after another gives the same results as if loaded first, whatever was in flight.
 pub(super) fn reload(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     let once = |c: &mut Check<'_>| -> Result<Hits> {
@@ -97,7 +99,7 @@ pub(super) fn reload(c: &mut Check<'_>) -> Result<()> {
     let other = Arc::new(Animation::new(vec![corners], vec![[0, 1, 2]])?);
     open(c.subject, &other, 0.0, c.method)?;
     answers(case, now, rays, &once(c)?, &first)?;
-    // Positions requested and a trace not waited for are the old scene's and must not show up in the new one.
+    // Requested positions and unfinished traces of the old scene must not appear in the new one.
     open(c.subject, &other, 0.0, c.method)?;
     stand(c.subject, &other, 0.0)?;
     c.subject.request_positions()?;

@@ -1,4 +1,4 @@
-//! What never moves may be passed over, and nothing else.
+//! Skipping of static geometry, which must not change any result.
 
 use super::Check;
 use crate::Case;
@@ -10,13 +10,15 @@ use anyhow::{Context, Result, ensure};
 use backend::Generation;
 use bvh_layout::Topology;
 
-/// Frames that are looked at.
+/// Number of frames that are compared.
 const FRAMES: usize = 7;
-/// By how much, relatively, costs of trees may differ: sums in single precision, taken in any order.
+/// Relative tolerance of tree costs, which are sums in single precision and in any order.
 pub(super) const COST_TOLERANCE: f64 = 1e-4;
 
-/// A tree that comes with lists of what moves gives the positions, boxes, counts, cost and hits of one that comes without,
-/// frame after frame and tree after tree, whichever stages were done before. The case's chance decides what happens.
+/// Tests that a tree with lists of moving elements gives the same positions, boxes, counts, cost and hits as one
+/// without.
+///
+/// Compares over several frames and trees, with random stages recorded before. The case's random bits determine them.
 pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let mut rng = fastrand::Rng::with_seed(case.chance);
@@ -30,7 +32,7 @@ pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
             tree = another_tree(case, &mut rng);
             c.subject.adopt(&tree, Generation(2 + frame as u64))?;
         }
-        // Stages that nothing follows must not be taken for more than they were.
+        // Stages without the stages that usually follow must not confuse the backend.
         for _ in 0..rng.u8(..3) {
             now = case.times[rng.usize(..3)];
             c.interpolate(now)?;
@@ -51,7 +53,7 @@ pub(super) fn passed_over(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Built or odd, with lists or without.
+/// Returns a built tree or a random one, with or without lists.
 fn another_tree(case: &Case, rng: &mut fastrand::Rng) -> Topology {
     let animation = &case.animation;
     let built = tree_at(animation, case.times[rng.usize(..3)]);
@@ -71,7 +73,7 @@ fn without_lists(tree: &Topology) -> Topology {
     Topology::from_words(tree.words().to_vec()).expect("it was sound before")
 }
 
-/// Traces what was recorded, and holds all that the subject shows to what the reference does with the tree without lists.
+/// Traces the recorded frame, and compares all results with the reference's for the same tree without lists.
 fn same(c: &mut Check<'_>, tree: &Topology, now: f64) -> Result<()> {
     let case = c.case;
     let seen = Answer::of(c.subject, case)?;
@@ -81,7 +83,7 @@ fn same(c: &mut Check<'_>, tree: &Topology, now: f64) -> Result<()> {
     let expected = c.reference.by_tree(case, &without_lists(tree), now)?;
     lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq)?;
     same_counts(&seen.report, &expected.report)?;
-    // Where areas neither overflow nor vanish in single precision, a cost that is told is right.
+    // A reported cost must be right, if areas neither overflow nor underflow in single precision.
     let right = expected.report.sah_cost;
     let is_right =
         |cost: f64| right.is_some_and(|right| (cost / right - 1.0).abs() <= COST_TOLERANCE);

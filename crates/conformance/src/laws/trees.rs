@@ -1,4 +1,6 @@
-//! Trees come and go; answers stay. A backend that makes no trees on its device keeps the laws of those, too.
+//! Changes of the tree, which must not change any result.
+//!
+//! Properties of trees made on the device hold trivially for backends without such trees.
 
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
@@ -11,7 +13,7 @@ use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_
 use bvh_layout::Topology;
 use std::sync::Arc;
 
-/// A tree built at one time and refitted to another answers as a fresh one does, whatever the method.
+/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every method.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
@@ -26,7 +28,7 @@ pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Chains as deep as trees may be, and trees at random, answer as a built one does.
+/// Tests that chains of maximum depth and random trees have the same hits as a built tree.
 pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     let live = live(&case.animation, case.chance);
@@ -47,12 +49,12 @@ pub(super) fn shape(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Closest and any hits of the case's own rays.
+/// Returns closest hits and any-hit results of the case's rays.
 fn both(c: &mut Check<'_>) -> Result<[Hits; 2]> {
     Ok([c.closest()?, c.ask(c.rays(), QueryKind::Any)?])
 }
 
-/// Swapping the tree between two frames at rest changes nothing, with the first frame still under way.
+/// Tests that adopting another tree between two frames at the same time changes no hit, with the first frame in flight.
 pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     c.open(case.times[0])?;
@@ -71,7 +73,7 @@ pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
     answers(case, now, rays, &after, &alone).context("the frame after")
 }
 
-/// A tree that was brought beforehand is the one adopted; one that was brought and left is not.
+/// Tests that a tree uploaded in advance is the one adopted, and that an abandoned upload has no effect.
 pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     let animation = &case.animation;
@@ -98,8 +100,10 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// An evaluation changes no answer and no count. It measures the cost that the tree has once it is adopted, and a tree that
-/// was evaluated before answers as any other, also at another time.
+/// Tests that an evaluation changes no result and no count.
+///
+/// It must measure the cost that the tree has once it is adopted. An evaluated tree must give the same hits as any
+/// other, also at another time.
 pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     let (case, rays) = (c.case, c.rays());
     let [then, now] = [0, 1].map(|i| case.times[i]);
@@ -136,14 +140,36 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
         c.stand(then)?;
         answers(case, then, rays, &c.closest()?, &fresh_then).context("at another time")?;
         c.stand(now)?;
-        // The next candidate has the buffers of this tree.
+        // A tree and a candidate exchange their buffers, so check the cost once more.
         let (_, report) = ask(c.subject, rays, QueryKind::Closest)?;
         same_cost(report.sah_cost, adopted.sah_cost)?;
+        returned(c, [then, now], [&fresh_then, &fresh])?;
     }
     Ok(())
 }
 
-/// Sums of areas may be taken in another order.
+/// The tree that the current one has replaced answers as any other after it returns, and so does the newer one after that.
+fn returned(c: &mut Check<'_>, times: [f64; 2], fresh: [&Hits; 2]) -> Result<()> {
+    let (case, rays) = (c.case, c.rays());
+    for _ in 0..2 {
+        c.interpolate(times[1])?;
+        ensure!(c.subject.evaluate_retained()?, "the replaced tree is gone");
+        boxes_anew(c.subject)?;
+        let (hits, report) = ask(c.subject, rays, QueryKind::Closest)?;
+        answers(case, times[1], rays, &hits, fresh[1]).context("beside the replaced tree")?;
+        c.subject.adopt_retained()?;
+        boxes_anew(c.subject)?;
+        let (hits, adopted) = ask(c.subject, rays, QueryKind::Closest)?;
+        answers(case, times[1], rays, &hits, fresh[1]).context("returned")?;
+        same_cost(report.candidate_cost, adopted.sah_cost)?;
+        c.stand(times[0])?;
+        answers(case, times[0], rays, &c.closest()?, fresh[0])
+            .context("returned, at another time")?;
+    }
+    Ok(())
+}
+
+/// Compares costs. Sums of areas may be taken in another order.
 fn same_cost(found: Option<f64>, expected: Option<f64>) -> Result<()> {
     let is_same = match (found, expected) {
         (Some(found), Some(expected)) => (found / expected - 1.0).abs() <= COST_TOLERANCE,
@@ -159,7 +185,7 @@ fn write(c: &mut Check<'_>, tree: &Topology, generation: u64) -> Result<()> {
     Ok(())
 }
 
-/// A sound tree of another scene is refused with a reason, and the old one goes on.
+/// Tests that a valid tree of another scene is refused with a reason, and that the current tree stays in use.
 pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
@@ -171,13 +197,14 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
             other => bail!("{what}, expected to be refused, got {other:?}"),
         }
     }
-    // Refused trees leave records and boxes as they were.
+    // Refused trees must not change the tree or its boxes.
     answers(case, now, c.rays(), &c.closest()?, &before)?;
     c.stand(now)?;
     answers(case, now, c.rays(), &c.closest()?, &before)
 }
 
-/// Records a tree made on the device from the positions at hand; `false` if the backend makes none for this scene's method.
+/// Records a tree built on the device from the current positions. Returns `false` if the backend cannot build one for
+/// this method.
 fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
     match backend.rebuild(Generation(generation)) {
         Ok(()) => Ok(true),
@@ -186,7 +213,8 @@ fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
     }
 }
 
-/// Read back it is a sound tree of this scene, whose boxes, counts and cost are those that the reference finds for it.
+/// Tests that a tree made on the device is valid when read back. Its boxes, counts and cost must equal the reference's
+/// for this tree.
 pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     c.subject.load(Arc::clone(&case.animation), c.method)?;
@@ -206,7 +234,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// It answers as a tree from the host does, before which and after which it may come.
+/// Tests that a tree made on the device has the same hits as a tree from the host, which may precede or follow it.
 pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
     let (case, rays, now) = (c.case, c.rays(), c.case.times[1]);
     c.open(case.times[0])?;
@@ -216,9 +244,9 @@ pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
         return Ok(());
     }
     let made = both(c)?;
-    // There is nothing left to preprocess nor to refit, but it may be requested.
+    // No stage is left to do, but these may be recorded.
     boxes_anew(c.subject)?;
-    // Another one while a frame with the first is under way.
+    // Make another tree while a frame with the first one is in flight.
     let under_way = start(c.subject, rays, QueryKind::Closest)?;
     c.interpolate(case.times[2])?;
     rebuild(c.subject, 3)?;

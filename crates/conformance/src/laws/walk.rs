@@ -1,4 +1,4 @@
-//! Rays that continue from the distance last reported.
+//! Rays that continue from the last reported distance.
 
 use super::Check;
 use crate::compare::{ray_text, same_hit, triangle_text};
@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use backend::{QueryKind, Rays};
 use geom::{Hit, Ray};
 
-/// A ray that continues, and every crossing of its line within its first limits.
+/// A ray that continues from its hits, and every crossing of its line within the original interval.
 struct Walk {
     ray: Ray,
     crossings: Vec<ExactHit>,
@@ -31,8 +31,9 @@ impl Walk {
     }
 }
 
-/// A ray that always continues with `t_min` equal to the `t` last reported visits the exact crossings in order, meets no
-/// triangle twice, and ends.
+/// Tests that a ray that continues with `t_min` equal to the last reported `t` visits the exact crossings in order.
+///
+/// It hits no triangle twice, and ends.
 pub(super) fn visits_every_crossing_once(c: &mut Check<'_>) -> Result<()> {
     let (animation, time) = (&c.case.animation, c.case.times[1]);
     let oracle = Oracle::new(triangles(animation, time));

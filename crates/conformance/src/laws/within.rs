@@ -1,4 +1,4 @@
-//! What rays hit where a driver decides: within rounding of the exact answer. See [`crate::rounding`].
+//! Hits determined by a driver, which must be within rounding of the exact ones. See [`crate::rounding`].
 
 use super::Check;
 use super::answers::{self, asked};
@@ -9,14 +9,16 @@ use anyhow::{Result, bail, ensure};
 use backend::{FrameReport, Hits, QueryKind, Rays};
 use geom::{Hit, Ray};
 
-/// Closest hits of given rays and of a camera's.
+/// Tests the closest hits of listed rays and of a camera's rays.
 pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
     answers::closest(c, verify)?;
     let camera = Rays::Camera(&c.case.camera);
     asked(c, camera, QueryKind::Closest, verify)
 }
 
-/// A camera's rays made on the device answer as the same rays given one by one, where a driver can be asked about them.
+/// Tests that rays generated from a camera have the same hits as the same rays in a list.
+///
+/// Skips cases with rays for which a driver's results are not defined.
 pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let verifier = Verifier::new(&c.case.animation, c.case.times[1]);
     match c.case.camera.rays().all(|ray| verifier.admits(&ray)) {
@@ -25,8 +27,8 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     }
 }
 
-/// What the subject found at a time. Inactive and degenerate triangles are counted as by the reference, and hits as they
-/// were found.
+/// Checks that results are within rounding. Inactive and degenerate triangles must be counted like the reference's, and
+/// hits as found.
 pub(super) fn verify(
     c: &mut Check<'_>,
     time: f64,

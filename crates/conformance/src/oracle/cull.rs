@@ -1,8 +1,8 @@
-//! Boxes that discard triangles far from a ray's line: a median tree in double precision.
+//! Boxes that discard triangles far from a ray's line: a median-split tree in double precision.
 
 use geom::{Aabb, Ray, Triangle};
 
-/// Triangles in a group of the lowest level.
+/// Maximum number of triangles in a group of the lowest level.
 const GROUP: usize = 8;
 
 /// A balanced tree of boxes over the active triangles.
@@ -14,7 +14,7 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// A tree over the triangles of `active`.
+    /// Builds a tree over the triangles in `active`.
     pub(super) fn new(corners: &[Triangle], active: Vec<u32>) -> Self {
         let mut order = active;
         let groups = order.len().div_ceil(GROUP).next_power_of_two();
@@ -23,8 +23,9 @@ impl Boxes {
         Self { nodes, order }
     }
 
-    /// Calls `visit` with every triangle that a valid ray may hit, those in nearer boxes about first. It returns a `t`
-    /// beyond which nothing matters any more: what is hit no nearer than that may be left out.
+    /// Calls `visit` for every triangle that a valid ray may hit, in approximate order of distance.
+    ///
+    /// `visit` returns an upper bound of the relevant `t`. Triangles beyond the bound may be skipped.
     pub(super) fn near(&self, ray: &Ray, mut visit: impl FnMut(u32) -> f64) {
         let enter = |node: usize| entry(ray, &self.nodes[node]);
         let mut bound = f64::INFINITY;
@@ -50,7 +51,7 @@ impl Boxes {
     }
 }
 
-/// Fills the box of `node`, which holds `order` in `groups` groups, and of all below it.
+/// Computes the boxes of `node` and its descendants. The node contains `order`, in `groups` groups.
 fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usize, groups: usize) {
     let of = |&i: &u32| Aabb::of_triangle(&corners[i as usize]);
     let bounds = order.iter().map(of).fold(Aabb::EMPTY, Aabb::union);
@@ -71,10 +72,11 @@ fn split(corners: &[Triangle], order: &mut [u32], nodes: &mut [Aabb], node: usiz
     split(corners, right, nodes, 2 * node + 2, groups / 2);
 }
 
-/// A `t` that is at most that of every point of the box on the ray, within its interval; `None` only if there is no such point.
+/// Returns a lower bound of `t` over all points of the box on the ray, within its interval. Returns `None` only if
+/// there is no such point.
 ///
-/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of itself, and neither overflows nor underflows for
-/// `f32` input. So each slab's exact interval lies within the widened one.
+/// A quotient of a difference rounds twice, by less than `4 * 2^-53` of its value, and neither overflows nor underflows
+/// for `f32` input. So each slab's exact interval is within the widened one.
 fn entry(ray: &Ray, bounds: &Aabb) -> Option<f64> {
     if bounds.is_empty() {
         return None;
@@ -104,7 +106,7 @@ mod tests {
     #[test]
     fn what_begins_beyond_the_bound_is_left_out_and_what_begins_at_it_is_not() {
         let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
-        // Walls at 0, 1, 2 and so on, each eight times, in whatever order.
+        // Walls at 0, 1, 2 and so on, eight at each position, in mixed order.
         let corners: Vec<Triangle> = (0..256).map(|i| wall((i * 7 % 32) as f32)).collect();
         let boxes = Boxes::new(&corners, (0..256).collect());
         for direction in [1.0, -1.0] {
@@ -124,8 +126,8 @@ mod tests {
 
     #[test]
     fn rounding_loses_no_ray_that_just_clips_a_corner() {
-        // Enters at exactly 1 + (17/48) 2^-52, leaves at 1 + (18/48) 2^-52; the
-        // first rounds up to 1 + 2^-52, the second down to 1.
+        // Enters at exactly 1 + (17/48) 2^-52, leaves at 1 + (18/48) 2^-52. The first rounds up to 1 + 2^-52, the
+        // second down to 1.
         let x = -(2.0_f32.powi(-52) + 2.0_f32.powi(-56));
         let ray = Ray::new([x, -3.0 * 2.0_f32.powi(-55), 0.0], [3.0, 1.0, 0.0]);
         let bounds = Aabb {

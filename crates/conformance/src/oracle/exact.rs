@@ -1,4 +1,4 @@
-//! One ray against one triangle in integers: every finite `f32` is `m * 2^e`.
+//! Intersection of one ray and one triangle in integers: every finite `f32` is `m * 2^e`.
 
 use super::nearest::{is_nearest_above, is_nearest_below};
 use geom::{Ray, Triangle};
@@ -6,24 +6,24 @@ use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
 use num_traits::{Float, Signed};
 
-/// Where a ray's line crosses a closed triangle, inside the ray's interval.
+/// Intersection of a ray's line and a closed triangle, within the ray's interval.
 #[derive(Clone, Debug)]
 pub(super) struct Crossing {
-    /// Exact distance in units of the direction; not reduced.
+    /// Exact distance in multiples of the direction; not reduced.
     pub(super) t: BigRational,
     /// Exact weights of the second and the third corner; not reduced.
     pub(super) weights: [BigRational; 2],
-    /// Whether the crossing lies on an edge or a vertex.
+    /// True if the crossing is on an edge or a vertex.
     pub(super) edge: bool,
 }
 
 type Vector = [BigInt; 3];
 
-/// The crossing of a valid ray with an active triangle, if there is one.
+/// Returns the crossing of a valid ray and an active triangle, if there is one.
 ///
-/// With `A`, `B`, `C` from the origin to the corners and `|x y z|` a determinant, the corners have the weights `U = |d B C|`,
-/// `V = |d C A|`, `W = |d A B|`, and `t = |A B C| / (U + V + W)`. The divisor is `d . N`: zero for a ray in the plane and for
-/// a triangle without area.
+/// Let `A`, `B`, `C` be the vectors from the origin to the corners and `|x y z|` a determinant. Then the corners have
+/// the weights `U = |d B C|`, `V = |d C A|`, `W = |d A B|`, and `t = |A B C| / (U + V + W)`. The divisor is `d . N`:
+/// zero for a ray in the plane and for a triangle without area.
 pub(super) fn cross(ray: &Ray, [a, b, c]: &Triangle) -> Option<Crossing> {
     let o = &ray.origin;
     let flat: [f32; 12] = std::array::from_fn(|i| [a, b, c, o][i / 3][i % 3]);
@@ -59,7 +59,7 @@ fn dot(a: &Vector, b: &Vector) -> BigInt {
     (0..3).map(|i| &a[i] * &b[i]).sum()
 }
 
-/// All of `xs`, which are finite, as multiples of `2^e` with the least exponent `e` among them.
+/// Returns all of `xs`, which are finite, as multiples of `2^e`, where `e` is the smallest exponent among them.
 fn scale<const N: usize>(xs: [f32; N]) -> ([BigInt; N], i32) {
     let parts = xs.map(Float::integer_decode);
     let exponents = parts.iter().filter(|part| part.0 != 0).map(|part| part.1);
@@ -68,7 +68,7 @@ fn scale<const N: usize>(xs: [f32; N]) -> ([BigInt; N], i32) {
     (shifted, least.into())
 }
 
-/// `(n / d) * 2^e` with a positive denominator; `d` must not be zero.
+/// Returns `(n / d) * 2^e` with a positive denominator. `d` must not be zero.
 fn quotient(n: BigInt, d: BigInt, e: i32) -> BigRational {
     let (n, d) = if d.is_negative() { (-n, -d) } else { (n, d) };
     let [up, down] = [e.max(0), (-e).max(0)];

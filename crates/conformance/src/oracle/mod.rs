@@ -1,12 +1,16 @@
-//! The exact answer, slowly: what a ray hits, decided in integer arithmetic.
+//! Exact hits, computed slowly in integer arithmetic.
 //!
-//! The reference for every backend, so it shares no code with any: from `geom` it takes plain types only. Its definition is
-//! the contract's `exact`. Triangles are closed: a ray through an edge or a vertex hits every triangle that shares it. A ray
-//! in a triangle's plane misses it. Inactive triangles and those of zero area are never hit. The float nearest to `t` lies in
-//! the open interval `(t_min, t_max)`. Least exact `t` wins, then least index.
+//! This is the reference for every backend, so it shares no code with any: from `geom` it uses only plain types. Its
+//! definition is the contract of `exact`:
 //!
-//! Each ray passes three stages, and the first two only ever discard what is surely missed: boxes (`cull`), double precision
-//! with proven error bounds (`filter`), and what is left in integers (`exact`).
+//! - Triangles include their edges. A ray through an edge or a vertex hits every triangle that shares it.
+//! - A ray in a triangle's plane misses it.
+//! - Inactive triangles and those of zero area are never hit.
+//! - The float nearest to `t` is in the open interval `(t_min, t_max)`.
+//! - The hit with the least exact `t` wins, then the least index.
+//!
+//! Each ray passes three stages. The first two, boxes (`cull`) and double precision with proven error bounds
+//! (`filter`), discard only triangles that are certainly missed. The third decides the rest in integers (`exact`).
 
 mod cull;
 mod exact;
@@ -27,17 +31,17 @@ use num_traits::ToPrimitive;
 pub struct ExactHit {
     /// Index of the triangle.
     pub triangle: u32,
-    /// The exact distance in units of the direction, rounded once.
+    /// Exact distance in multiples of the direction, rounded once.
     pub t: f64,
     /// The exact distance and the exact weights of the second and the third corner, each rounded once.
     pub rounded: [f32; 3],
-    /// Whether the hit point lies exactly on an edge or a vertex of the triangle.
+    /// True if the hit point is exactly on an edge or a vertex of the triangle.
     pub edge: bool,
-    /// Whether another triangle is hit at exactly the same distance.
+    /// True if another triangle is hit at exactly the same distance.
     pub tie: bool,
 }
 
-/// Answers for triangles that stand still. Rays are independent, so `&Oracle` may be shared by threads.
+/// Exact hits for static triangles. Rays are independent, so threads may share `&Oracle`.
 #[derive(Clone, Debug)]
 pub struct Oracle {
     corners: Vec<Triangle>,
@@ -45,7 +49,7 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    /// An oracle over triangles in the order of their indices.
+    /// Creates an oracle over triangles in the order of their indices.
     pub fn new(corners: Vec<Triangle>) -> Self {
         let active = |i: &u32| is_active(&corners[*i as usize]);
         let active = (0..corners.len() as u32).filter(active).collect();
@@ -53,13 +57,13 @@ impl Oracle {
         Self { corners, boxes }
     }
 
-    /// An oracle over a moment.
+    /// Creates an oracle over the triangles of a moment.
     pub fn at(moment: &Moment<'_>) -> Self {
         let triangles = 0..moment.animation().triangle_count() as u32;
         Self::new(triangles.map(|i| moment.corners(i)).collect())
     }
 
-    /// The closest hit: least exact `t`, then least index. A ray that is not valid misses.
+    /// Returns the closest hit: least exact `t`, then least index. A ray that is not valid misses.
     pub fn closest(&self, ray: &Ray) -> Option<ExactHit> {
         let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
         self.judged(ray, |triangle, found| {
@@ -74,8 +78,10 @@ impl Oracle {
         hits.into_iter().next()
     }
 
-    /// Returns the triangle of the closest hit and its distance. The triangle is exact, as in [`Oracle::closest`]; the
-    /// distance is within `2^-40` of itself. Most rays need no integers here, so this is several times as fast.
+    /// Returns the triangle of the closest hit and its distance.
+    ///
+    /// The triangle is exact, as in [`Oracle::closest`]. The relative error of the distance is at most `2^-40`. Most
+    /// rays need no integers here, so this is several times faster.
     pub fn closest_triangle(&self, ray: &Ray) -> Option<(u32, f64)> {
         let (mut bound, mut maybe) = (f64::INFINITY, Vec::new());
         self.judged(ray, |triangle, found| {
@@ -86,7 +92,7 @@ impl Oracle {
             bound
         });
         maybe.retain(|(_, found)| found.low <= bound);
-        // All others are surely farther away or missed.
+        // All others are certainly farther away or missed.
         if let [(triangle, found)] = maybe[..]
             && found.is_sure
             && found.high - found.low <= NARROW * found.low.abs()
@@ -97,7 +103,7 @@ impl Oracle {
         hits.first().map(|hit| (hit.triangle, hit.t))
     }
 
-    /// Every triangle hit, by exact `t`, then by index.
+    /// Returns every triangle that is hit, ordered by exact `t`, then by index.
     pub fn all(&self, ray: &Ray) -> Vec<ExactHit> {
         let mut maybe = Vec::new();
         self.judged(ray, |triangle, _| {
@@ -107,7 +113,7 @@ impl Oracle {
         self.settle(ray, maybe.into_iter())
     }
 
-    /// Every triangle whose box the ray may meet and that it does not surely miss, as far as `visit` asks (see
+    /// Calls `visit` for every triangle that the ray may hit, until the bound that `visit` returns (see
     /// [`Boxes::near`]).
     fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Candidate) -> f64) {
         if ray.is_valid() {
@@ -118,7 +124,7 @@ impl Oracle {
         }
     }
 
-    /// Settles candidates in whole numbers.
+    /// Decides candidates in integers.
     fn settle(&self, ray: &Ray, candidates: impl Iterator<Item = u32>) -> Vec<ExactHit> {
         let crossed = |i| Some((i, cross(ray, &self.corners[i as usize])?));
         let mut hits: Vec<(u32, Crossing)> = candidates.filter_map(crossed).collect();
@@ -135,14 +141,14 @@ impl Oracle {
     }
 }
 
-/// Width of an interval of `t`, relative to `t`, whose middle stands for the exact distance.
+/// Maximum width of an interval of `t`, relative to `t`, whose midpoint may replace the exact distance.
 const NARROW: f64 = 1.0 / (1_u64 << 40) as f64;
 
 fn is_active(corners: &Triangle) -> bool {
     corners.iter().flatten().all(|x| x.is_finite())
 }
 
-/// The nearest `f64`, ties to even.
+/// Returns the nearest `f64`, ties to even.
 fn to_f64(crossing: &Crossing) -> f64 {
     crossing.t.to_f64().expect("a distance is a number")
 }

@@ -1,4 +1,4 @@
-//! Exact numbers to the nearest `f32`, ties to even, by comparison with the middle between neighbours.
+//! Rounding of exact numbers to the nearest `f32`, ties to even, by comparison with the midpoint between neighbours.
 
 use num_bigint::BigInt;
 use num_rational::BigRational;
@@ -17,7 +17,7 @@ pub(super) fn is_nearest_below(t: &BigRational, limit: f32) -> bool {
 
 /// Returns the float nearest to `t`, where a zero is positive.
 pub(super) fn nearest(t: &BigRational) -> f32 {
-    // Two roundings leave a neighbour at most.
+    // Rounding twice may result in a neighbour of the nearest float, at most.
     let near = t.to_f64().map_or(f32::INFINITY, |t| t as f32);
     let upper = match is_nearest_above(t, near) {
         true => near.next_up(),
@@ -29,7 +29,7 @@ pub(super) fn nearest(t: &BigRational) -> f32 {
     (if is_lower { lower } else { upper }) + 0.0
 }
 
-/// Returns the first of two neighbours where `t` rounds to that or less, else the second.
+/// Returns the first of two neighbours if `t` rounds to it or below, else the second.
 fn rounds_to(t: &BigRational, [below, above]: [f32; 2]) -> f32 {
     let is_even = |x: f32| x.to_bits() & 1 == 0;
     match t.cmp(&((exact(below) + exact(above)) / BigInt::from(2))) {
@@ -39,7 +39,7 @@ fn rounds_to(t: &BigRational, [below, above]: [f32; 2]) -> f32 {
     }
 }
 
-/// Returns a float exactly. An infinite one stands for the power of two that would come next.
+/// Converts a float exactly. Infinity becomes the next power of two after the largest float.
 fn exact(x: f32) -> BigRational {
     let next = BigRational::from_integer(BigInt::from(1) << 128_u32);
     let of_infinite = if x > 0.0 { next } else { -next };
@@ -50,7 +50,7 @@ fn exact(x: f32) -> BigRational {
 mod tests {
     use super::*;
 
-    /// A quarter of the way from one float to another.
+    /// Returns the number `quarters` quarters of the way from one float to another.
     fn between(x: f32, y: f32, quarters: i32) -> BigRational {
         exact(x) + (exact(y) - exact(x)) * BigInt::from(quarters) / BigInt::from(4)
     }

@@ -1,4 +1,4 @@
-//! Cases by hand, and the naive version on random ones.
+//! Hand-written cases, and random ones compared with a naive implementation.
 
 use super::*;
 use crate::{nth_case, stage};
@@ -12,7 +12,7 @@ fn closest(corners: &[Triangle], ray: &Ray) -> Option<ExactHit> {
     Oracle::new(corners.to_vec()).closest(ray)
 }
 
-/// A hit of triangle 0 at `t = 1` with these weights.
+/// Returns a hit of triangle 0 at `t = 1` with these weights.
 fn first([u, v]: [f32; 2], [edge, tie]: [bool; 2]) -> Option<ExactHit> {
     Some(ExactHit {
         triangle: 0,
@@ -37,11 +37,11 @@ fn the_greatest_and_the_least_numbers_are_no_trouble() {
     let far = |d: f32| Ray::new([0.0, 0.0, f32::MAX], [0.0, 0.0, -d]);
     let t = closest(&SQUARE, &far(1.0)).map(|h| h.t);
     assert_eq!(t, Some(f64::from(f32::MAX)));
-    // The distance rounds to infinity, which lies within no limits.
+    // The distance rounds to infinity, which is never within the limits.
     assert_eq!(closest(&SQUARE, &far(f32::from_bits(1))), None);
 }
 
-/// Through exactly the middle of an edge that two triangles share.
+/// The ray passes through exactly the midpoint of an edge that two triangles share.
 #[test]
 fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
     let [a, b] = [
@@ -59,7 +59,7 @@ fn a_ray_leaks_nowhere_though_it_does_in_double_precision() {
     assert_eq!(naive::all(&ray, &corners).len(), 2);
 }
 
-/// Scenes of every kind that have few triangles, one of them twice, with some rays of every kind.
+/// Returns scenes of every kind with few triangles, the first of which is duplicated, and some rays of every kind.
 fn cases() -> impl Iterator<Item = (Vec<Triangle>, Vec<Ray>)> {
     let few = (0..200).map(|i| nth_case(9, i));
     few.filter(|case| (1..=40).contains(&case.animation.triangle_count()))
@@ -111,7 +111,7 @@ fn double_precision_is_never_wrong_when_it_is_sure() {
     }
 }
 
-/// The definition written down once more, as plainly as rational numbers allow.
+/// The same definition in rational arithmetic, as simply as possible.
 mod naive {
     use super::super::nearest::nearest;
     use geom::{Point, Ray, Triangle};
@@ -120,7 +120,7 @@ mod naive {
 
     type Vector = [BigRational; 3];
 
-    /// Every hit as `(t, triangle, on an edge)`, by exact `t`, then by index.
+    /// Returns every hit as `(t, triangle, on an edge)`, ordered by exact `t`, then by index.
     pub(super) fn all(ray: &Ray, corners: &[Triangle]) -> Vec<(BigRational, u32, bool)> {
         let one = |(i, c): (usize, &Triangle)| hit(ray, c).map(|(t, edge)| (t, i as u32, edge));
         let mut hits: Vec<_> = corners.iter().enumerate().filter_map(one).collect();
@@ -128,7 +128,7 @@ mod naive {
         hits
     }
 
-    /// Meets the plane, then asks of each edge on which side the point lies.
+    /// Intersects the plane, then tests on which side of each edge the point is.
     fn hit(ray: &Ray, corners: &Triangle) -> Option<(BigRational, bool)> {
         if !ray.is_valid() || corners.iter().flatten().any(|x| !x.is_finite()) {
             return None;

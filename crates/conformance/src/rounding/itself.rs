@@ -1,34 +1,38 @@
-//! Whether rounding may have a triangle block the way from a point of itself to the light: a driver is asked of that
-//! triangle too, and only the offset of `docs/design/hits.md` ("Shadow rays") keeps the way off it.
+//! Checks whether rounding may cause a triangle to block the shadow ray from a point on itself to the light. A driver
+//! also tests that triangle. Only the offset of `docs/design/hits.md` ("Shadow rays") keeps the shadow ray off it.
 //!
-//! Let `u = 2^-24`, `L` be the longest edge, `N` the normal, and `p` and `E` as there. All is in scaled units.
-//! A component of the computed `N` is a difference of two products, each off by `3 u`: `N` leans by at most `6 u L^2 / |N|`.
+//! Let `u = 2^-24`, `L` be the longest edge, `N` the normal, and `p` and `E` as there. All quantities are in scaled
+//! units. Each component of the computed `N` is a difference of two products, each with an error of `3 u`. So `N` is
+//! tilted by at most `6 u L^2 / |N|`.
 //!
-//! - On the triangle, heights over its plane are off by `11 u L + u L^3 / |N| + 4 u |p|`. `p` and its move make `3 u L` and
-//!   `3.5 u |p|` of it. The sheared corners of a driver's watertight test make `8 u L`. Products in its weights make
-//!   `3 u |a| |b| |c| / |N|`, with the corners as seen from `p`: at most `u L^3 / |N|`.
-//! - At a distance `D` from `p`, heights are off by that, by the lean times `D`, and by `4 u D` for difference and product.
-//! - Up to `2^-98 / |N|` is lost besides, as lean and as height, where products count as zero.
+//! - On the triangle, heights above its plane have an error of `11 u L + u L^3 / |N| + 4 u |p|`. The point `p` and its
+//!   move contribute `3 u L` and `3.5 u |p|`. The sheared corners of a driver's watertight test contribute `8 u L`.
+//!   Products in its weights contribute `3 u |a| |b| |c| / |N|`, with the corners relative to `p`: at most
+//!   `u L^3 / |N|`.
+//! - At a distance `D` from `p`, heights have that error, plus the tilt times `D`, plus `4 u D` for difference and
+//!   product.
+//! - Up to `2^-98 / |N|` is lost in addition, as tilt and as height, where products count as zero.
 //!
-//! What is higher has a sure side. If the light or else the eye has, the start is moved, and as high as the offset less the first
-//! of these errors. The way is straight: the least heights of its ends tell where it crosses the plane at the earliest.
-//! The triangle blocks it only if it reaches as far.
+//! A point whose height exceeds its error is on a certain side of the plane. If the light or else the eye is on a
+//! certain side, the start moves off the plane. It moves by at least the offset minus the first of these errors. The
+//! shadow ray is straight, so the least heights of its ends determine the earliest point at which it may cross the
+//! plane. The triangle blocks it only if it extends to that point.
 
 use super::{distance_to_triangle, largest, longest_edge, ulp};
 use glam::DVec3;
 
-/// What is lost where products below `2^-100` count as zero.
+/// Error from products below `2^-100`, which count as zero.
 const LOST: f64 = 4.0 / (1_u128 << 100) as f64;
 
-/// A triangle's plane around a point of it.
+/// The plane of a triangle, with one of its points as origin.
 struct Plane {
     point: DVec3,
     normal: DVec3,
-    /// By how much the normal may lean.
+    /// Maximum tilt of the normal.
     lean: f64,
-    /// The triangle's longest edge along an axis: `E` is no less.
+    /// Longest edge of the triangle along an axis, which is a lower bound of `E`.
     extent: f64,
-    /// How far off heights on the triangle are.
+    /// Maximum error of heights on the triangle.
     near: f64,
 }
 
@@ -47,7 +51,8 @@ impl Plane {
         }
     }
 
-    /// Whether the side of a point is sure, and the least height that it may have over the side where the start is.
+    /// Returns whether the side of a point is certain, and its least possible height above the plane on the side of the
+    /// start.
     fn height(&self, at: DVec3) -> (bool, f64) {
         let way = at - self.point;
         let doubt = self.near + self.lean * way.length() + 4.0 * ulp(way.length());
@@ -59,8 +64,9 @@ impl Plane {
     }
 }
 
-/// Whether the triangle may block the way from `point` on it to the light, give or take `margin`. The eye is where the ray
-/// came from that hit it there, and `E` is at least `extent`.
+/// Returns whether the triangle may block the shadow ray from `point` on it to the light, within `margin`.
+///
+/// The eye is the origin of the ray that hit the triangle at `point`. `E` is at least `extent`.
 pub(super) fn may_block(
     corners: &[DVec3; 3],
     [point, light, eye]: [DVec3; 3],

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Two squares of two triangles each, at `z = 0` and `z = -1`, moved along all axes.
+/// Returns two squares of two triangles each, at `z = 0` and `z = -1`, moved along all axes.
 fn squares(by: f32) -> Verifier {
     let square = |z: f32| [[0.0, 0.0, z], [4.0, 0.0, z], [4.0, 4.0, z], [0.0, 4.0, z]];
     let corners = [square(0.0), square(-1.0)].concat();
@@ -47,7 +47,7 @@ fn beside_an_edge_either_neighbour_is_right_but_not_what_lies_behind() {
     let ray = down(2.000_001, 2.0, 0.0);
     assert_eq!(judge.refutes(&ray, &hit(0, 2.0, 0.0, 0.5)), None);
     assert_eq!(judge.refutes(&ray, &hit(1, 2.0, 0.5, 0.0)), None);
-    // Neither is surely hit there, but what lies behind is not either.
+    // Neither triangle is certainly hit there, and neither is the one behind.
     assert_eq!(judge.refutes(&ray, &Hit::MISS), None);
     let rim = down(4.000_001, 1.0, 0.0);
     assert_eq!(judge.refutes(&rim, &Hit::MISS), None);
@@ -103,8 +103,8 @@ fn nothing_is_asked_of_single_precision_where_it_overflows_or_vanishes() {
     assert!(judge.admits(&ray) && !judge.admits(&short) && !judge.admits(&away));
 }
 
-/// The one triangle of a case whose light was one of its corners: the way from an edge ends exactly there, and no other
-/// triangle is near.
+/// The only triangle of a case whose light was at a corner. The shadow ray starts on an edge and ends exactly at the
+/// corner, and no other triangle is near.
 #[test]
 fn a_way_that_ends_on_the_triangle_it_began_on_may_be_blocked_by_it_and_by_nothing_else() {
     let corners = [
@@ -139,8 +139,8 @@ fn a_light_where_the_hit_is_may_be_seen_from_there_or_not() {
     assert!(shadow([3.0, 1.0, 0.01], true).is_some());
 }
 
-/// Seed 5, case 233: eye and light lie in the triangle's plane, so the start does not move, and the light is less than a
-/// rounding below it.
+/// Seed 5, case 233: eye and light are in the triangle's plane, so the start does not move. The light is below the
+/// plane by less than a rounding error.
 #[test]
 fn a_triangle_may_block_its_plane_but_nothing_that_surely_leaves_it() {
     let corners = [
@@ -159,9 +159,10 @@ fn a_triangle_may_block_its_plane_but_nothing_that_surely_leaves_it() {
     assert_eq!(shadow(eye, light, true), None);
     assert_eq!(shadow(eye, light, false), None);
     let ([x, y, z], [a, b, c]) = (eye, light);
-    // The eye has a side: the start is off the plane, and the way meets it beyond the triangle.
+    // The eye has a certain side. So the start is off the plane, and the shadow ray crosses the plane outside the
+    // triangle.
     assert!(shadow([x, y, z + 1e-4], light, true).is_some());
-    // So has the light.
+    // The light has a certain side too.
     assert!(shadow(eye, [a, b, c + 1e-4], true).is_some());
 }
 
@@ -177,7 +178,7 @@ fn a_triangle_may_block_what_leaves_it_if_it_is_too_thin_for_a_normal() {
     assert!(blocks(1e-5) && !blocks(2.0));
 }
 
-/// A triangle, in a scene that reaches as far as a vertex of no triangle.
+/// Returns a triangle in a scene whose extent is determined by a vertex of no triangle.
 fn one_of(corners: [Point; 3], far: Point) -> Verifier {
     let [a, b, c] = corners;
     let animation = Animation::new(vec![vec![a, b, c, far]], vec![[0, 1, 2]]);

@@ -1,51 +1,51 @@
-//! The rates that were measured: one an intersector, a family and a thing counted, for each kind of arithmetic.
+//! Measured rates for each kind of arithmetic: one per intersector, family and measure.
 //!
-//! Textbook intersectors compute as a device likes, so their rates are those of the device's [`Arithmetic`]; of all others
-//! the host's rates hold everywhere, since their answers do. A file of `baselines` holds what was measured of one kind, with
-//! its ground. `abvh stability --record FILE` writes one from the answers of a device to many seeds. To make it known, put it
-//! beside the others and name it in `FILES`. Nothing is in it of what may never happen: see `is_never`.
+//! The rates of textbook intersectors depend on the device's [`Arithmetic`]. All other intersectors have the same
+//! answers everywhere, so the host's rates apply. A file in `baselines` contains the rates of one kind of arithmetic
+//! and where they were measured. `abvh stability --record FILE` writes one from a device's answers to many seeds. To
+//! use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
 
 use crate::stress::{Cell, Family, Measure, Measured, Plan, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
-/// One kind of arithmetic each.
+/// One file per kind of arithmetic.
 const FILES: [&str; 2] = [
     include_str!("baselines/host.json"),
     include_str!("baselines/nvidia.json"),
 ];
 
-/// What was measured with one kind of arithmetic.
+/// Rates measured with one kind of arithmetic.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
-    /// Which.
+    /// The arithmetic.
     #[serde(with = "OwnArithmetic")]
     pub arithmetic: Arithmetic,
-    /// On what device and how.
+    /// Device, driver and settings of the measurement.
     pub ground: String,
-    /// The rates.
+    /// Measured rates.
     pub entries: Vec<RateEntry>,
 }
 
 /// A rate over many seeds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RateEntry {
-    /// Of what.
+    /// Name of the family.
     pub family: String,
-    /// By what.
+    /// Name of the intersector.
     pub intersector: String,
-    /// What was counted.
+    /// Name of the measure.
     pub measure: String,
-    /// How many were counted, over all seeds.
+    /// Number of counted events over all seeds.
     pub count: u64,
-    /// Of how many rays.
+    /// Number of rays over all seeds.
     pub of: u64,
-    /// Variance of the rate among seeds over that of independent rays; at least 1.
+    /// Variance of the rate among seeds, divided by that of independent rays; at least 1.
     pub spread: f64,
 }
 
-/// [`Arithmetic`] in files.
+/// Serialization of [`Arithmetic`].
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Arithmetic")]
 struct OwnArithmetic {
@@ -58,7 +58,7 @@ static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {
     FILES.into_iter().map(read).collect()
 });
 
-/// Whether something may never happen, by the intersector's own definition: `exact` errs nowhere,
+/// Returns whether an event must never happen, by the definition of the intersector: `exact` has no errors,
 /// `watertight` neither leaks nor hits twice.
 pub(super) fn is_never(intersector: Intersector, measure: Measure) -> bool {
     match intersector {
@@ -68,7 +68,7 @@ pub(super) fn is_never(intersector: Intersector, measure: Measure) -> bool {
     }
 }
 
-/// Whose arithmetic decides what an intersector answers on a device.
+/// Returns the arithmetic that determines an intersector's answers on a device.
 fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
     match by {
         Intersector::Woop | Intersector::MollerTrumbore => device,
@@ -76,7 +76,7 @@ fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
     }
 }
 
-/// What is known of a cell on a device of that arithmetic; `None` if nobody measured it.
+/// Returns the measured rate of a cell on a device with this arithmetic, or `None` if it was not measured.
 pub(super) fn known(
     family: Family,
     by: Intersector,
@@ -90,10 +90,13 @@ pub(super) fn known(
     baseline.entries.iter().find(this)
 }
 
-/// Measures a device anew: every family at so many rays, of seeds from 1 to `seeds`. What no arithmetic of the
-/// device's own decides is measured on devices alone that round every operation once.
+/// Measures a device: every family with `rays` rays, for the seeds 1 to `seeds`.
 ///
-/// `progress` hears of each family.
+/// Intersectors that do not depend on the device's arithmetic are measured only on devices that round every operation
+/// once. `progress` receives each family when it is finished.
+///
+/// # Errors
+/// The subject failed.
 pub fn record(
     subject: &mut dyn Backend,
     (seeds, rays): (u64, u32),
@@ -126,7 +129,7 @@ pub fn record(
     })
 }
 
-/// One entry for each thing counted in the same cell of all seeds, but for what may never happen.
+/// Returns one entry per measure of the same cell over all seeds, without events that must never happen.
 fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
     let measures = cells.first().map_or(0, |first| first.measured.len());
     let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());
@@ -146,7 +149,7 @@ fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
     .collect()
 }
 
-/// Variance of the rate among seeds over that of independent rays, at least 1.
+/// Returns the variance of the rate among seeds, divided by that of independent rays; at least 1.
 fn spread(all: &[Measured], mean: f64) -> f64 {
     let squares: f64 = all.iter().map(|m| (m.rate() - mean).powi(2)).sum();
     let independent = mean * (1.0 - mean) / all[0].of as f64;
@@ -166,7 +169,7 @@ mod tests {
         fuses: false,
     };
 
-    /// A cell of rays at edges of closed bodies, of which so many answers are wrong, leak or hit twice.
+    /// Returns a cell of rays at edges of closed bodies, with these numbers of wrong answers, leaks and double hits.
     fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
         let counts = [
             (Measure::Wrong, wrong, 8192),

@@ -1,57 +1,59 @@
-//! What was counted, held against what chance allows.
+//! Counts of a stress test, compared with bounds that allow for chance.
 //!
-//! A rate `q` seen in `n` independent rays is further from the true rate `p` than this with a probability of at most
-//! `exp(-n KL(q, p))` on either side (Chernoff 1952; `KL` is the divergence of two coins). Rays of one scene are not
-//! independent: `n` is divided by the spread, the variance of the rate among seeds over that of as many independent rays. The
-//! true rate is known from a baseline, within the same limits.
+//! Let `p` be the true rate and `q` any other rate. In `n` independent rays, chance yields a rate as far from `p` as
+//! `q` is, on the same side, with a probability of at most `exp(-n KL(q, p))`. Here `KL` is the divergence of two coins
+//! (Chernoff 1952).
+//!
+//! Rays of one scene are not independent. So `n` is divided by the spread: the variance of the rate among seeds over
+//! that of as many independent rays. The true rate is known from a baseline, within the same limits.
 
 use crate::stress::Family;
 use crate::stress::baseline::{RateEntry, is_never, known};
 use backend::{Arithmetic, Intersector};
 
 backend::named! {
-    /// What is counted.
+    /// Counted event.
     pub enum Measure {
-        /// Answers that are not the exact ones.
+        /// Answers that differ from the exact ones.
         Wrong = "wrong",
-        /// Rays from inside that meet nothing.
+        /// Rays from inside that miss.
         Leaks = "leaks",
         /// Rays that cross a body too often or not often enough.
         DoubleHits = "double_hits",
     }
 }
 
-/// A count with its bound.
+/// A count with its bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// What was counted.
+    /// The counted event.
     pub measure: Measure,
-    /// How many.
+    /// Number of events.
     pub count: u64,
-    /// Of how many rays.
+    /// Number of rays.
     pub of: u64,
-    /// The rates to be expected; `None` if nobody ever measured this.
+    /// Bounds of the rate, or `None` if it was never measured.
     pub bound: Option<[f64; 2]>,
 }
 
-/// One family by one intersector.
+/// Results of one family and one intersector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
     /// The family.
     pub family: Family,
     /// The intersector.
     pub intersector: Intersector,
-    /// What was counted, wrong answers first.
+    /// Counts, wrong answers first.
     pub measured: Vec<Measured>,
 }
 
 impl Measured {
-    /// How often; 0 of no rays at all.
+    /// Returns the rate; 0 if there are no rays.
     pub fn rate(&self) -> f64 {
         self.count as f64 / self.of.max(1) as f64
     }
 
-    /// Whether the rate is within its bound. Of no rays nothing is known.
+    /// Returns whether the rate is within its bounds, or there are no rays.
     pub fn is_ok(&self) -> bool {
         let within = |[low, high]: [f64; 2]| (low..=high).contains(&self.rate());
         self.of == 0 || self.bound.is_some_and(within)
@@ -59,8 +61,10 @@ impl Measured {
 }
 
 impl Cell {
-    /// Holds counts, each with its number of rays, against what is expected of an intersector on a device of that
-    /// arithmetic. Wrong answers come first.
+    /// Compares counts, each with its number of rays, with the bounds for an intersector on a device with this
+    /// arithmetic.
+    ///
+    /// Wrong answers must be the first count.
     pub fn new(
         family: Family,
         intersector: Intersector,
@@ -86,34 +90,34 @@ impl Cell {
         }
     }
 
-    /// Wrong answers.
+    /// Returns the count of wrong answers.
     pub fn wrong(&self) -> &Measured {
         &self.measured[0]
     }
 
-    /// What was counted of one thing; `None` if it means nothing in this family.
+    /// Returns the count of one event, or `None` if it is not defined for this family.
     pub fn get(&self, measure: Measure) -> Option<&Measured> {
         self.measured.iter().find(|m| m.measure == measure)
     }
 
-    /// Whether every rate is within its bound.
+    /// Returns whether every rate is within its bounds.
     pub fn is_ok(&self) -> bool {
         self.measured.iter().all(Measured::is_ok)
     }
 }
 
-/// Improbability at which a rate is out of bounds: `exp(-18)`, less than `2e-8`, that of six standard deviations by
-/// Chernoff's bound.
+/// Negative logarithm of the probability of a rate out of bounds. `exp(-18)`, less than `2e-8`, corresponds to six
+/// standard deviations by Chernoff's bound.
 const LIMIT: f64 = 18.0;
-/// Steps of bisection, down to the precision of a rate.
+/// Number of bisection steps, which reach the precision of a rate.
 const STEPS: u32 = 60;
 
-/// The rates to be expected of `rays` rays.
+/// Returns the bounds of the rate in `rays` rays.
 fn interval(known: &RateEntry, rays: u64) -> [f64; 2] {
     let rate = known.count as f64 / known.of.max(1) as f64;
     let before = LIMIT * known.spread / known.of.max(1) as f64;
     let now = LIMIT * known.spread / (rays as f64).max(1.0);
-    // The true rate, then what may be seen of it.
+    // First the bounds of the true rate, then those of the observed rate.
     let least = edge(rate, 0.0, |p| divergence(rate, p) <= before);
     let most = edge(rate, 1.0, |p| divergence(rate, p) <= before);
     [
@@ -122,7 +126,7 @@ fn interval(known: &RateEntry, rays: u64) -> [f64; 2] {
     ]
 }
 
-/// The place between `from`, where `holds`, and `to`, where it perhaps does not, up to which it does.
+/// Returns the last point from `from`, where `holds`, towards `to`, up to which it holds.
 fn edge(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     if holds(to) {
         return to;
@@ -138,7 +142,7 @@ fn edge(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     inner
 }
 
-/// `KL(q, p)` of two coins, in nats.
+/// Returns the divergence `KL(q, p)` of two coins, in nats.
 fn divergence(q: f64, p: f64) -> f64 {
     let term = |q: f64, p: f64| if q == 0.0 { 0.0 } else { q * (q / p).ln() };
     term(q, p) + term(1.0 - q, 1.0 - p)
@@ -160,7 +164,7 @@ mod tests {
     #[test]
     fn bounds_hold_what_chance_brings_and_little_more() {
         let [low, high] = interval(&known(0.25, 1.0), 10_000);
-        // A standard deviation is 0.0043, and 0.0004 of what is known.
+        // The standard deviation is 0.0043, and 0.0004 for the known rate.
         assert!((0.220..0.226).contains(&low), "{low}");
         assert!((0.274..0.280).contains(&high), "{high}");
         let width = |spread, rays| {

@@ -1,11 +1,14 @@
-//! How often each intersector is wrong where arithmetic is hardest.
+//! Measures how often each intersector is wrong where arithmetic is hardest.
 //!
-//! A [`Family`] makes scenes and rays that are hard in one way. A [`StressTest`] asks them of a backend and counts what differs
-//! from the [exact answer](crate::oracle); on closed bodies also leaks and double hits. Robust intersectors may have none, of
-//! others what was measured is expected ([`baseline`]), with slack for chance. A rate above its bound is a fault; so is one
-//! below, for then something is not what it is called.
+//! A [`Family`] generates scenes and rays that are hard in one way. A [`StressTest`] traces them on a backend and
+//! counts answers that differ from the [exact answer](crate::oracle). On closed bodies it also counts leaks and double
+//! hits.
 //!
-//! An [`audit::Audit`] asks rays by the million of scenes of all kinds, of which `exact` may get none wrong.
+//! Robust intersectors must have zero counts. The rates of other intersectors must match the measured ones
+//! ([`baseline`]), within chance. A rate above its bounds is a fault. A rate below them is a fault too, because then an
+//! intersector is not the one it is named after.
+//!
+//! An [`audit::Audit`] traces millions of rays in scenes of all kinds. With `exact`, no answer may be wrong.
 
 pub mod audit;
 pub mod baseline;
@@ -16,12 +19,12 @@ mod stress_test;
 pub use cell::{Cell, Measure, Measured};
 pub use stress_test::StressTest;
 
-/// What to ask.
+/// Parameters of a stress test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Decides scenes and rays.
+    /// Seed of the scenes and rays.
     pub seed: u64,
-    /// Rays of each family.
+    /// Number of rays per family.
     pub rays: u32,
 }
 
@@ -39,23 +42,24 @@ backend::named! {
     pub enum Family {
         /// Triangles a thousand to ten million times as long as wide.
         Needles = "needles",
-        /// Triangles of no area, and others that hardly have any, among sound ones.
+        /// Triangles with zero or nearly zero area, among regular ones.
         ZeroArea = "zero-area",
         /// Coordinates from `1e15` to `3e37`.
         Huge = "huge",
         /// Coordinates from `1e-12` to `1e-35`.
         Tiny = "tiny",
-        /// Coordinates that are subnormal.
+        /// Subnormal coordinates.
         Subnormal = "subnormal",
-        /// Closed bodies of size 1, 10 from the origin on each axis.
+        /// Closed bodies of size 1, moved by 10 along each axis.
         Far10 = "far-10",
-        /// Likewise, a thousand.
+        /// Closed bodies of size 1, moved by a thousand along each axis.
         Far1e3 = "far-1e3",
-        /// Likewise, a hundred thousand.
+        /// Closed bodies of size 1, moved by a hundred thousand along each axis.
         Far1e5 = "far-1e5",
-        /// Likewise, ten million: coordinates are whole numbers there, and bodies no longer closed to the eye.
+        /// Closed bodies of size 1, moved by ten million along each axis. Coordinates are integers there, and bodies
+        /// are visibly deformed.
         Far1e7 = "far-1e7",
-        /// Equal triangles, turned, reversed, and coplanar ones that overlap.
+        /// Equal triangles, rotated, reversed, and coplanar ones that overlap.
         Stacks = "stacks",
         /// Rays at edges of closed bodies.
         Edges = "edges",
@@ -65,19 +69,19 @@ backend::named! {
         InPlane = "in-plane",
         /// Rays that start on a triangle.
         OnSurface = "on-surface",
-        /// Rays along an axis, at insides, edges and vertices.
+        /// Rays along an axis, at interiors, edges and vertices.
         AxisParallel = "axis-parallel",
-        /// Moments between key frames of which one is a million times as large as the other.
+        /// Moments between key frames whose sizes differ by a factor of a million.
         ExtremeKeys = "extreme-keys",
-        /// A cloth wrung as tight as it gets.
+        /// A cloth twisted to its maximum.
         FoldingCloth = "folding-cloth",
         /// Coordinates and directions that are zeros of either sign.
         SignedZeros = "signed-zeros",
-        /// Vertices that are not finite, always or at times.
+        /// Vertices that are not finite, in some or all key frames.
         NonFinite = "non-finite",
-        /// Closed bodies of size 1 beside one triangle between `1e3` and `3e38` away, or between `1e-3` and `1e-38` large.
+        /// Closed bodies of size 1 and one triangle at a distance of `1e3` to `3e38`, or of size `1e-38` to `1e-3`.
         Outlier = "outlier",
-        /// A sheet, one vertex of which goes so far in a later key frame.
+        /// A sheet with one vertex that moves as far in a later key frame.
         Exploding = "exploding",
     }
 }

@@ -1,4 +1,4 @@
-//! Each family's scenes and rays.
+//! Scenes and rays of each family.
 
 use crate::generate::bodies::{Aim, BODIES, Placed, SORTS};
 use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
@@ -10,26 +10,26 @@ use fastrand::Rng;
 use geom::{Animation, Point, Ray, Triangle};
 use std::sync::Arc;
 
-/// A family has at least so many scenes, among which its rays are shared out.
+/// Minimum number of scenes per family, among which its rays are divided.
 const SCENES: u32 = 32;
-/// Rays beyond which there are more scenes, so that rates spread alike whatever the number of rays.
+/// Maximum number of rays per scene. Beyond it there are more scenes, so that rates vary alike for any number of rays.
 const RAYS: u32 = 256;
 
-/// A scene, how to stand it up, and what to ask it.
+/// A scene, the times of its tree and its trace, and its rays.
 #[derive(Clone, Debug)]
 pub(crate) struct StressScene {
     pub(crate) animation: Arc<Animation>,
-    /// When its tree is built, in key frames.
+    /// Time at which the tree is built, in key frames.
     pub(crate) built: f64,
-    /// When it is traced.
+    /// Time at which rays are traced, in key frames.
     pub(crate) time: f64,
     pub(crate) rays: Vec<Ray>,
-    /// Of a closed body: which rays begin inside.
+    /// For closed bodies: whether each ray starts inside.
     pub(crate) inside: Option<Vec<bool>>,
 }
 
 impl StressScene {
-    /// A scene without rays, whose tree is built at the first of two times, and which is traced at the second.
+    /// Creates a scene without rays, whose tree is built at `built` and which is traced at `time`.
     pub(crate) fn new(animation: Arc<Animation>, [built, time]: [f64; 2]) -> Self {
         Self {
             animation,
@@ -41,7 +41,7 @@ impl StressScene {
     }
 }
 
-/// All scenes of a family; they depend on the family and the plan alone.
+/// Returns all scenes of a family, which depend only on the family and the plan.
 pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
     let rng = |number| Rng::with_seed(mixed(mixed(plan.seed) ^ family as u64) ^ number);
     if family == Family::FoldingCloth {
@@ -53,14 +53,15 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
     scenes.collect()
 }
 
-/// One scene of a family, with so many rays. Each begins with another sort of ray, so that few are of all sorts too.
+/// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that few rays contain
+/// all kinds.
 fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
     let body = |offset, aim, rng: &mut Rng| closed((offset, aim), number, rays, rng);
     match family {
         Family::Far10 => body(10.0, None, rng),
         Family::Far1e3 => body(1e3, None, rng),
         Family::Far1e5 => body(1e5, None, rng),
-        // So far away that rounding moves walls past what was inside.
+        // At this distance, rounding moves walls past points that were inside.
         Family::Far1e7 => StressScene {
             inside: None,
             ..body(1e7, None, rng)
@@ -75,7 +76,7 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
     }
 }
 
-/// A closed body at an offset, with rays of all sorts or those with one aim.
+/// Returns a closed body at an offset, with rays of all kinds or with one aim.
 fn closed(
     (offset, aim): (f32, Option<Aim>),
     number: usize,
@@ -98,7 +99,7 @@ fn closed(
     }
 }
 
-/// A scene of a family of other meshes, without rays.
+/// Returns a scene without rays of a family that has no closed bodies.
 fn free(family: Family, rng: &mut Rng) -> StressScene {
     let plump = |rng: &mut Rng| soup(64, 0.4, PLUMP, rng);
     let scaled = |exponents, rng: &mut Rng| {
@@ -130,7 +131,7 @@ fn free(family: Family, rng: &mut Rng) -> StressScene {
     }
 }
 
-/// The `i`-th ray at a scene of a family.
+/// Returns ray `i` of a scene of a family.
 fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
     let (kind, target) = match family {
         Family::InPlane => (RayKind::InPlane, Target::Inside),
@@ -143,7 +144,7 @@ fn ray(family: Family, aims: &Aims, i: usize, rng: &mut Rng) -> Ray {
     aims.ray(kind, target, rng)
 }
 
-/// Fills in a scene's rays.
+/// Generates the rays of a scene.
 fn asked(
     mut scene: StressScene,
     rays: usize,
@@ -154,13 +155,13 @@ fn asked(
     scene
 }
 
-/// A ray that is not valid is made again.
+/// Repeats `ray` until it returns a valid ray.
 fn valid(ray: impl FnMut() -> Ray) -> Ray {
     let mut again = std::iter::repeat_with(ray);
     again.find(Ray::is_valid).expect("most rays are valid")
 }
 
-/// A scene without rays, with its tree built at the first of two times and traced at the second.
+/// Creates a scene without rays, whose tree is built at the first of two times and which is traced at the second.
 fn scene(keys: Vec<Vec<Point>>, triangles: Vec<[u32; 3]>, times: [f64; 2]) -> StressScene {
     let animation = Animation::new(keys, triangles);
     let animation = animation.expect("meshes name their own vertices");
@@ -171,13 +172,13 @@ fn still((points, triangles): Mesh) -> StressScene {
     scene(vec![points], triangles, [0.0; 2])
 }
 
-/// Free triangles in motion.
+/// Creates a scene of separate moving triangles.
 fn moving(keys: Vec<Vec<Point>>, time: f64) -> StressScene {
     let triangles = apart(keys[0].len() / 3);
     scene(keys, triangles, [0.0, time])
 }
 
-/// From unit size to a million times that, or back.
+/// Returns a scene that grows from unit size to a million times that, or shrinks.
 fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressScene {
     let mut keys = vec![small.concat(), meshes::scaled(&large, 1e6).concat()];
     let time = meshes::power([-7.0, -0.01], rng);
@@ -188,7 +189,7 @@ fn extreme(small: Vec<Triangle>, large: Vec<Triangle>, rng: &mut Rng) -> StressS
     moving(keys, time)
 }
 
-/// A quarter of the triangles has a vertex that is not finite in the first key frame, the second or both.
+/// Makes one vertex of a quarter of the triangles not finite in the first key frame, the second or both.
 fn broken(triangles: &[Triangle], rng: &mut Rng) -> StressScene {
     let mut keys = vec![triangles.concat(); 2];
     for t in 0..triangles.len() / 4 {
@@ -205,7 +206,7 @@ fn broken(triangles: &[Triangle], rng: &mut Rng) -> StressScene {
     moving(keys, [0.0, 0.5, 1.0][rng.usize(..3)])
 }
 
-/// A closed body beside one more triangle, which hardly any ray meets.
+/// Adds a triangle that hardly any ray hits to a scene with a closed body.
 fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
     let mut points = vertices(&body.animation, 0.0);
     let mut triangles = body.animation.triangles().to_vec();
@@ -216,7 +217,7 @@ fn beside_outlier(body: StressScene, rng: &mut Rng) -> StressScene {
     StressScene { animation, ..body }
 }
 
-/// A sheet at rest, on its way, or with one vertex gone far.
+/// Returns a sheet that is static, or moving, or has one vertex far away.
 fn exploding(rng: &mut Rng) -> StressScene {
     let (points, triangles) = meshes::sheet(16, 8, rng);
     let mut far = points.clone();
@@ -227,7 +228,7 @@ fn exploding(rng: &mut Rng) -> StressScene {
     scene(vec![points.clone(), points, far], triangles, [built, time])
 }
 
-/// `demo:twist` at its end, where it is tightest, on a tree of its beginning.
+/// Returns `demo:twist` at its end, where it is tightest, with a tree built at its start.
 fn cloth(rays: usize, rng: &mut Rng) -> StressScene {
     let demo = ::scene::open("demo:twist:3000", &::scene::Options::default());
     let animation = demo.expect("demos need no file").animation;

@@ -1,4 +1,4 @@
-//! Scenes of one family with their exact answers, and what a backend makes of them.
+//! Scenes of one family with exact answers, and the comparison of backends with them.
 
 use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
@@ -9,14 +9,14 @@ use backend::{Backend, FrameReport, Hits, Intersector, Method, QueryKind, Rays, 
 use geom::Hit;
 use rayon::prelude::*;
 
-/// A family's scenes and rays, answered exactly.
+/// Scenes and rays of a family, with exact answers.
 #[derive(Clone, Debug)]
 pub struct StressTest {
     family: Family,
     scenes: Vec<Answered>,
 }
 
-/// A scene with what its rays hit.
+/// A scene with the exact hits of its rays.
 #[derive(Clone, Debug)]
 pub(super) struct Answered {
     pub(super) scene: StressScene,
@@ -24,14 +24,17 @@ pub(super) struct Answered {
 }
 
 impl StressTest {
-    /// Makes and answers the rays of a family.
+    /// Generates the rays of a family and computes their exact hits.
     pub fn new(family: Family, plan: &Plan) -> Self {
         let scenes = scenes(family, plan).into_par_iter();
         let scenes = scenes.map(Answered::new).collect();
         Self { family, scenes }
     }
 
-    /// Asks a backend everything; `None` if it does not support the intersector.
+    /// Traces all rays on a backend. Returns `None` if it does not support the intersector.
+    ///
+    /// # Errors
+    /// The subject failed.
     pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<Option<Cell>> {
         let method = Method::from(intersector);
         if !subject.supports(method) {
@@ -51,19 +54,19 @@ impl StressTest {
 }
 
 impl Answered {
-    /// Asks the oracle, on as many threads as there are.
+    /// Computes the exact hits, in parallel.
     pub(super) fn new(scene: StressScene) -> Self {
         let oracle = Oracle::new(triangles(&scene.animation, scene.time));
         let exact = scene.rays.par_iter().map(|r| oracle.closest(r)).collect();
         Self { scene, exact }
     }
 
-    /// What a ray hits, or the triangle of [`Hit::MISS`].
+    /// Returns the triangle that a ray hits exactly, or that of [`Hit::MISS`].
     pub(super) fn triangle(&self, ray: usize) -> u32 {
         self.exact[ray].map_or(Hit::MISS.triangle, |e| e.triangle)
     }
 
-    /// How often each thing happened, and of how many rays.
+    /// Returns the count of each event, with its number of rays.
     fn count(&self, subject: &mut dyn Backend, method: Method) -> Result<Vec<(Measure, u64, u64)>> {
         let scene = &self.scene;
         let (hits, _) = scene.trace(subject, method)?;
@@ -80,7 +83,7 @@ impl Answered {
         let of = inside.iter().filter(|&&i| i).count();
         let leaks = |i: usize| inside[i] && !found[i].is_hit();
         counts.push(share(Measure::Leaks, of, &leaks));
-        // Triangles of `exact` are closed: two that share an edge may both be hit there.
+        // Triangles of `exact` include their edges. Two that share an edge may both be hit there.
         if method.intersector != Intersector::Exact {
             let crossed = crossings(subject, method, &scene.animation, &scene.rays)?;
             let is_double = |i: usize| (crossed[i] % 2 == 1) != inside[i];
@@ -91,7 +94,7 @@ impl Answered {
 }
 
 impl StressScene {
-    /// What the scene's rays hit first.
+    /// Returns the closest hits of the scene's rays.
     pub(super) fn trace(
         &self,
         subject: &mut dyn Backend,
@@ -109,13 +112,13 @@ mod tests {
     use backend::Arithmetic;
     use cpu_ref::CpuBackend;
 
-    /// Every family, with its exact answers.
+    /// Returns a test of every family.
     fn stress_tests(plan: &Plan) -> Vec<StressTest> {
         let all = Family::ALL.into_iter();
         all.map(|family| StressTest::new(family, plan)).collect()
     }
 
-    /// Traces by `asked` but judges as if it were `named`.
+    /// Traces with `asked`, but compares with the bounds of `named`.
     fn cells(tests: &[StressTest], asked: Intersector, named: Intersector) -> Vec<Cell> {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let cell = |test: &StressTest| {

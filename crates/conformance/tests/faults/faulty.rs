@@ -1,4 +1,4 @@
-//! The reference, spoilt in one way.
+//! The reference backend with one planted fault.
 
 use backend::{
     Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, QueryKind, Rays,
@@ -10,22 +10,22 @@ use cpu_ref::CpuBackend;
 use geom::{Aabb, Animation, Camera, Hit, Point, Pose, Ray};
 use std::sync::Arc;
 
-/// The reference, spoilt.
+/// The reference backend with one planted fault.
 pub(crate) struct Faulty {
     inner: CpuBackend,
-    /// What is wrong; of a fault that nobody plants here, no law notices anything.
+    /// Name of the fault. An unknown name has no effect.
     fault: &'static str,
     seen: Seen,
 }
 
-/// What happened so far.
+/// State observed so far.
 #[derive(Default)]
 struct Seen {
     animation: Option<Arc<Animation>>,
     first_leaf: Option<u32>,
-    /// Answers by ticket, as they were when submitted.
+    /// Hits by ticket, as they were when submitted.
     kept: Vec<(Ticket, Hits)>,
-    /// Those lent last.
+    /// Hits returned last.
     lent: Hits,
     rays: Vec<Ray>,
     kind: Option<QueryKind>,
@@ -34,17 +34,17 @@ struct Seen {
     taken: Option<Vec<Point>>,
     old_copy: Option<Vec<Point>>,
     pose: Option<Pose>,
-    /// Whether the host has not looked at its key frames.
+    /// True if the host has not computed the range of the key frames.
     is_unknown: bool,
-    /// Whether coordinates of the moment are known to differ much in size.
+    /// True if the coordinates of the moment are known to differ greatly in size.
     is_spread: bool,
-    /// The one before, of this scene.
+    /// Pose interpolated before `pose`, in the same scene.
     pose_before: Option<Pose>,
-    /// The tree that was made last.
+    /// Tree made last.
     made: Option<Topology>,
-    /// The first that was brought.
+    /// First tree that was brought.
     brought: Option<Topology>,
-    /// What several queries found, and how many hits in all.
+    /// Hits of several queries traced together, and their total number.
     together: (Vec<Hits>, u64),
 }
 
@@ -61,7 +61,7 @@ impl Faulty {
         self.fault == fault
     }
 
-    /// What the fault makes of an answer.
+    /// Applies the fault to hits.
     fn spoil(&self, hits: &mut Hits) {
         let seen = &self.seen;
         let miss = |h: &mut Hit| *h = Hit::MISS;
@@ -134,7 +134,7 @@ impl Faulty {
     }
 }
 
-/// The tree with lists in which a triangle that moves and one that does not have changed places.
+/// Returns the tree with wrong lists, in which a moving triangle and a static one are exchanged.
 fn mislisted(tree: &Topology, animation: &Animation) -> Topology {
     let mut parts = animation.static_parts().clone();
     let leaves = tree.leaf_triangles().iter().map(|&t| t as usize);
@@ -219,7 +219,7 @@ impl Backend for Faulty {
         self.inner.refit()
     }
 
-    /// Made on the host, between submissions.
+    /// Builds the tree on the host, between submissions.
     fn rebuild(&mut self, generation: Generation) -> Result<()> {
         self.inner.submit()?;
         let animation = self.seen.animation.clone().expect("a scene");
@@ -258,7 +258,7 @@ impl Backend for Faulty {
         true
     }
 
-    /// One after the other.
+    /// Traces the queries one after the other.
     fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
         self.seen.together = (Vec::new(), 0);
         for (place, &query) in queries.iter().enumerate() {

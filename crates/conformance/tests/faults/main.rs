@@ -1,4 +1,5 @@
-//! Backends with a fault each, and the laws that must notice it: a law that notices nothing is no law.
+//! Backends with one fault each, and the properties that must detect it. A property that detects no fault tests
+//! nothing.
 
 mod faulty;
 
@@ -6,7 +7,7 @@ use conformance::{Disagreement, LAWS, Law, OWN_TREE_LAWS, Reference, hold};
 use cpu_ref::CpuBackend;
 use faulty::Faulty;
 
-/// Laws, each with faults that it must notice. It may notice others.
+/// Properties, each with faults that it must detect. It may detect others.
 const NOTICED: &str = "
 positions_equal_the_formula: positions one ulp off
 boxes_are_of_the_moment_interpolated_last: last box too large, boxes of the moment before, what moves is passed over, inactive miscounted
@@ -37,7 +38,8 @@ loading_again_starts_afresh: every third scene is empty, positions outlive their
 what_never_moves_may_be_passed_over: what moves is passed over
 ";
 
-/// Likewise for the laws of backends that leave what is hit to a driver; the reference keeps those too.
+/// Properties of backends whose driver determines hits, with faults that they must detect. The reference has these
+/// properties too.
 const NOTICED_WITHIN: &str = "
 positions_equal_the_formula: positions one ulp off
 reports_name_what_was_done: times of stages left out
@@ -50,7 +52,7 @@ any_hits_lie_within_rounding: any hit forgets the last ray
 key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late, hits miscounted
 ";
 
-/// Cases that each law sees, as the full tier has it.
+/// Number of cases per property, as in the full tier.
 const CASES: u32 = 36;
 
 fn verdict(laws: &[Law], law: &str, fault: &'static str) -> Result<u32, Disagreement> {
@@ -59,7 +61,8 @@ fn verdict(laws: &[Law], law: &str, fault: &'static str) -> Result<u32, Disagree
     hold(law, &mut Faulty::new(fault), &mut reference, 1, 0..CASES)
 }
 
-/// Every law holds without a fault, and notices each of its own; those without any.
+/// Checks that every property holds without a fault, and detects each of its faults. Returns the properties without
+/// any.
 fn notices(laws: &[Law], noticed: &'static str) -> Vec<&'static str> {
     let mut idle: Vec<_> = laws.iter().map(|l| l.name).collect();
     for law in laws {

@@ -1,7 +1,7 @@
-//! The exact test: rounded arithmetic with proven error bounds, and integers where those leave a question.
+//! The exact test: rounded arithmetic with proven error bounds, and integers where the bounds do not suffice.
 //!
-//! A filter in the sense of Shewchuk (1997) over the watertight test's own
-//! numbers. The bounds and their proof stand in `docs/design/hits.md`.
+//! The rounded part is a filter in the sense of Shewchuk (1997) on the watertight test's
+//! numbers. The bounds and their proof are in `docs/design/hits.md`.
 
 use super::watertight::{Shear, Watertight, solve};
 use super::{Asked, Search, TriangleTest};
@@ -14,17 +14,17 @@ use glam::Vec4;
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// The answer of exact arithmetic for every ray.
+/// The test whose results equal those of exact arithmetic for every ray.
 pub struct Exact;
 
 /// A triangle that error bounds do not exclude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// Where the tree keeps it.
+    /// Place of the triangle in the tree.
     place: usize,
-    /// Whether it is surely hit, within the ray's limits.
+    /// Set if the hit is certain and within the ray's limits.
     sure: bool,
-    /// The exact `t`, if it is hit, lies in `low..=high`.
+    /// Interval `low..=high` of the exact `t`, if the triangle is hit.
     low: f32,
     high: f32,
 }
@@ -33,7 +33,7 @@ pub(crate) struct Candidate {
 struct Seen {
     ray: PreparedRay,
     shear: Shear,
-    /// A `t` between these rounds to one within the ray's limits.
+    /// Limits between which every `t` rounds to one within the ray's limits.
     sure: Limits,
 }
 
@@ -48,11 +48,11 @@ impl Seen {
     }
 }
 
-/// Bounds the error of a sheared coordinate over the size of its terms, `9.5 * 2^-24`.
+/// Bound on the error of a sheared coordinate relative to the size of its terms, `9.5 * 2^-24`.
 pub const SHEAR: f32 = 9.5 / 16_777_216.0;
-/// The same for depths, `32 * 2^-24`.
+/// Bound on the error of a depth relative to its size, `32 * 2^-24`.
 pub const DEPTH: f32 = 32.0 / 16_777_216.0;
-/// What counting small numbers as zero may change, `2^-60`.
+/// Bound on the error from flushing small numbers to zero, `2^-60`.
 pub const SMALL: f32 = f32::from_bits((127 - 60) << 23);
 
 impl<N: Tree> Search<N> for Exact {
@@ -92,7 +92,7 @@ impl<N: Tree> Search<N> for Exact {
     }
 }
 
-/// Tests a leaf's triangle by rounded arithmetic; `None` if it is surely missed.
+/// Tests a leaf's triangle in rounded arithmetic. Returns `None` for a certain miss.
 #[inline(always)]
 fn judge<N: Tree>(tree: N, Seen { shear, sure, .. }: &Seen, leaf: &Leaf) -> Option<Candidate> {
     let sheared = shear.apply(&tree.record::<Watertight>(leaf.place));
@@ -120,7 +120,7 @@ fn judge<N: Tree>(tree: N, Seen { shear, sure, .. }: &Seen, leaf: &Leaf) -> Opti
     })
 }
 
-/// Where the exact `t` lies: within the triangle's own box, and near the rounded `t` if the triangle is surely hit.
+/// Returns the interval of the exact `t`: the triangle's own box, and near the rounded `t` if the hit is certain.
 #[inline(always)]
 fn span(leaf: &Leaf, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) -> [f32; 2] {
     let own_box = [leaf.entry, leaf.exit];
@@ -140,7 +140,7 @@ fn span(leaf: &Leaf, t: f32, (edges, depths): (Vec4, Vec4), doubt: Option<f32>) 
     if near[0] <= near[1] { near } else { own_box }
 }
 
-/// The closest of the candidates, its numbers rounded once.
+/// Returns the closest candidate's hit, with its numbers rounded once.
 fn nearest<N: Tree>(asked: &Asked<'_, N>, t_max: f32, found: &mut Vec<Candidate>) -> Option<Hit> {
     let surely = found.iter().filter(|c| c.sure).map(|c| c.high);
     let bound = surely.fold(t_max, f32::min);
@@ -180,7 +180,7 @@ impl Exact {
     }
 }
 
-/// Least exact `t`, then least index.
+/// Returns the crossing with the least exact `t`, then the least triangle index.
 fn first<N: Tree>(
     asked: &Asked<'_, N>,
     crossings: impl Iterator<Item = (usize, Crossing)>,
@@ -192,7 +192,7 @@ fn first<N: Tree>(
     })
 }
 
-/// The exact crossing with the triangle in a place.
+/// Returns the exact crossing with the triangle in a place.
 fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Crossing> {
     let triangle = asked.tree.triangle(place)?;
     Rule::Closed.meet(&asked.geometry, &asked.line(), triangle)

@@ -1,4 +1,4 @@
-//! Ray-triangle tests, and what it means to ask one ray, whatever the test.
+//! Ray-triangle tests, and the searches that every test offers.
 
 mod exact;
 mod moller_trumbore;
@@ -19,12 +19,12 @@ use ::exact::Line;
 use geom::{Hit, Ray, Triangle};
 use std::sync::atomic::AtomicU64;
 
-/// What `preprocess` keeps of a triangle: 48 bytes, three rows of four, each test's own.
+/// A preprocessed triangle: 48 bytes, three rows of four floats. Each test defines their meaning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct Record(pub [[f32; 4]; 3]);
 
-/// Where a ray meets a triangle, before the clamp to its box.
+/// Intersection of a ray with a triangle, before `t` is clamped to the triangle's box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
     /// Distance in scaled units.
@@ -35,41 +35,41 @@ pub struct Meeting {
     pub v: f32,
 }
 
-/// A ray-triangle test, chosen when the program is compiled: loops are made once for each.
+/// A ray-triangle test. It is a type parameter, so loops are compiled separately for each test.
 pub trait TriangleTest {
-    /// How extreme rays are answered, if in exact arithmetic.
+    /// Exact rule for extreme rays, or `None` if the test handles them like other rays.
     const EXTREMES: Option<Rule> = None;
 
-    /// What the test needs of a ray.
+    /// A ray, prepared for the test.
     type Ray: Copy;
 
-    /// Prepares a triangle in scaled units, active and not degenerate.
+    /// Preprocesses an active, non-degenerate triangle, given in scaled units.
     fn record(corners: &Triangle) -> Record;
 
     /// Prepares a ray.
     fn prepare(ray: &PreparedRay) -> Self::Ray;
 
-    /// Where the ray meets the triangle, anywhere along its line; the caller clamps and limits `t`.
+    /// Intersects the ray's whole line with the triangle. The caller clamps `t` and applies the limits.
     fn meet(ray: &Self::Ray, record: &Record) -> Option<Meeting>;
 }
 
-/// A ray and all it can meet.
+/// A ray with the scene to trace it in.
 #[derive(Clone, Copy)]
 pub struct Asked<'a, N> {
     /// Boxes and triangles.
     pub tree: N,
-    /// Where triangles are.
+    /// Corners of the triangles.
     pub geometry: Geometry<'a>,
     /// The ray, in units of the scene divided by `scale`.
     pub ray: Ray,
-    /// From the ray's units to scaled units.
+    /// Conversion from the ray's units to scaled units.
     pub scale: Scale,
-    /// Counts rays that exact arithmetic settled.
+    /// Counts rays that were resolved in exact arithmetic.
     pub settled: &'a AtomicU64,
 }
 
 impl<N> Asked<'_, N> {
-    /// The ray as exact arithmetic takes it.
+    /// Converts the ray to the input of exact arithmetic.
     pub(crate) fn line(&self) -> Line {
         Line {
             ray: self.ray,
@@ -78,15 +78,15 @@ impl<N> Asked<'_, N> {
     }
 }
 
-/// An intersector as the tracer sees it.
+/// The searches of an intersector.
 pub trait Search<N: Tree> {
-    /// How extreme rays are answered, if in exact arithmetic.
+    /// Exact rule for extreme rays, or `None` if they are searched like other rays.
     const EXTREMES: Option<Rule>;
 
-    /// The closest hit, `t` in the ray's own units.
+    /// Returns the closest hit, with `t` in the ray's own units.
     fn closest(asked: &Asked<'_, N>, stack: &mut Stack<N>) -> Option<Hit>;
 
-    /// Whether the ray hits any triangle but `skipped`.
+    /// Returns whether the ray hits any triangle except `skipped`.
     fn any(asked: &Asked<'_, N>, skipped: Option<u32>, stack: &mut Stack<N>) -> bool;
 }
 

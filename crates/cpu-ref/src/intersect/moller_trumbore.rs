@@ -1,4 +1,4 @@
-//! Möller and Trumbore's test, as published: it leaks near edges.
+//! Möller and Trumbore's test, as published. It leaks near edges.
 //!
 //! *Fast, Minimum Storage Ray/Triangle Intersection* (1997), without culling and without its epsilon.
 
@@ -43,7 +43,7 @@ impl TriangleTest for MollerTrumbore {
         let u = dot(s, p) * inverse;
         let q = s.cross(e1);
         let v = dot(ray.direction, q) * inverse;
-        // A determinant of zero makes u or v infinite or not a number: no hit.
+        // A determinant of zero makes u or v infinite or NaN, so the comparison fails.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| Meeting {
             t: dot(e2, q) * inverse,
             u,

@@ -1,9 +1,9 @@
-//! The watertight test: no leak and no double hit through edges and vertices.
+//! The watertight test: no leak and no double hit at edges and vertices.
 //!
-//! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013), with
-//! exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) in place
-//! of its double-precision fallback: a shared edge is decided as for one
-//! generic point. All three vertices are sheared at once, one in each lane.
+//! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection* (JCGT 2013).
+//! Exact signs and a symbolic perturbation (Edelsbrunner, Mücke 1990) replace
+//! the double-precision fallback: shared edges are decided as for one generic
+//! point. All three vertices are sheared at once, one in each lane.
 
 use super::{Meeting, Record, TriangleTest};
 use crate::extreme::Rule;
@@ -14,7 +14,7 @@ use glam::{Vec4, Vec4Swizzles};
 /// Woop, Benthin, Wald 2013. A record holds, for each axis, the coordinate of all three vertices.
 pub struct Watertight;
 
-/// Axes in the order `kx, ky, kz`, and the shear that turns the ray into the axis `kz`.
+/// Axes in the order `kx, ky, kz`, and the shear that aligns the ray with axis `kz`.
 #[derive(Clone, Copy, Debug)]
 pub struct Shear {
     axes: [usize; 3],
@@ -22,7 +22,7 @@ pub struct Shear {
     shear: [Vec4; 3],
 }
 
-/// Lanes that hold a vertex.
+/// Mask of the lanes that hold a vertex.
 const VERTICES: u32 = 0b111;
 
 impl TriangleTest for Watertight {
@@ -64,7 +64,7 @@ impl TriangleTest for Watertight {
     }
 }
 
-/// `kz`: the axis of the largest component, the first of equals.
+/// Returns `kz`: the axis of the largest component, the first of equals.
 #[inline]
 fn main_axis(direction: Point) -> usize {
     let [x, y, z] = direction.map(f32::abs);
@@ -82,7 +82,7 @@ fn main_axis(direction: Point) -> usize {
 pub(crate) struct Sheared {
     pub(crate) x: Vec4,
     pub(crate) y: Vec4,
-    /// From the ray's start, along `kz`, not scaled.
+    /// Distance from the ray's origin along `kz`, not scaled.
     pub(crate) along: Vec4,
 }
 
@@ -100,7 +100,7 @@ impl Shear {
         }
     }
 
-    /// Distances of the vertices in units of the direction.
+    /// Returns the distances of the vertices in units of the direction.
     #[inline(always)]
     pub(crate) fn depths(&self, sheared: &Sheared) -> Vec4 {
         self.shear[2] * sheared.along
@@ -108,14 +108,14 @@ impl Shear {
 }
 
 impl Sheared {
-    /// `U = cx*by - cy*bx` in lane 0, then cyclically.
+    /// Computes `U = cx*by - cy*bx` in lane 0, and `V` and `W` cyclically in lanes 1 and 2.
     #[inline(always)]
     pub(crate) fn edges(&self) -> Vec4 {
         self.x.zxyw() * self.y.yzxw() - self.y.zxyw() * self.x.yzxw()
     }
 }
 
-/// Distance and weights of a hit, from its edge functions and depths.
+/// Computes distance and weights of a hit from its edge functions and depths.
 #[inline]
 pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
     let edges = flushed4(edges);
@@ -132,7 +132,7 @@ pub(crate) fn solve(edges: Vec4, depths: Vec4) -> Meeting {
     Meeting { t, u, v }
 }
 
-/// Whether all three edge functions have one sign, where rounding left that open for some.
+/// Returns whether all three edge functions have the same sign. Signs that rounding left open are computed exactly.
 #[cold]
 #[inline(never)]
 pub fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
@@ -148,7 +148,7 @@ pub fn has_equal_signs(edges: Vec4, x: Vec4, y: Vec4) -> bool {
     u != 0 && u == sign(edges.y, 0, 2) && u == sign(edges.z, 1, 0)
 }
 
-/// The sign of `p x q`, moved by `(e, e^2)` where that is zero; zero only if `p` is `q`.
+/// Returns the sign of `p x q`. If that is zero, the ray moves by `(e, e^2)`. The result is zero only if `p` is `q`.
 fn exact_sign(p: [f32; 2], q: [f32; 2]) -> i32 {
     // Products of two f32 are exact in f64.
     let product = |a: f32, b: f32| f64::from(a) * f64::from(b);
@@ -159,7 +159,7 @@ fn exact_sign(p: [f32; 2], q: [f32; 2]) -> i32 {
         .unwrap_or(0)
 }
 
-/// The sign of `a - b`; 0 also where either is not a number.
+/// Returns the sign of `a - b`, or 0 if either is NaN.
 fn order<T: PartialOrd>(a: &T, b: &T) -> i32 {
     i32::from(a > b) - i32::from(a < b)
 }

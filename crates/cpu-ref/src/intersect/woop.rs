@@ -1,8 +1,8 @@
-//! Woop's test: an affine transform makes each triangle the unit triangle. It leaks near edges.
+//! Woop's test: an affine transform maps each triangle to the unit triangle. It leaks near edges.
 //!
-//! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004); the
-//! paper's test. Its third row is the unit normal rather than the normal over
-//! its squared length, which loses small triangles.
+//! Woop, *A Ray Tracing Hardware Architecture for Dynamic Scenes* (2004).
+//! The third row is the unit normal. The normal over its squared length loses
+//! small triangles.
 
 use super::{Meeting, Record, TriangleTest};
 use crate::scale::PreparedRay;
@@ -12,7 +12,7 @@ use glam::{Vec3A, Vec4};
 /// Woop 2004. A record holds the rows of the transform, each a vector and an offset.
 pub struct Woop;
 
-/// A ray as a point (its last component 1) and a vector (0).
+/// A ray as a point, with last component 1, and a vector, with last component 0.
 #[derive(Clone, Copy, Debug)]
 pub struct RayVectors {
     origin: Vec4,
@@ -28,7 +28,7 @@ impl TriangleTest for Woop {
         let (e1, e2) = (b - a, c - a);
         let normal = e1.cross(e2);
         let largest = normal.abs().max_element();
-        // Rounded away though not zero: a record of zeros is never met.
+        // The normal was rounded to zero though the area is not zero. A record of zeros is never hit.
         if largest == 0.0 {
             return Record::default();
         }
@@ -53,7 +53,7 @@ impl TriangleTest for Woop {
         let t = -dot(to_height, ray.origin) / dot(to_height, ray.direction);
         let u = dot(to_u, ray.origin) + t * dot(to_u, ray.direction);
         let v = dot(to_v, ray.origin) + t * dot(to_v, ray.direction);
-        // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
+        // For a ray parallel to the plane, t is infinite or NaN, and so are u and v: no hit.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Meeting { t, u, v })
     }
 }

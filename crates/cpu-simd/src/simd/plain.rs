@@ -1,10 +1,10 @@
-//! Lanes as a plain array, which the compiler may turn into whatever vectors there are.
+//! Vectors as plain arrays, which the compiler may vectorize.
 
 use super::{Eight, Halves, Lanes, Vector};
 use geom::Point;
 use std::array::from_fn;
 
-/// `N` numbers.
+/// An array of `N` numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plain<const N: usize>([f32; N]);
 

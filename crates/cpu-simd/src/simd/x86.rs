@@ -1,7 +1,7 @@
-//! Lanes as AVX2 and AVX-512 registers.
+//! Vectors in AVX2 and AVX-512 registers.
 //!
-//! `Avx2` and `Avx512` are named by [`super::Level::run`] alone, and it takes a level found on this machine: whoever
-//! holds one of their vectors may use them.
+//! Only [`super::Level::run`] uses `Avx2` and `Avx512`, and a level exists only for instructions that were detected on
+//! this machine. So code that has one of their vectors may use the set's instructions.
 
 #![expect(
     unsafe_code,
@@ -16,7 +16,7 @@ use std::arch::x86_64::*;
 
 /// 256-bit registers.
 pub(super) struct Avx2;
-/// 512-bit registers, and masks for the shorter ones too.
+/// 512-bit registers, and mask registers also for shorter vectors.
 pub(super) struct Avx512;
 
 impl Isa for Avx2 {
@@ -31,7 +31,7 @@ impl Isa for Avx2 {
         fn inside<P: Outlined<Avx2>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx2` held.
+        // SAFETY: only `Level::run` uses this set, and its level exists only if `has_avx2` returned `true`.
         unsafe { inside(part) }
     }
 }
@@ -50,15 +50,15 @@ impl Isa for Avx512 {
         fn inside<P: Outlined<Avx512>>(part: P) -> P::Out {
             part.run()
         }
-        // SAFETY: `Level::run` alone names this set, and a level of it exists only where `has_avx512` held.
+        // SAFETY: only `Level::run` uses this set, and its level exists only if `has_avx512` returned `true`.
         unsafe { inside(part) }
     }
 
     #[inline(always)]
     fn packed(of: &[Link; 8], lanes: u32) -> [Link; 8] {
         let mut to = *of;
-        // SAFETY: a link is a `u32` and nothing else, so both are eight numbers; the instructions are there where
-        // this set is used.
+        // SAFETY: `Link` is a transparent `u32`, so source and destination are eight 32-bit numbers. The instructions
+        // are available wherever this set is used.
         unsafe {
             let words = _mm256_loadu_si256(of.as_ptr().cast());
             let packed = _mm256_maskz_compress_epi32(lanes as u8, words);
@@ -76,20 +76,20 @@ pub(super) fn has_avx512() -> bool {
     has_avx2() && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw")
 }
 
-/// One lane operation, a single instruction.
+/// Defines lane operations of a single instruction.
 macro_rules! operation {
     ($( $name:ident ( $($arguments:tt)* ) -> $result:ty = $body:expr; )*) => { $(
         #[inline(always)]
         fn $name($($arguments)*) -> $result {
             #[allow(unused_unsafe, reason = "some need no instruction of the set")]
-            // SAFETY: the set's vectors exist only within `Isa::outlined` of the set;
-            // arrays are as long as the vectors, and unaligned access is asked for.
+            // SAFETY: the set's vectors exist only within `Isa::outlined` of the set. Arrays are as long as the
+            // vectors, and loads and stores are unaligned.
             unsafe { $body }
         }
     )* };
 }
 
-/// A vector type: its register, its length, its masks and its instructions.
+/// Defines a vector type by its register, its length, its masks and its instructions.
 macro_rules! vector {
     ($(#[$doc:meta])* $name:ident = $register:ty, $count:literal, $mask:ty;
      $load:ident $store:ident $splat:ident $add:ident $sub:ident $mul:ident $div:ident $fma:ident $min:ident $max:ident
@@ -131,7 +131,7 @@ macro_rules! vector {
     };
 }
 
-/// The least of eight numbers.
+/// Returns the least of eight numbers.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn least(x: __m256) -> f32 {
@@ -140,15 +140,15 @@ fn least(x: __m256) -> f32 {
     _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
 }
 
-/// Eight points, transposed. A load that reads what narrower stores have just written would wait for them.
+/// Transposes eight points. Full loads avoid a stall: a load that reads bytes just written by narrower stores waits.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn coordinates(points: [&Point; 8]) -> [__m256; 3] {
     let three = _mm_setr_epi32(-1, -1, -1, 0);
-    // Two points, one above the other, four apart.
+    // Loads point `$i` into the lower half and point `$i + 4` into the upper half.
     macro_rules! two {
         ($i:literal) => {{
-            // SAFETY: three numbers are read, and a point has three.
+            // SAFETY: the mask limits each load to three numbers, and a point has three.
             let [low, high] = unsafe {
                 [
                     _mm_maskload_ps(points[$i].as_ptr(), three),
@@ -171,7 +171,7 @@ fn coordinates(points: [&Point; 8]) -> [__m256; 3] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn permuted(x: __m256, lanes: &[u8; 8]) -> __m256 {
-    // SAFETY: eight bytes are read, and there are eight.
+    // SAFETY: the load reads eight bytes, and `lanes` has eight.
     let lanes = unsafe { _mm_loadl_epi64(lanes.as_ptr().cast()) };
     _mm256_permutevar8x32_ps(x, _mm256_cvtepu8_epi32(lanes))
 }
@@ -190,7 +190,7 @@ fn mini(a: __m256, b: __m256) -> __m256 {
     _mm256_castsi256_ps(_mm256_min_epi32(a, b))
 }
 
-/// What both kinds of eight numbers do alike.
+/// Implements the operations that both types of eight numbers share.
 macro_rules! eight {
     ($name:ident) => {
         impl Eight for $name {
@@ -210,7 +210,7 @@ eight!(Ymm);
 eight!(MaskedYmm);
 
 vector! {
-    /// Eight numbers; masks are vectors.
+    /// Eight numbers with vectors as masks.
     Ymm = __m256, 8, __m256;
     _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
     _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
@@ -234,7 +234,7 @@ vector! {
 }
 
 vector! {
-    /// Eight numbers; masks are bits.
+    /// Eight numbers with bits as masks.
     MaskedYmm = __m256, 8, __mmask8;
     _mm256_loadu_ps _mm256_storeu_ps _mm256_set1_ps _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps
     _mm256_fmadd_ps _mm256_min_ps _mm256_max_ps _mm256_and_ps _mm256_xor_ps;
@@ -252,7 +252,7 @@ vector! {
 }
 
 vector! {
-    /// Sixteen numbers; masks are bits.
+    /// Sixteen numbers with bits as masks.
     Zmm = __m512, 16, __mmask16;
     _mm512_loadu_ps _mm512_storeu_ps _mm512_set1_ps _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps
     _mm512_fmadd_ps _mm512_min_ps _mm512_max_ps _mm512_and_ps _mm512_xor_ps;
@@ -288,7 +288,7 @@ impl Halves for Zmm {
 #[derive(Clone, Copy)]
 pub(crate) struct YmmPair(Ymm, Ymm);
 
-/// Does the same in both registers.
+/// Defines operations that apply to both registers.
 macro_rules! twice {
     ($( $name:ident; )*) => { $(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Boxes of inner nodes against the box test that decides hits.
+//! Tests of the boxes of inner nodes against the box test that decides hits.
 
 use crate::boxes::set_bounds;
 use crate::rays::{Given, Group, OneRay};
@@ -14,7 +14,7 @@ fn near(reach: f32) -> impl Strategy<Value = Point> {
     [-reach..reach, -reach..reach, -reach..reach]
 }
 
-/// A box of all triangles, far from the origin or not, and one within.
+/// A box of all triangles, near the origin or far from it, and a box within it.
 fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
     let middle = prop_oneof![near(1.0), near(1e3), near(1e6)];
     (middle, near(1.0), near(1.0)).prop_map(|(middle, a, b)| {
@@ -28,7 +28,7 @@ fn boxes() -> impl Strategy<Value = [Aabb; 2]> {
     })
 }
 
-/// Towards a corner of a box, an edge or a face, from near or far; some along an axis.
+/// A ray towards a corner, an edge or a face of a box, from near or far. Some are along an axis.
 fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
     let away = prop_oneof![4 => near(3.0), 2 => near(1e4), 1 => near(1e38)];
     let on = prop::array::uniform3(prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..1.0]);
@@ -49,7 +49,7 @@ fn ray_to(bounds: Aabb) -> impl Strategy<Value = Ray> {
     })
 }
 
-/// Entry and exit by the box test.
+/// Computes entry and exit by the box test.
 fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     let group = ray.group;
     let away = |axis: usize, plane: f32| (plane - ray.at(&group.origin[axis])).abs();
@@ -69,11 +69,11 @@ fn strict(ray: &OneRay<'_, impl Lanes>, bounds: &Aabb) -> [f32; 2] {
     span
 }
 
-/// The lanes of `planes` that a ray meets, and where it enters each.
+/// Computes the lanes of `planes` that a ray meets, and its entry distance in each.
 struct Meet<'a, R: Lanes> {
     ray: &'a OneRay<'a, R>,
     planes: Planes,
-    /// Whether boxes are padded by their own distance.
+    /// Set if boxes are padded by their own distance.
     spread: bool,
 }
 

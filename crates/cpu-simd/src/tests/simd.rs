@@ -1,10 +1,10 @@
-//! Every instruction set does what the plainest does.
+//! Tests that every instruction set gives the same results as the portable one.
 
 use crate::simd::{Eight, Halves, Isa, Lanes, Level, Plain, Vector, Work};
 use bvh_layout::Link;
 use geom::Point;
 
-/// Every operation over a list of awkward numbers, as bits.
+/// Results of every operation on a list of special numbers, as bits.
 struct Everything;
 
 const NUMBERS: [f32; 16] = [
@@ -72,7 +72,7 @@ fn numbers<L: Lanes>(of: L) -> Vec<u32> {
     of.store().as_ref().iter().map(number).collect()
 }
 
-/// As many of sixteen numbers as there are lanes, from one on.
+/// Loads as many of sixteen numbers as there are lanes, starting at `first`.
 #[inline(always)]
 fn load<L: Lanes>(numbers: &[f32; 16], first: usize) -> L {
     let mut lanes = L::splat(0.0).store();
@@ -83,7 +83,7 @@ fn load<L: Lanes>(numbers: &[f32; 16], first: usize) -> L {
     L::load(&lanes)
 }
 
-/// What every operation makes of two times sixteen numbers, one operation after the other.
+/// Returns the results of every operation on two times sixteen numbers, one operation after the other.
 #[inline(always)]
 fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
     let lanes = L::ALL.count_ones() as usize;
@@ -128,7 +128,7 @@ fn operations<L: Lanes>(a: &[f32; 16], b: &[f32; 16]) -> Vec<u32> {
     all.concat()
 }
 
-/// The least and the greatest of sixteen numbers.
+/// Returns the least and the greatest of sixteen numbers.
 #[inline(always)]
 fn ends<L: Lanes>(numbers: &[f32; 16]) -> [f32; 2] {
     let mut ends = [f32::INFINITY, f32::NEG_INFINITY];

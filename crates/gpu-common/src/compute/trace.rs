@@ -1,4 +1,4 @@
-//! Traces, and where their hits lie.
+//! Traces and their output buffers.
 
 use super::ComputeBackend;
 use crate::traces::as_given;
@@ -9,7 +9,7 @@ use shaders::work;
 use shaders::{BufferName, Params};
 
 impl<D: GpuDevice> ComputeBackend<D> {
-    /// Records the stages of a trace, of so many that are submitted together. An empty tree has no node to trace: its stages are
+    /// Records the stages of query `place` of a batch of `count` queries. An empty tree has no node, so its stages are
     /// empty too.
     pub(super) fn trace_one_of(
         &mut self,
@@ -24,7 +24,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         assert!(pending == place, "one trace a submission, or all together");
         let has_tree = self.tree().current.shape.leaf_count > 0;
         if query.kind.light().is_some() {
-            // Shadow rays keep clear by the typical size, so the host has to look.
+            // The host measures the range, because the offset of shadow rays depends on the scene's typical size.
             let range = self.engine.scene().animation.range(self.engine.pose);
             self.range = Some(range);
         }
@@ -41,13 +41,13 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&mut engine.gpu, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
-            // It writes what no other does.
+            // No other trace of the batch writes the same buffers.
             first.alongside = true;
         }
         for work in &mut tracing.primary {
             work.place = place;
         }
-        // Those before the last are timed with it.
+        // The last trace's stage times the whole batch.
         let primary = (place + 1 == count).then_some(Stage::TracePrimary);
         let stages = [
             (primary, Some(tracing.primary)),
@@ -63,8 +63,8 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// What [`shaders::MODULE`] reads of the scene: parameters, nodes, records and range. `None` by another method, or while
-    /// boxes are not those of the positions.
+    /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` while
+    /// boxes are stale, or unless the method is `watertight` with layout `fast`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
         let usual = Method {
             intersector: Intersector::Watertight,
@@ -79,7 +79,11 @@ impl<D: GpuDevice> ComputeBackend<D> {
         is_ready.then_some((params, [nodes?, records?, range?]))
     }
 
-    /// Where the closest hits of a submission's trace of that place are or will be, while it is kept; `None` if it looked for none.
+    /// Returns the buffer that contains or will contain the closest hits of query `place` of a submission. Returns
+    /// `None` for an any-hit query or without a tree.
+    ///
+    /// # Panics
+    /// If the trace does not exist or has expired.
     pub fn hits_buffer(&mut self, ticket: Ticket, place: usize) -> Option<&D::Buffer> {
         let trace = self.engine.frames.trace(ticket, place);
         let closest = trace.has_tree && trace.kind != QueryKind::Any;

@@ -1,7 +1,7 @@
-//! Which colour, shape, fill and size stands for which name.
+//! Colour, shape, fill and size of marks.
 //!
-//! Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people of every colour vision tell apart.
-//! They differ in lightness too, for print in black and white.
+//! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all types of colour
+//! vision. They also differ in lightness, for print in black and white.
 
 use super::Point;
 use plotters::style::RGBColor;
@@ -10,22 +10,22 @@ use std::f64::consts::{PI, TAU};
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 pub(crate) const GREY: RGBColor = RGBColor(0x70, 0x70, 0x70);
 
-/// How one mark looks.
+/// Appearance of a mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Look {
     pub(crate) colour: RGBColor,
     pub(crate) shape: Shape,
-    /// How much of the colour is in its inside: 0 is white.
+    /// Opacity of the colour in the interior, from 0 (white) to 1.
     pub(crate) fill: f64,
-    /// Radius of the circle that covers as much, in pixels.
+    /// Radius in pixels of the circle with equal area.
     pub(crate) radius: f64,
 }
 
-/// A regular polygon: corners, none of a circle, and how far it is turned from standing on its lower corner, in turns.
+/// Regular polygon: number of corners (0 for a circle), and rotation in turns.
 type Shape = (u32, f64);
 
 const CIRCLE: Shape = (0, 0.0);
-/// What says nothing: for legends.
+/// Neutral appearance, for legends and unknown names.
 pub(crate) const PLAIN: Look = Look {
     colour: GREY,
     shape: CIRCLE,
@@ -34,7 +34,7 @@ pub(crate) const PLAIN: Look = Look {
 };
 
 impl Look {
-    /// Corners of a polygon about a place, from the first to the first.
+    /// Returns the corners of a polygon around a position. The first corner is repeated at the end.
     pub(crate) fn outline(&self, (x, y): (i32, i32)) -> Vec<(i32, i32)> {
         let (corners, turn) = self.shape;
         let n = f64::from(corners);
@@ -47,7 +47,7 @@ impl Look {
         (0..=corners).map(corner).collect()
     }
 
-    /// Opaque, so that marks on top of each other can be counted.
+    /// Returns the interior colour. It is opaque, so that overlapping marks can be counted.
     pub(crate) fn inside(&self) -> RGBColor {
         let mix = |c: u8| (255.0 - (255.0 - f64::from(c)) * self.fill).round() as u8;
         RGBColor(mix(self.colour.0), mix(self.colour.1), mix(self.colour.2))
@@ -74,13 +74,13 @@ const UPDATES: &[(&str, f64)] = &[
 ];
 const LAYOUTS: &[(&str, f64)] = &[("fast", 7.5), ("bvh2", 5.0)];
 
-/// What stands for a name in one of the lists above, or for one that is in none.
+/// Returns the value of a name in a list, or `other` for an unknown name.
 fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
     let found = list.iter().find(|(known, _)| *known == name);
     found.map_or(other, |(_, stands)| *stands)
 }
 
-/// A mark that stands for these names; one that is in no list leaves its part as it is in [`PLAIN`].
+/// Returns the appearance for four names. An unknown name uses the corresponding value of [`PLAIN`].
 pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Look {
     Look {
         colour: find(BACKENDS, backend, PLAIN.colour),
@@ -98,7 +98,7 @@ fn names_of(p: &Point) -> [&str; 4] {
     [&p.backend, &p.intersector, &p.update, &p.layout]
 }
 
-/// Each name once, in the order of appearance.
+/// Returns each name once, in order of appearance.
 pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
     for name in points.iter().map(of) {
@@ -109,10 +109,10 @@ pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
     names
 }
 
-/// A line of a legend; a heading has no look.
+/// Line of a legend. A heading has no mark.
 pub(crate) type Entry = (String, Option<Look>);
 
-/// What colours, shapes, fills and sizes stand for: each name once, in the order of appearance.
+/// Returns the legend of colours, shapes, fills and sizes: each name once, in order of appearance.
 pub(crate) fn legend(points: &[Point]) -> Vec<Entry> {
     let mut entries = Vec::new();
     let headings = ["backend", "intersector", "update", "layout"];

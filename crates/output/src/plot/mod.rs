@@ -1,12 +1,13 @@
-//! Charts: measured points in, pictures and tables out.
+//! Charts of measured points: SVG pictures, HTML pages and tables.
 //!
-//! A [`Chart`] shows milliseconds a frame against wrong answers per million rays, both logarithmic, with a place of their
-//! own for points that had none wrong. Further panels show hard rays, and leaks and double hits by offset.
+//! A [`Chart`] shows milliseconds per frame against wrong answers per million rays. Both axes are logarithmic, with a
+//! separate position for points without wrong answers. Further panels show hard rays, and leaks and double hits by
+//! offset.
 //!
-//! What is charted are numbers that somebody else measured: what may be unknown is an `Option`, numbers are finite.
+//! All numbers are measured by the caller and are finite. Values that may be unknown are `Option`s.
 //!
-//! `plotters` draws. Nothing is measured here and no file is touched. Equal data give equal bytes. No data panics:
-//! what is missing, not finite or absurd is left out, and where that hides a point the picture says so.
+//! This module draws with `plotters`. It measures nothing and accesses no files. Equal data give equal bytes, and no
+//! data causes a panic. Missing, non-finite or absurd values are omitted. If this hides a point, the picture says so.
 
 #![expect(missing_docs, reason = "names are those of points.json")]
 
@@ -24,27 +25,27 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// What nobody tells apart: a picture that cannot be drawn, or a number that a format does not know.
+/// Result of drawing or formatting. Callers need not distinguish errors, so they are boxed.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Rays that wrong answers are counted per.
+/// Number of rays that error rates refer to.
 const PER: f64 = 1e6;
-/// Two-sided 95 % of the normal distribution.
+/// Quantile of the normal distribution for two-sided 95 % intervals.
 const Z: f64 = 1.959_964;
 
-/// All that one chart shows.
+/// Contents of a chart.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chart {
     pub machine: Machine,
-    /// What was traced; one panel each, in this order.
+    /// Traced scenes, with one panel each, in this order.
     pub scenes: Vec<Scene>,
-    /// What was measured, in any order.
+    /// Measurements in any order.
     pub points: Vec<Point>,
-    /// What could not be measured.
+    /// Measurements that failed.
     pub failures: Vec<Failure>,
 }
 
-/// One way of tracing one scene that could not be measured. Names are those of [`Point`].
+/// Method and scene whose measurement failed. Names are those of [`Point`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Failure {
     pub scene: String,
@@ -52,7 +53,7 @@ pub struct Failure {
     pub layout: String,
     pub intersector: String,
     pub update: String,
-    /// The reason.
+    /// Reason for the failure.
     pub error: String,
 }
 
@@ -64,88 +65,87 @@ impl fmt::Display for Failure {
     }
 }
 
-/// What did the work.
+/// Machine and program of the measurements.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Machine {
     /// Name of the host's processor.
     pub cpu: Option<String>,
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
-    /// The day of the measurement, as the caller wants it read.
+    /// Date of the measurement, in the caller's format.
     pub date: String,
     pub adapters: Vec<Adapter>,
 }
 
-/// Who stands behind a backend's name.
+/// Device that a backend used.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Adapter {
     pub backend: String,
     pub adapter: String,
-    /// With its version; empty where there is none.
+    /// Name and version of the driver. Empty if there is no driver.
     pub driver: String,
 }
 
-/// What was traced.
+/// Traced scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Scene {
     pub name: String,
     pub triangles: u64,
-    /// Pixels of a frame: width, height.
+    /// Width and height of a frame in pixels.
     pub size: [u32; 2],
-    /// That each run traced.
+    /// Number of frames per run.
     pub frames: u64,
 }
 
-/// One way of tracing one scene: how fast it was, and how often wrong.
+/// Speed and accuracy of one method on one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Point {
-    /// Shown by colour.
+    /// Backend, shown by colour.
     pub backend: String,
-    /// Shown by size.
+    /// Layout, shown by size.
     pub layout: String,
-    /// Shown by shape.
+    /// Intersector, shown by shape.
     pub intersector: String,
-    /// Shown by fill.
+    /// Tree update policy, shown by fill.
     pub update: String,
     pub scene: String,
     pub ms_per_frame: Spread,
-    /// Million rays a second.
+    /// Million rays per second.
     pub mrays_per_s: Option<f64>,
-    /// Rays whose answers were compared with those of exact arithmetic.
+    /// Number of rays whose answers were compared with exact arithmetic.
     pub rays_tested: u64,
-    /// How many of them got another closest hit.
+    /// Number of tested rays whose closest hit was wrong.
     pub wrong: u64,
-    /// How many of them got another answer to whether the hit is in shadow.
+    /// Number of tested rays whose shadow answer was wrong.
     pub wrong_shadow: u64,
-    /// Rays aimed at edges and vertices of the scene itself, which [`Self::rays_tested`] leaves out.
+    /// Rays aimed at edges and vertices of the scene. [`Self::rays_tested`] does not include them.
     pub aimed: Aimed,
-    /// How far `t` was off where the hit was right.
+    /// Error of `t` for correct hits.
     pub t_error_ulp: Option<TError>,
-    /// What became of rays aimed at edges and vertices of a closed mesh.
+    /// Results of rays aimed at edges and vertices of a closed mesh.
     pub leaks: Vec<Leaks>,
-    /// Answers in scenes of mixed range: sizes or places of very different magnitude in one scene.
+    /// Wrong answers in scenes of mixed range: sizes or positions of very different magnitude in one scene.
     pub mixed_range: Vec<FamilyCounts>,
-    /// That the backend held.
+    /// Memory of the backend in bytes.
     pub memory_bytes: Option<u64>,
-    /// Frames that were timed.
+    /// Number of timed frames.
     pub samples: u64,
-    /// Seconds that the device was warmed up before them.
+    /// Warm-up time in seconds before the timed frames.
     pub warm_up_s: Option<f64>,
-    /// Measures this point again.
+    /// Command that repeats this measurement.
     pub command: String,
 }
 
-/// How a time was spread over the frames: the middle one, and what 5 and 95 of 100 were less than.
+/// Distribution of a time over the frames: median, 5th and 95th percentile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// Without it, or if it is not above zero, a point is not drawn.
+    /// Median. A point without a positive median is not drawn.
     pub median: Option<f64>,
     pub p5: Option<f64>,
     pub p95: Option<f64>,
 }
 
-/// Errors of `t`, in units in the last place of the exact `t` rounded to f32. The middle one, what 999 of 1000 were less
-/// than, and the largest.
+/// Errors of `t` in units in the last place of the exact `t` rounded to f32: median, 99.9th percentile and maximum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TError {
     pub median: Option<f64>,
@@ -153,15 +153,14 @@ pub struct TError {
     pub worst: Option<f64>,
 }
 
-/// Rays for which a hit is hardest to tell, counted apart from all others. How many, and how many of them got another
-/// closest hit than by exact arithmetic.
+/// Results of the rays whose closest hit is hardest to determine, against exact arithmetic. Counted separately.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Aimed {
     pub rays: u64,
     pub wrong: u64,
 }
 
-/// Likewise of a family, as `abvh stability` lists it.
+/// Results of one family of rays in scenes of mixed range, as listed by `abvh stability`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FamilyCounts {
     pub family: String,
@@ -169,29 +168,29 @@ pub struct FamilyCounts {
     pub wrong: u64,
 }
 
-/// Rays aimed from inside at edges and vertices of a closed mesh that was moved away from the origin.
+/// Results of rays aimed from inside at edges and vertices of a closed mesh, which is translated away from the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Leaks {
-    /// How far the mesh was moved, in units of its size.
+    /// Translation of the mesh, in units of its size.
     pub offset: f64,
     pub rays: u64,
-    /// How many met nothing.
+    /// Number of rays that hit nothing.
     pub leaks: u64,
-    /// Rays of those whose crossings were counted.
+    /// Number of rays whose crossings were counted.
     pub counted: u64,
-    /// How many of the counted met two triangles where a generic ray meets one.
+    /// Number of counted rays that hit two triangles where a generic ray hits one.
     pub double_hits: u64,
 }
 
 impl Point {
-    /// Everything that tells it from others of its scene.
+    /// Returns the properties that distinguish the point from others of its scene.
     pub(crate) fn name(&self) -> String {
         let words = [&self.backend, &self.layout, &self.intersector, &self.update];
         words.map(String::as_str).join(" ")
     }
 }
 
-/// Wrong answers per million rays, with an interval that covers the true rate in 95 of 100 cases.
+/// Wrong answers per million rays, with a 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
     pub value: f64,
@@ -200,8 +199,9 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// `wrong` of `tested`; `None` if nothing was tested. For none wrong the bound is the rule of three, `3 / tested`
-    /// (one-sided; Hanley, Lippman-Hand 1983); otherwise Wilson's score interval (Wilson 1927).
+    /// Returns the rate of `wrong` in `tested` answers, or `None` if `tested` is 0. The interval is Wilson's score
+    /// interval (Wilson 1927). If `wrong` is 0, its upper bound is the rule of three, `3 / tested` (one-sided; Hanley,
+    /// Lippman-Hand 1983).
     #[must_use]
     pub fn of(wrong: u64, tested: u64) -> Option<Self> {
         if tested == 0 {
@@ -221,19 +221,19 @@ impl Rate {
     }
 }
 
-/// A point that can be drawn.
+/// Point that can be drawn.
 #[derive(Clone, Copy)]
 pub(crate) struct Dot<'a> {
     pub(crate) point: &'a Point,
-    /// Its place in [`Chart::points`].
+    /// Index in [`Chart::points`].
     pub(crate) index: usize,
-    /// Median milliseconds a frame; then where its interval begins and ends.
+    /// Milliseconds per frame: median, and the lower and upper end of the interval.
     pub(crate) ms: [f64; 3],
     pub(crate) wrong: Rate,
 }
 
 impl<'a> Dot<'a> {
-    /// `None` if there is no time above zero, or no ray was tested.
+    /// Returns `None` if the median time is missing or not positive, or if no ray was tested.
     fn of((index, point): (usize, &'a Point)) -> Option<Self> {
         let Spread { median, p5, p95 } = point.ms_per_frame;
         let ms = median.filter(|&ms| ms > 0.0)?;
@@ -247,18 +247,18 @@ impl<'a> Dot<'a> {
 }
 
 impl Chart {
-    /// The points of all scenes that can be drawn.
+    /// Returns the points of all scenes that can be drawn.
     pub(crate) fn dots(&self) -> impl Iterator<Item = Dot<'_>> {
         self.points.iter().enumerate().filter_map(Dot::of)
     }
 
-    /// Those of one scene.
+    /// Returns the points of one scene that can be drawn.
     pub(crate) fn dots_of<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
         self.dots().filter(|dot| dot.point.scene == scene).collect()
     }
 
-    /// The Pareto front: points of a scene that no other beats in both speed and accuracy, fastest first. Of equal points
-    /// only the first is in it.
+    /// Returns the Pareto front: the points of a scene that no other beats in both speed and accuracy, fastest first.
+    /// Of equal points it contains only the first.
     pub(crate) fn front<'a>(&'a self, scene: &str) -> Vec<Dot<'a>> {
         let mut dots = self.dots_of(scene);
         dots.sort_by(|a, b| {
@@ -274,13 +274,13 @@ impl Chart {
         dots
     }
 
-    /// Whether a point is on the front of its scene.
+    /// Returns whether a point is on the front of its scene.
     pub(crate) fn is_on_front(&self, index: usize) -> bool {
         let front = self.front(&self.points[index].scene);
         front.iter().any(|dot| dot.index == index)
     }
 
-    /// Offsets that any point was measured at.
+    /// Returns the offsets of all measurements in ascending order.
     pub(crate) fn offsets(&self) -> Vec<f64> {
         let leaks = self.points.iter().flat_map(|p| &p.leaks);
         let mut offsets: Vec<f64> = leaks.map(|l| l.offset).collect();
@@ -289,7 +289,7 @@ impl Chart {
         offsets
     }
 
-    /// Families of mixed range that any point was measured in.
+    /// Returns the families of mixed range of all measurements.
     pub(crate) fn families(&self) -> BTreeSet<&str> {
         let all = self.points.iter().flat_map(|p| &p.mixed_range);
         all.map(|f| &*f.family).collect()

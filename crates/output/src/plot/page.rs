@@ -1,4 +1,4 @@
-//! The page of speed against accuracy: a plane for each scene, then hard rays, leaks and double hits.
+//! Page of charts: a plot of speed against accuracy for each scene, then hard rays, leaks and double hits.
 
 use super::look::{GREY, INK, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
@@ -11,7 +11,7 @@ use plotters::style::{FontStyle, WHITE};
 use std::fmt::Write as _;
 
 const TITLE: &str = "abvh: speed against accuracy";
-/// Heights of a plane and of a panel below.
+/// Heights in pixels of a scatter plot and of a side panel.
 const PLANE: u32 = 540;
 const SIDE: u32 = 320;
 
@@ -21,7 +21,7 @@ const STYLE: &str = "body { font: 15px sans-serif; margin: 1em auto; max-width: 
     table { border-collapse: collapse; white-space: nowrap }\n\
     th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #ddd; text-align: left }\n";
 
-/// The chart as an SVG picture, 1000 pixels wide, on white. Pointing at a mark of a plane shows its numbers.
+/// Returns the chart as an SVG picture, 1000 pixels wide, on white. Marks of scatter plots have tooltips.
 pub fn svg(chart: &Chart) -> Result<String> {
     let mut panels = planes(chart);
     panels.extend(side_panels(chart));
@@ -61,7 +61,7 @@ pub fn svg(chart: &Chart) -> Result<String> {
     Ok(format!("{drawn}{targets}</svg>\n"))
 }
 
-/// Lines under the title: what did the work.
+/// Returns the lines under the title, which describe the machine and the program.
 fn words(machine: &Machine) -> Vec<String> {
     let cpu = machine.cpu.as_deref().unwrap_or("unknown cpu");
     let (version, date) = (&machine.version, &machine.date);
@@ -73,7 +73,7 @@ fn words(machine: &Machine) -> Vec<String> {
     lines
 }
 
-/// Milliseconds a frame against wrong answers. Scenes share their axes, so that they can be compared.
+/// Returns scatter plots of milliseconds per frame and wrong answers. All scenes have the same axes for comparison.
 fn planes(chart: &Chart) -> Vec<Panel> {
     let ms = chart.dots().flat_map(|d| d.ms);
     let wrong = chart.dots().map(|d| d.wrong);
@@ -114,7 +114,7 @@ fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
     }
 }
 
-/// What a plane is about, and what it does not show.
+/// Returns the heading of a plot, including the number of points that are not drawn.
 fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
     let (name, [width, height]) = (&scene.name, scene.size);
     let [triangles, frames] = [scene.triangles, scene.frames].map(count);
@@ -127,10 +127,10 @@ fn heading(chart: &Chart, scene: &Scene, drawn: usize) -> String {
     }
 }
 
-/// What went wrong in one place, such as an offset: how many of how many rays, by each point that knows.
+/// Position on the x axis, such as an offset, with the counts (wrong, rays) of each point where known.
 type Place = (String, Vec<Option<(u64, u64)>>);
 
-/// Panels with a place for each family of rays or offset, and marks for each backend and intersector.
+/// Returns panels with one position per family of rays or offset, and one mark per backend and intersector.
 fn side_panels(chart: &Chart) -> Vec<Panel> {
     let place = |name: &str, read: &dyn Fn(&Point) -> Option<(u64, u64)>| -> Place {
         (name.to_owned(), chart.points.iter().map(read).collect())
@@ -173,7 +173,7 @@ fn side_panels(chart: &Chart) -> Vec<Panel> {
     all.into_iter().filter_map(panel).collect()
 }
 
-/// `None` if no point knows. Marks stand side by side, so that equal ones do not hide each other.
+/// Returns a panel, or `None` if no point has data. Horizontal offsets keep marks of equal values apart.
 fn side_panel(
     title: &str,
     [x, y]: [&'static str; 2],
@@ -191,7 +191,7 @@ fn side_panel(
             let of = points.iter().zip(counts);
             let of = of.filter(|(p, _)| p.backend == *backend && p.intersector == *intersector);
             let rates = of.filter_map(|(_, &counts)| counts.and_then(|(n, of)| Rate::of(n, of)));
-            // The highest rate among all measurements.
+            // The highest rate of all measurements.
             let worst = rates.max_by(|a, b| a.value.total_cmp(&b.value));
             marks.extend(worst.map(|rate| Mark {
                 at: [at as f64 + beside, rate.value],
@@ -215,7 +215,7 @@ fn side_panel(
     })
 }
 
-/// The chart as one HTML file that asks for nothing from outside, and says so to the browser.
+/// Returns the chart as one HTML file without external resources. Its content security policy forbids them.
 pub fn html(chart: &Chart) -> Result<String> {
     let picture = svg(chart)?;
     let cell = |tag: &str, text: &str| format!("<{tag}>{}</{tag}>", escape(text));

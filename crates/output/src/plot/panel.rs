@@ -1,4 +1,4 @@
-//! A pair of axes with its marks and its legend: the work of `plotters`.
+//! Panel with a pair of axes, marks and a legend, drawn by `plotters`.
 
 use super::Result;
 use super::look::{Entry, GREY, INK, Look};
@@ -12,38 +12,38 @@ use plotters::element::{Circle, EmptyElement, ErrorBar, PathElement, Polygon, Te
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle};
 use std::ops::Range;
 
-/// Pixels across a page.
+/// Width of the page in pixels.
 pub(crate) const WIDTH: u32 = 1000;
-/// Room for a legend beside a panel, and between its lines.
+/// Width of the legend, and height of its lines, in pixels.
 const LEGEND: u32 = 285;
 const LEADING: usize = 17;
-/// Letters that fit across a page, and across a legend.
+/// Number of characters that fit across the page, and across the legend.
 pub(crate) const LINE: usize = 120;
 const ENTRY: usize = 38;
-/// A logarithmic axis covers at least so many decades.
+/// Minimum length of a logarithmic axis in decades.
 const LEAST_DECADES: f64 = 1.0;
-/// The most decades in which 2 and 5 are named too, and the most that are all named.
+/// Longest axis in decades that also labels 2 and 5, and longest axis that labels every decade.
 const FEW_DECADES: f64 = 3.5;
 const MOST_DECADES: f64 = 9.0;
 
-/// A page or a part of it.
+/// Drawing area: a page or part of a page.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// One axis. Its positions are logarithms to base ten, or ordinal numbers of names.
+/// Axis whose positions are decimal logarithms, or indices of names.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
-    /// What it is about, unit included.
+    /// Title with the unit.
     title: &'static str,
     /// First and last position.
     range: [f64; 2],
-    /// Positions that are named.
+    /// Labelled positions.
     ticks: Vec<(f64, String)>,
-    /// Where zeros stand on a logarithmic axis.
+    /// Position of zero on a logarithmic axis.
     zero: Option<f64>,
 }
 
 impl Axis {
-    /// A logarithmic axis over the positive ones of `values`, with a place below them if any is zero.
+    /// Creates a logarithmic axis for the positive `values`, with a position below them for zeros if there are any.
     pub(crate) fn log(title: &'static str, values: impl IntoIterator<Item = f64>) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut has_zero = false;
@@ -72,7 +72,7 @@ impl Axis {
         }
     }
 
-    /// One place a name, at 0, 1, 2 and so on.
+    /// Creates an axis with one position per name, at 0, 1, 2 and so on.
     pub(crate) fn named(title: &'static str, names: impl IntoIterator<Item = String>) -> Self {
         let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
         Self {
@@ -83,7 +83,7 @@ impl Axis {
         }
     }
 
-    /// Where a value stands: within the range, whatever the value.
+    /// Returns the position of a value, clamped to the range of the axis.
     fn at(&self, value: f64) -> f64 {
         let [low, high] = self.range;
         let position = match self.zero {
@@ -115,14 +115,15 @@ impl Ranged for Axis {
 }
 
 impl ValueFormatter<f64> for Axis {
-    /// The name of a position that has one.
+    /// Returns the label of a position, or an empty string.
     fn format_ext(&self, position: &f64) -> String {
         let found = self.ticks.iter().find(|t| t.0 == *position);
         found.map_or_else(String::new, |t| t.1.clone())
     }
 }
 
-/// 1, 2 and 5 in each of few decades, else their beginnings, or of many only some.
+/// Returns the labels of a logarithmic axis. A short axis labels 1, 2 and 5 in each decade, a longer one only 1, and a
+/// very long one skips decades.
 fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     let digits: &[u8] = match high - low < FEW_DECADES {
         true => &[1, 2, 5],
@@ -139,31 +140,31 @@ fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     named.filter(within).collect()
 }
 
-/// A value pair with intervals of both values.
+/// Pair of values with their intervals.
 #[derive(Clone, Debug)]
 pub(crate) struct Mark {
     pub(crate) at: [f64; 2],
     pub(crate) bars: [[f64; 2]; 2],
     pub(crate) look: Look,
-    /// What is told of it beside the pointer; empty if nothing is.
+    /// Tooltip text, or empty.
     pub(crate) about: String,
 }
 
-/// A pair of axes.
+/// Panel with two axes.
 pub(crate) struct Panel {
     pub(crate) title: String,
-    /// Pixels.
+    /// Height in pixels.
     pub(crate) height: u32,
     pub(crate) axes: [Axis; 2],
     pub(crate) marks: Vec<Mark>,
-    /// A line of steps through numbered places.
+    /// Points on the Pareto front, which are numbered and joined by a stepped line.
     pub(crate) front: Vec<[f64; 2]>,
-    /// Beside the panel, if there is any.
+    /// Legend to the right of the panel. May be empty.
     pub(crate) legend: Vec<Entry>,
 }
 
 impl Panel {
-    /// Fills `area`; says at which pixels of the page the marks are.
+    /// Draws the panel into `area`. Returns the pixel positions of the marks on the page.
     pub(crate) fn draw(&self, area: &Area<'_>) -> Result<Vec<(i32, i32)>> {
         let beside = if self.legend.is_empty() { 0 } else { LEGEND };
         let (area, legend) = area.split_horizontally(WIDTH - beside);
@@ -228,7 +229,7 @@ impl Panel {
     }
 }
 
-/// A line left of which and below which there is nothing, through places from left to right.
+/// Returns the stepped line through points in ascending order of x. No point is below and to the left of the line.
 fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut above = f64::INFINITY;
     let mut steps = Vec::new();
@@ -255,12 +256,12 @@ fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
 }
 
 pub(crate) fn font(size: i32, colour: RGBColor, style: FontStyle) -> TextStyle<'static> {
-    // The SVG of `plotters` divides sizes by 1.24.
+    // The SVG backend of `plotters` divides font sizes by 1.24.
     let font = ("sans-serif", f64::from(size) * 1.24, style).into_font();
     font.color(&colour)
 }
 
-/// So many letters at most, all of them such as XML can hold and one line shows.
+/// Truncates text to at most `most` characters, after replacing characters that XML does not allow.
 pub(crate) fn short(text: &str, most: usize) -> String {
     let mut kept: String = clean(text).chars().take(most).collect();
     if text.chars().nth(most).is_some() {
@@ -270,7 +271,7 @@ pub(crate) fn short(text: &str, most: usize) -> String {
     kept
 }
 
-/// What XML cannot hold, or would not show on one line, becomes a replacement character or a space.
+/// Replaces characters that XML does not allow by replacement characters, and line breaks and tabs by spaces.
 pub(crate) fn clean(text: &str) -> String {
     let kept = |c: char| match c {
         '\t' | '\n' | '\r' => ' ',

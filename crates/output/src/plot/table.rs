@@ -1,12 +1,12 @@
-//! The points as rows: for programs as CSV and JSON, for people in words.
+//! Tables of the points: CSV and JSON for programs, and formatted text for people.
 
 use super::{Chart, Failure, Leaks, Point, Rate, Result};
 use serde::Serialize;
 
-/// The version of `points.json`.
+/// Schema version of `points.json`.
 pub const SCHEMA: u32 = 1;
 
-/// The whole chart as JSON.
+/// Returns the whole chart as JSON.
 pub fn json(chart: &Chart) -> Result<String> {
     #[derive(Serialize)]
     struct File<'a> {
@@ -18,10 +18,10 @@ pub fn json(chart: &Chart) -> Result<String> {
     Ok(serde_json::to_string_pretty(&File { schema, chart })? + "\n")
 }
 
-/// Returns the points as CSV, one row each, in the order given; then the failures. Unknown cells are empty.
+/// Returns the points as CSV with one row each, in chart order, followed by the failures. Unknown cells are empty.
 ///
-/// After the columns that every chart has come `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for
-/// each offset `X` that any point was measured at, and `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
+/// The fixed columns are followed by `edge_rays_at_X`, `leaks_at_X`, `counted_at_X` and `double_hits_at_X` for each
+/// measured offset `X`. Last are `rays_of_F` and `wrong_of_F` for each family `F` of mixed range.
 pub fn csv(chart: &Chart) -> Result<String> {
     let head = cells(chart, &Point::default(), false);
     let points = chart.points.iter().enumerate();
@@ -34,7 +34,7 @@ pub fn csv(chart: &Chart) -> Result<String> {
     csv_table(names, rows.map(|row| row.into_iter().map(|c| c.1)))
 }
 
-/// A table as CSV (RFC 4180).
+/// Formats a table as CSV (RFC 4180).
 pub fn csv_table(
     head: impl IntoIterator<Item: AsRef<[u8]>>,
     rows: impl IntoIterator<Item: IntoIterator<Item: AsRef<[u8]>>>,
@@ -45,7 +45,7 @@ pub fn csv_table(
     Ok(String::from_utf8(out.into_inner()?)?)
 }
 
-/// Returns the row of a failure: its names, the reason, and no numbers.
+/// Returns the row of a failure: its names and its reason, without numbers.
 fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, String)> {
     let cell = |column: &str| match column {
         "scene" => failure.scene.clone(),
@@ -63,7 +63,7 @@ fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, St
     named.collect()
 }
 
-/// One row of the CSV with its heading.
+/// Returns the cells of a CSV row with their column names.
 fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String)> {
     let scene = chart.scenes.iter().find(|s| s.name == point.scene);
     let machine = &chart.machine;
@@ -124,12 +124,12 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String
     cells
 }
 
-/// The shortest digits that read back as the same number, or nothing.
+/// Formats a number with the fewest digits that identify it. `None` becomes an empty cell.
 fn plain(x: Option<impl ToString>) -> String {
     x.map_or_else(String::new, |x| x.to_string())
 }
 
-/// A point for people: its cells by the names of their columns.
+/// Returns the formatted cells of a point with their column names.
 #[must_use]
 pub fn row(p: &Point) -> Vec<(&'static str, String)> {
     let maybe = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
@@ -163,7 +163,7 @@ pub fn row(p: &Point) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// A point in a sentence.
+/// Describes a point in one line.
 pub(crate) fn described(p: &Point) -> String {
     let ms = p.ms_per_frame.median;
     let ms = ms.map_or("unknown".to_owned(), number);
@@ -175,7 +175,7 @@ pub(crate) fn described(p: &Point) -> String {
     )
 }
 
-/// Three significant digits.
+/// Formats a number with three significant digits.
 pub(crate) fn number(x: f64) -> String {
     let scientific = format!("{x:.2e}");
     match scientific.parse::<f64>() {
@@ -184,7 +184,7 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-/// A whole number with its thousands apart.
+/// Formats an integer with thousands separators.
 #[must_use]
 pub fn count(n: u64) -> String {
     let digits: Vec<char> = n.to_string().chars().collect();
@@ -192,7 +192,7 @@ pub fn count(n: u64) -> String {
     groups.collect::<Vec<_>>().join(",")
 }
 
-/// The text with the characters that mean something to XML and HTML written as references.
+/// Escapes the special characters of XML and HTML.
 pub(crate) fn escape(text: &str) -> String {
     (super::panel::clean(text).replace('&', "&amp;"))
         .replace('<', "&lt;")

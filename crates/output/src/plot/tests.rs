@@ -1,10 +1,11 @@
-//! Whole charts: invented numbers in, files out.
+//! Tests of whole charts with invented numbers.
 
 use super::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
 
-/// Backend and layout with their cost, intersector with its cost and wrong answers per million, update with its cost.
+/// Names of backends, layouts, intersectors and updates with relative costs. Intersectors also have wrong answers per
+/// million rays.
 const BACKENDS: [(&str, f64); 3] = [("cpu", 60.0), ("vulkan", 1.1), ("wgpu", 1.5)];
 const LAYOUTS: [(&str, f64); 2] = [("bvh2", 1.0), ("fast", 0.62)];
 const INTERSECTORS: [(&str, f64, u64); 4] = [
@@ -15,7 +16,7 @@ const INTERSECTORS: [(&str, f64, u64); 4] = [
 ];
 const UPDATES: [(&str, f64); 3] = [("rebuild", 9.0), ("refit", 1.5), ("async", 1.0)];
 
-/// Every method on every backend, on each of so many scenes. Nothing of it was measured.
+/// Returns a chart of every method on every backend for `scenes` scenes. All numbers are invented.
 fn invented(scenes: usize) -> Chart {
     let mut chart = of_points([]);
     chart.scenes.clear();
@@ -78,7 +79,7 @@ fn point(ms: f64, wrong: u64) -> Point {
     }
 }
 
-/// Points of one scene without a name.
+/// Returns a chart of the points of one unnamed scene.
 fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
     let adapter = |backend: &str| Adapter {
         backend: backend.to_owned(),
@@ -98,8 +99,8 @@ fn of_points(points: impl IntoIterator<Item = Point>) -> Chart {
     }
 }
 
-/// Makes every file: the picture is XML without numbers that are none, nothing reaches beyond the page, every point has
-/// its row.
+/// Renders all files and returns the picture. Checks that it is XML without NaN or infinity, that nothing extends
+/// beyond the page, and that every point has a row.
 fn checked(chart: &Chart) -> String {
     let (picture, page) = (svg(chart).unwrap(), html(chart).unwrap());
     let document = Document::parse(&picture).unwrap();
@@ -115,7 +116,7 @@ fn checked(chart: &Chart) -> String {
     picture
 }
 
-/// Heading and rows of the CSV.
+/// Returns the header and the rows of the CSV.
 fn records(chart: &Chart) -> (csv::StringRecord, Vec<csv::StringRecord>) {
     let table = super::csv(chart).unwrap();
     let mut reader = csv::Reader::from_reader(table.as_bytes());
@@ -139,7 +140,7 @@ fn number_of<T: std::str::FromStr>(node: Node<'_, '_>, name: &str) -> T {
     node.attribute(name).and_then(|a| a.parse().ok()).unwrap()
 }
 
-/// Where the points of planes are, in pixels.
+/// Returns the pixel positions of the points in all scatter plots.
 fn places(picture: &str) -> Vec<(i32, i32)> {
     let document = Document::parse(picture).unwrap();
     let nodes = document.descendants();
@@ -150,7 +151,7 @@ fn places(picture: &str) -> Vec<(i32, i32)> {
 
 #[test]
 fn rates_have_their_intervals() {
-    // None of a million: the rule of three. 10 of 100: Wilson's interval, 0.0552 to 0.1744 by its formula.
+    // For 0 of a million, the rule of three applies. For 10 of 100, Wilson's formula gives 0.0552 to 0.1744.
     for (wrong, tested, expected) in [
         (0, 1_000_000, [0.0, 0.0, 3.0]),
         (0, 2, [0.0, 0.0, 1e6]),
@@ -162,7 +163,7 @@ fn rates_have_their_intervals() {
         assert!(off.map(|(a, b)| (a - b).abs()).all(|d| d < 10.0), "{r:?}");
     }
     assert_eq!(Rate::of(0, 0), None);
-    // More wrong than tested is all wrong.
+    // A count of wrong answers above the number tested counts as all wrong.
     let r = Rate::of(9, 3).unwrap();
     assert!(r.value == 1e6 && r.high == 1e6 && r.low > 2e5 && r.low < 1e6);
 }
@@ -202,7 +203,7 @@ fn faster_is_left_and_fewer_wrong_is_lower() {
     for (a, b) in [(0, 1), (1, 2), (2, 3)] {
         assert!(places[a].0 < places[b].0 && places[a].1 < places[b].1);
     }
-    // Equal ratios are equal distances, but for the rounding of pixels.
+    // Equal ratios are equal distances, up to pixel rounding.
     let gap = |a: usize, b: usize| (places[b].0 - places[a].0, places[b].1 - places[a].1);
     assert!((gap(0, 1).0 - gap(2, 3).0).abs() <= 1 && (gap(0, 1).1 - gap(1, 2).1).abs() <= 1);
     assert_eq!(places[3].1, places[4].1, "none wrong is one place");
@@ -212,11 +213,11 @@ fn faster_is_left_and_fewer_wrong_is_lower() {
         let mut lines = document.descendants().filter(|n| n.has_tag_name("line"));
         lines.any(|n| ends(n) == [a.0, a.1, b.0, b.1])
     };
-    // The interval of none in a million ends at 3 per million: as far above 1 as log 3 is of a decade.
+    // The interval of 0 in a million ends at 3 per million. That is log10(3) of a decade above 1.
     let (x, none) = places[3];
     let top = places[2].1 - (f64::from(gap(1, 2).1) * 3_f64.log10()).round() as i32;
     assert!((-1..=1).any(|d| has_line((x, none), (x, top + d))));
-    // Of 4 ms, 5 to 95 % are 2 to 8 ms, where the neighbours stand.
+    // For a median of 4 ms, the 5 to 95 % interval is 2 to 8 ms, where the neighbouring points are.
     let y = places[2].1;
     assert!(has_line((places[1].0, y), (places[3].0, y)));
 }
@@ -226,7 +227,7 @@ fn the_front_is_the_same_in_every_file() {
     let chart = invented(2);
     let starred = (0..chart.points.len()).filter(|&i| cell(&chart, i, "on_front") == "1");
     let names: Vec<_> = starred.map(|i| chart.points[i].name()).collect();
-    // Each scene has a front of its own, however slow it is beside the others.
+    // Each scene has its own front, even if it is slower than the others.
     let expected = ["moller-trumbore", "woop", "watertight", "exact"];
     let expected = expected.map(|i| format!("vulkan fast {i} async"));
     assert_eq!(names, [expected.clone(), expected].concat());
@@ -335,7 +336,7 @@ fn every_text_stays_within_the_picture() {
     let texts = document.descendants().filter(|n| n.has_tag_name("text"));
     for node in texts.filter(|n| !n.has_attribute("transform")) {
         let words = node.text().unwrap_or("").trim();
-        // Sans-serif letters are about so wide.
+        // Approximate width of sans-serif letters.
         let wide = 0.56 * number_of::<f64>(node, "font-size") * words.chars().count() as f64;
         let left = number_of::<f64>(node, "x")
             - match node.attribute("text-anchor") {

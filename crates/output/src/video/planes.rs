@@ -1,35 +1,35 @@
-//! A frame as videos hold it: luma and chroma, of BT.601 in its limited range, which readers of the format take them for.
+//! Video frames as luma and chroma planes: BT.601 in limited range, which YUV4MPEG2 readers assume.
 
-/// Sizes that chroma is wanted in.
+/// Selection of chroma sizes to compute.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Chroma {
-    /// A sample for two by two pixels (4:2:0).
+    /// One sample per two by two pixels (4:2:0).
     pub halved: bool,
-    /// A sample for each pixel (4:4:4).
+    /// One sample per pixel (4:4:4).
     pub full: bool,
 }
 
 impl Chroma {
-    /// Whether any is.
+    /// Returns whether any size is selected.
     #[must_use]
     pub fn any(self) -> bool {
         self.halved || self.full
     }
 }
 
-/// Luma and chroma of a frame.
+/// Luma and chroma planes of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Planes {
     luma: Vec<u8>,
-    /// Cb, Cr.
+    /// Cb and Cr at half size.
     halved: [Vec<u8>; 2],
-    /// Cb, Cr.
+    /// Cb and Cr at full size.
     full: [Vec<u8>; 2],
 }
 
 impl Planes {
-    /// Takes sRGB pixels (the fourth byte says nothing), in rows of so many. Works on the calling thread alone: there are
-    /// other frames.
+    /// Converts sRGB pixels in rows of `width`. The fourth byte of a pixel is ignored. Runs on the calling thread only,
+    /// because other frames are converted in parallel.
     pub fn set(&mut self, pixels: &[[u8; 4]], width: usize, chroma: Chroma) {
         self.luma.resize(pixels.len(), 0);
         for (pixel, luma) in pixels.iter().zip(&mut self.luma) {
@@ -47,14 +47,14 @@ impl Planes {
         }
     }
 
-    /// 4:2:0 if `halved`, else 4:4:4.
+    /// Returns the frame as 4:2:0 if `halved`, else as 4:4:4.
     pub(super) fn frame(&self, halved: bool) -> y4m::Frame<'_> {
         let [cb, cr] = if halved { &self.halved } else { &self.full };
         y4m::Frame::new([&self.luma, cb, cr], None)
     }
 }
 
-/// Of two by two pixels each; at an odd edge, those there are count twice.
+/// Computes chroma of blocks of two by two pixels. At an odd edge, the existing pixels count twice.
 fn set_halved(pixels: &[[u8; 4]], width: usize, planes: &mut [Vec<u8>; 2]) {
     let half = width.div_ceil(2);
     let samples = half * (pixels.len() / width).div_ceil(2);
@@ -75,13 +75,13 @@ fn set_halved(pixels: &[[u8; 4]], width: usize, planes: &mut [Vec<u8>; 2]) {
     }
 }
 
-/// The nearest to a pixel's luma. Weights are in 65536ths.
+/// Returns the luma of a pixel, rounded to nearest. Weights are in units of 1/65536.
 fn luma_of([r, g, b, _]: [u8; 4]) -> u8 {
     let [r, g, b] = [r, g, b].map(u32::from);
     ((r * 16_829 + g * 33_039 + b * 6_416 + (16 << 16) + (1 << 15)) >> 16) as u8
 }
 
-/// The nearest to the Cb and Cr of four pixels' mean.
+/// Returns Cb and Cr of the mean of four pixels, rounded to nearest.
 fn chroma_of(pixels: [[u8; 4]; 4]) -> [u8; 2] {
     let [r, g, b] = [0, 1, 2].map(|c| pixels.iter().map(|p| u32::from(p[c])).sum::<u32>());
     let middle = (128 << 18) + (1 << 17);
@@ -94,7 +94,7 @@ fn chroma_of(pixels: [[u8; 4]; 4]) -> [u8; 2] {
 mod tests {
     use super::*;
 
-    /// Y', Cb, Cr of channels up to 255.
+    /// Returns Y', Cb and Cr of channels in 0 to 255.
     fn exact([r, g, b]: [f64; 3]) -> [f64; 3] {
         let [r, g, b] = [r, g, b].map(|x| x / 255.0);
         [
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn luma_and_chroma_are_the_nearest() {
-        // Every third colour, and all ends.
+        // Every third value per channel, including 0 and 255.
         let axis = || (0..=255_u8).step_by(3);
         let all = axis().flat_map(|r| axis().flat_map(move |g| axis().map(move |b| [r, g, b, 7])));
         let all: Vec<[u8; 4]> = all.collect();

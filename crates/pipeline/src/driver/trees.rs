@@ -1,6 +1,7 @@
 //! Requests trees, hands vertices to the builder, and evaluates and adopts the trees that it makes.
 
 use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
+use super::retained::Retained;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
@@ -25,6 +26,8 @@ pub(super) struct Tree {
     /// The moment that it is best used at.
     pub(super) middle: f64,
     pub(super) cost: f64,
+    /// Whether it replaced a newer tree that came to cost more.
+    pub(super) returned: bool,
 }
 
 impl Driver {
@@ -120,11 +123,13 @@ impl Driver {
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
         let builds_ahead = self.builds_ahead();
         let (Some(candidate), Some(pose)) = (&mut self.candidate, self.pose) else {
-            return Ok(());
+            return self.record_evaluation_of_retained();
         };
         let State::Due(built) = &candidate.state else {
-            return Ok(());
+            return self.record_evaluation_of_retained();
         };
+        // The candidate takes its place on the device.
+        self.retained = None;
         let (tree, generation) = (&built.topology, candidate.request.generation);
         let approach = self.predictor.approach(candidate.request.middle);
         let evaluation = Evaluation {
@@ -140,10 +145,46 @@ impl Driver {
         Ok(())
     }
 
+    /// Records the evaluation of the replaced tree if it is due.
+    fn record_evaluation_of_retained(&mut self) -> Result<(), PipelineError> {
+        let Some(retained) = self.retained.as_mut().filter(|retained| retained.is_due()) else {
+            return Ok(());
+        };
+        match self.backend.evaluate_retained()? {
+            true => retained.recorded(),
+            false => self.retained = None,
+        }
+        Ok(())
+    }
+
+    /// Makes the replaced tree current again if it costs less than the one that replaced it.
+    pub(super) fn return_cheaper(&mut self) -> Result<(), PipelineError> {
+        let Some(retained) = self.retained.take_if(|retained| retained.is_cheaper()) else {
+            return Ok(());
+        };
+        self.backend.adopt_retained()?;
+        self.record.returned = true;
+        let mut tree = retained.into_tree();
+        tree.returned = true;
+        let middle = self.record.frame.time;
+        let replaced = self.tree.replace(Tree { middle, ..tree });
+        // A scene at rest needs no further tree for its pose.
+        let built_for = replaced.as_ref().map(|newer| newer.pose);
+        self.has_best_for = built_for.filter(|_| built_for == self.pose);
+        self.retained = replaced.map(Retained::new);
+        // The newer tree was built in vain.
+        let frames = self.predictor.frames_of_use();
+        self.patience.rejected(self.frames, frames);
+        Ok(())
+    }
+
     /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
+        }
+        if let Some(retained) = &mut self.retained {
+            retained.observe(ticket, report);
         }
         let Some(candidate) = &mut self.candidate else {
             return;
@@ -364,13 +405,20 @@ impl Driver {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, request.generation)?;
         let (adopted, moments) = (Instant::now(), built.moments);
-        self.tree = Some(Tree {
+        let replaced = self.tree.replace(Tree {
             generation: request.generation,
             frame: request.frame,
             pose: request.pose,
             middle: request.middle,
             cost: built.cost,
+            returned: false,
         });
+        // A tree that returned may return again: only one that stayed ends the pauses between requests.
+        if replaced.as_ref().is_none_or(|tree| !tree.returned) {
+            self.patience.adopted();
+        }
+        let may_return = self.weighs() && !self.predicts();
+        self.retained = replaced.filter(|_| may_return).map(Retained::new);
         let (arrived, snapshot_bytes) = request
             .vertices_arrived
             .expect("a tree is built from vertices");
@@ -392,7 +440,6 @@ impl Driver {
         });
         self.spare = built.topology.into_spare();
         self.has_best_for = None;
-        self.patience.adopted();
         Ok(())
     }
 }

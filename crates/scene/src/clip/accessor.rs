@@ -1,10 +1,10 @@
-//! Numbers out of accessors. Every range is checked before it is read.
+//! Reads numbers from accessors. Every range is checked before it is read.
 
 use super::document::File;
 use super::schema::{Accessor, Sparse, Whole};
 use crate::{Result, SceneError};
 
-/// The type of a component.
+/// Type of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Component {
     I8,
@@ -36,7 +36,7 @@ impl Component {
         }
     }
 
-    /// Reads the component at the start of `bytes`, which must hold one.
+    /// Reads the component at the start of `bytes`, which must contain at least one.
     fn read(self, bytes: &[u8]) -> f64 {
         match (self, bytes) {
             (Self::I8, [b, ..]) => b.cast_signed().into(),
@@ -50,17 +50,17 @@ impl Component {
     }
 }
 
-/// An accessor of a known type.
+/// Accessor whose types are known to be supported.
 struct Elements<'a> {
     file: &'a File,
     index: Whole,
     accessor: &'a Accessor,
     component: Component,
-    /// Components of an element.
+    /// Number of components per element.
     width: usize,
 }
 
-/// Reads an accessor of N floats an element. Normalised integers become fractions.
+/// Reads an accessor of N floats per element. Normalized integers become fractions.
 pub(super) fn floats<const N: usize>(file: &File, index: Whole) -> Result<Vec<[f32; N]>> {
     let elements = Elements::of(file, index)?;
     elements.expect(match N {
@@ -89,7 +89,7 @@ pub(super) fn floats<const N: usize>(file: &File, index: Whole) -> Result<Vec<[f
     })
 }
 
-/// Reads an accessor that may be absent: an absent one has no elements.
+/// Reads an optional accessor. `None` has no elements.
 pub(super) fn listed<const N: usize>(file: &File, index: Option<Whole>) -> Result<Vec<[f32; N]>> {
     index.map_or(Ok(Vec::new()), |index| floats(file, index))
 }
@@ -105,22 +105,22 @@ pub(super) fn indices(file: &File, index: Whole) -> Result<Vec<u32>> {
     }
 }
 
-/// Returns the number of elements, after a check that the file holds them.
+/// Returns the number of elements, after checking that the file contains them.
 pub(super) fn count(file: &File, index: Whole) -> Result<usize> {
     let elements = Elements::of(file, index)?;
     elements.find().map_err(|e| elements.wrong(e))?;
     Ok(elements.accessor.count.0)
 }
 
-/// The bytes of each element, up to the next element.
+/// Iterator over byte slices that begin at each element and extend to the next one.
 type Rows<'a> = std::iter::Take<std::slice::Chunks<'a, u8>>;
 
-/// Equal elements in a buffer view.
+/// Sequence of equally sized elements in a buffer view.
 struct Span {
     view: Whole,
     offset: Option<Whole>,
     count: usize,
-    /// Bytes of an element.
+    /// Size of an element in bytes.
     size: usize,
 }
 
@@ -147,12 +147,12 @@ impl Span {
     }
 }
 
-/// The values of an accessor.
+/// Located values of an accessor.
 #[derive(Default)]
 struct Found<'a> {
-    /// Absent if all elements are zeros.
+    /// Elements in the buffer view. `None` if all elements are zero.
     own: Option<Rows<'a>>,
-    /// Elements that replace others, by their index.
+    /// Elements of a sparse accessor that replace others, by index.
     replaced: Vec<(usize, &'a [u8])>,
 }
 
@@ -197,7 +197,7 @@ impl<'a> Elements<'a> {
         Err(self.unexpected(&format!("{kind} elements")))
     }
 
-    /// Bytes of an element.
+    /// Returns the size of an element in bytes.
     fn size(&self) -> usize {
         self.width * self.component.size()
     }

@@ -1,15 +1,15 @@
-//! The JSON text of a file and its binary chunk (glTF 2.0, 4.4).
+//! Container of a glTF file: the JSON text and the binary chunk (glTF 2.0, 4.4).
 
-/// What a `.gltf` or a `.glb` file contains.
+/// Contents of a `.gltf` or `.glb` file.
 #[derive(Debug)]
 pub(super) struct Container<'a> {
     pub(super) json: &'a [u8],
-    /// The first chunk of type `BIN`.
+    /// First chunk of type `BIN`.
     pub(super) binary: Option<&'a [u8]>,
 }
 
 impl<'a> Container<'a> {
-    /// Splits a file. The error is the cause.
+    /// Splits a file into its chunks. The error is the reason.
     pub(super) fn split(bytes: &'a [u8]) -> Result<Self, String> {
         let container = match bytes.strip_prefix(b"glTF") {
             Some(_) => Self::split_chunks(bytes)?,
@@ -52,10 +52,10 @@ fn word(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(u32::from_le_bytes(*word)).ok()
 }
 
-/// The type and the data of a chunk.
+/// Type and data of a chunk.
 type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
 
-/// Splits a list of chunks. Readers skip chunks of unknown type.
+/// Splits a list of chunks. Chunks of unknown types are included, because readers must skip them.
 fn split(mut bytes: &[u8]) -> Result<Vec<Chunk<'_>>, String> {
     let mut chunks = Vec::new();
     while let (Some(length), Some((_, rest))) = (word(bytes, 0), bytes.split_at_checked(4)) {
@@ -74,7 +74,7 @@ fn split(mut bytes: &[u8]) -> Result<Vec<Chunk<'_>>, String> {
     Ok(chunks)
 }
 
-/// Refuses text that begins with a byte order mark, which is invisible in an editor.
+/// Refuses text that begins with a byte order mark. The message names the mark, since editors do not show it.
 fn check_encoding(json: &[u8]) -> Result<(), String> {
     let encoding = match json {
         [0xef, 0xbb, 0xbf, ..] => "UTF-8",

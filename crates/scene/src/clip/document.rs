@@ -1,4 +1,4 @@
-//! An open file: its document, and its buffers once they are used.
+//! An open glTF file: its document, and its buffers, which are loaded on first use.
 
 use super::container::Container;
 use super::schema::{Accessor, BufferView, Document, Head, Node, Whole};
@@ -16,18 +16,18 @@ pub(super) struct File {
     pub(super) path: PathBuf,
     pub(super) document: Document,
     folder: Folder,
-    /// The binary chunk of a `.glb` file.
+    /// Binary chunk of a `.glb` file.
     binary: Option<Vec<u8>>,
-    /// Each loaded when it is first used, since one without uses may be absent.
+    /// Buffer contents, loaded on first use. A buffer that is never used may be missing.
     buffers: Vec<OnceLock<Result<Vec<u8>, String>>>,
-    /// Remarks on the whole file.
+    /// Remarks on the file as a whole.
     pub(super) notes: Vec<String>,
 }
 
 /// Supported extensions that change geometry.
 const GEOMETRY: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
 
-/// Beginnings of names, after the vendor, of extensions that change neither geometry nor motion.
+/// Name prefixes, without the vendor, of extensions that change neither geometry nor motion.
 const NEUTRAL: [&str; 15] = [
     "audio_",
     "feature_metadata",
@@ -46,7 +46,7 @@ const NEUTRAL: [&str; 15] = [
     "xmp",
 ];
 
-/// Returns whether a scene is complete without a remark on this extension.
+/// Returns whether an extension needs no remark, because it is supported or does not affect the result.
 fn is_complete_with(name: &str) -> bool {
     let (_, own_name) = name.split_once('_').unwrap_or_default();
     GEOMETRY.contains(&name) || NEUTRAL.iter().any(|start| own_name.starts_with(start))
@@ -77,7 +77,7 @@ impl File {
         })
     }
 
-    /// Returns an item of one of the document's lists.
+    /// Returns an item of a list in the document.
     pub(super) fn item<'a, T>(&self, kind: &str, list: &'a [T], index: Whole) -> Result<&'a T> {
         list.get(index.0).ok_or_else(|| {
             let (index, count) = (index.0, list.len());
@@ -94,7 +94,7 @@ impl File {
         self.item("accessor", &self.document.accessors, index)
     }
 
-    /// Returns the bytes of a buffer view. The error is the cause.
+    /// Returns a buffer view and its bytes. The error is the reason.
     pub(super) fn view_bytes(&self, index: Whole) -> Result<(&BufferView, &[u8]), String> {
         let views = &self.document.buffer_views;
         let Some(view) = views.get(index.0) else {
@@ -139,7 +139,7 @@ impl File {
     }
 }
 
-/// Reads a data URI, or a file below the folder.
+/// Reads a data URI, or a file relative to the folder.
 fn fetch(folder: &Folder, uri: &str) -> Result<Vec<u8>, String> {
     if uri.starts_with("data:") {
         let data = DataUrl::process(uri).map_err(|_| "a data URI without data")?;
@@ -162,7 +162,7 @@ fn read<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
     serde_json::from_slice(json).map_err(|e| format!("not glTF: {e}"))
 }
 
-/// Reads a document, of a supported version.
+/// Parses a document, after checking that its version is supported.
 fn parse(json: &[u8]) -> Result<Document, String> {
     let head: Head = read(json)?;
     let asset = head.asset.as_ref();
@@ -180,12 +180,12 @@ fn parse(json: &[u8]) -> Result<Document, String> {
         Some(own) if own.major != SUPPORTED.major => {
             Err(format!("glTF {own} is not supported, only {SUPPORTED}"))
         }
-        // Files of a later minor version are readable, unless they name a higher minimum.
+        // Files of a later minor version are readable, unless they require a higher minimum version.
         Some(_) => read(json),
     }
 }
 
-/// A version of the specification.
+/// Version of the glTF specification.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Version {
     major: u32,
@@ -214,7 +214,7 @@ impl fmt::Display for Version {
     }
 }
 
-/// Refuses unsupported extensions that are required, and returns remarks on those that are used.
+/// Refuses unsupported extensions that are required, and returns remarks on those that are only used.
 fn extensions(document: &Document) -> Result<Vec<String>, String> {
     let mut required = document.extensions_required.iter();
     if let Some(name) = required.find(|name| !is_complete_with(name)) {
@@ -228,7 +228,7 @@ fn extensions(document: &Document) -> Result<Vec<String>, String> {
     Ok(used.map(remark).collect())
 }
 
-/// Gives each mesh a node. A file without scenes and nodes is a library of meshes (glTF 2.0, 3.5.1).
+/// Adds one node per mesh. A file without scenes and nodes is a library of meshes (glTF 2.0, 3.5.1).
 fn place_meshes(document: &mut Document) {
     let node = |mesh| Node {
         mesh: Some(Whole(mesh)),

@@ -1,7 +1,7 @@
-//! glTF: one clip of a file's animations, sampled to vertex key frames.
+//! Reader of glTF files: samples one animation clip to vertex key frames.
 //!
-//! After the glTF 2.0 specification (Khronos): node transforms, skins and morph targets are evaluated at each key in
-//! double precision and rounded once. Textures, cameras and lights are not read.
+//! It follows the glTF 2.0 specification (Khronos). Node transforms, skins and morph targets are evaluated in double
+//! precision at each key frame, and rounded once. Textures, cameras and lights are not read.
 
 mod accessor;
 mod container;
@@ -25,7 +25,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 const MAX_KEYS: usize = 1 << 16;
-/// The most vertices in all key frames together: 48 GiB.
+/// Maximum number of vertices in all key frames together. They take 48 GiB.
 const MAX_POSITIONS: usize = 1 << 32;
 
 pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene> {
@@ -60,7 +60,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let positions = move |key: usize| {
         let time = times[key];
         let pose = rig.pose(&motion, time);
-        // A list that grows takes more memory than its points do in the end.
+        // Allocates the exact capacity. A growing list would need more memory than its points.
         let mut points = Vec::with_capacity(vertices);
         for part in &parts {
             points.extend(part.positions(&pose, &motion, time));
@@ -98,7 +98,7 @@ fn clip_name(file: &File, clip: usize) -> String {
     name.unwrap_or_else(|| clip.to_string())
 }
 
-/// Returns the index of the requested clip, by name or else by index. The default is the first.
+/// Returns the index of the requested clip, matched by name and then by index. The default is the first clip.
 fn choose(file: &File, options: &Options, notes: &mut Vec<String>) -> Result<Option<usize>> {
     let clips = 0..file.document.animations.len();
     let all: Vec<_> = clips.clone().map(|i| clip_name(file, i)).collect();
@@ -124,9 +124,9 @@ fn choose(file: &File, options: &Options, notes: &mut Vec<String>) -> Result<Opt
     Err(SceneError::unusable(&file.path, cause))
 }
 
-/// Returns evenly spaced times in seconds, from end to end of the clip, at least `fps` a second.
+/// Returns evenly spaced times in seconds from the start to the end of the clip, at least `fps` per second.
 fn times(path: &Path, [start, end]: [f64; 2], fps: f64) -> Result<Vec<f64>> {
-    // The allowance keeps rounding from adding a key: 2.0000001 s are two.
+    // The tolerance keeps rounding errors from adding a key frame: 2.0000001 intervals count as 2.
     let steps = ((end - start) * fps - 1e-4).ceil().max(0.0) as usize;
     within(path, "key frames", steps.saturating_add(1), MAX_KEYS)?;
     let at = |i: usize| match i == steps {

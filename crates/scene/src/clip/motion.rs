@@ -1,4 +1,4 @@
-//! A clip: what it moves, for how long, and each value over time (a sampler of the clip).
+//! Motion of a clip: the animated properties, the time span, and the interpolated values.
 
 use super::accessor::floats;
 use super::document::File;
@@ -8,7 +8,7 @@ use crate::Result;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// A property of a node that a clip may set.
+/// Node property that a clip can animate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Property {
     Translation,
@@ -24,12 +24,12 @@ enum Interpolation {
     CubicSpline,
 }
 
-/// All that a clip moves; the default moves nothing.
+/// All animated properties of a clip. The default has no motion.
 #[derive(Default)]
 pub(super) struct Motion {
-    /// By node and property.
+    /// Tracks by node and property.
     tracks: BTreeMap<(usize, Property), Track>,
-    /// Least and greatest time of any key.
+    /// Earliest and latest time of any key, in seconds.
     span: Option<[f64; 2]>,
 }
 
@@ -56,7 +56,7 @@ impl Motion {
         Some(track.at(time))
     }
 
-    /// A node's parts, of which the clip may set some.
+    /// Returns the transform of a node at `time`. Parts that the clip does not set are taken from `rest`.
     pub(super) fn parts(&self, node: usize, time: f64, rest: Parts) -> Parts {
         let vector = |property, rest| {
             let value = self.at(node, property, time);
@@ -70,12 +70,12 @@ impl Motion {
         )
     }
 
-    /// Weights of the morph targets at a node, if the clip sets them.
+    /// Returns the weights of a node's morph targets, or `None` if the clip does not set them.
     pub(super) fn weights(&self, node: usize, time: f64) -> Option<Vec<f64>> {
         self.at(node, Property::Weights, time)
     }
 
-    /// First and last time, in seconds.
+    /// Returns the first and last time in seconds.
     pub(super) fn span(&self) -> [f64; 2] {
         self.span.unwrap_or_default()
     }
@@ -145,7 +145,7 @@ fn numbers<const N: usize>(file: &File, accessor: Whole) -> Result<Vec<f64>> {
     Ok(elements.into_iter().flatten().map(f64::from).collect())
 }
 
-/// Returns the number of morph targets at a node.
+/// Returns the number of morph targets of a node.
 fn targets(file: &File, node: Whole) -> Result<usize> {
     let Some(mesh) = file.node(node)?.mesh else {
         return Ok(0);
@@ -155,7 +155,7 @@ fn targets(file: &File, node: Whole) -> Result<usize> {
     Ok(counts.max().unwrap_or(0))
 }
 
-/// Finite times that never fall.
+/// Returns the times of a sampler, after checking that they are finite and non-decreasing.
 fn times(file: &File, input: Whole) -> Result<Vec<f64>> {
     let times = numbers::<1>(file, input)?;
     let wrong = |cause: &str| Err(file.wrong(("accessor", input.0), cause));
@@ -168,20 +168,20 @@ fn times(file: &File, input: Whole) -> Result<Vec<f64>> {
     Ok(times)
 }
 
-/// Values of some numbers each at rising times, in seconds, of which there is one at least.
+/// Values of one animated property at non-decreasing times in seconds. There is at least one time.
 struct Track {
     times: Vec<f64>,
-    /// One a time; three for splines: inward tangent, value, outward tangent.
+    /// Concatenated values, one per time. Splines have three per time: in-tangent, value, out-tangent.
     values: Vec<f64>,
-    /// Numbers of a value.
+    /// Number of components per value.
     size: usize,
-    /// Whether values are quaternions.
+    /// Whether the values are quaternions.
     turns: bool,
     interpolation: Interpolation,
 }
 
 impl Track {
-    /// Checks the counts. The message says what is wrong with them.
+    /// Checks that the number of values matches the number of times. The error is the reason.
     fn check(&self) -> Result<(), String> {
         let (size, found, times) = (self.size, self.values.len(), self.times.len());
         if size == 0 {
@@ -217,7 +217,7 @@ impl Track {
         self.row(each * key + each / 2)
     }
 
-    /// The value at `time`: that of the nearest end before the first time and after the last.
+    /// Returns the value at `time`. Before the first and after the last time, returns the value at that end.
     fn at(&self, time: f64) -> Vec<f64> {
         let next = self.times.partition_point(|&t| t <= time);
         if next == 0 || next == self.times.len() {
@@ -229,7 +229,7 @@ impl Track {
         let (from, to) = (self.value(last), self.value(next));
         match self.interpolation {
             Interpolation::Step => from.to_vec(),
-            // Along the shorter arc.
+            // Follows the shorter arc.
             Interpolation::Linear if self.turns => {
                 unit(from).slerp(unit(to), weight).to_array().to_vec()
             }
@@ -247,7 +247,7 @@ impl Track {
     }
 }
 
-/// Weights of value, outward tangent, next value and its inward tangent (glTF 2.0, appendix C).
+/// Returns the weights of a value, its out-tangent, the next value and its in-tangent (glTF 2.0, appendix C).
 fn hermite(t: f64, step: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [

@@ -1,4 +1,4 @@
-//! The primitives that are drawn, each at a node, with its morph targets and its skin.
+//! Drawn primitives with their nodes, morph targets and skins.
 
 use super::accessor::{count, floats, indices};
 use super::document::File;
@@ -12,13 +12,13 @@ use crate::{Options, Result, Rgb};
 use glam::{DMat4, DVec3, Mat4};
 use std::collections::BTreeMap;
 
-/// How the vertices of a primitive are connected.
+/// Topology of a primitive.
 #[derive(Clone, Copy)]
 enum Mode {
     Triangles,
     Strip,
     Fan,
-    /// By name: not by triangles.
+    /// Topology without triangles, by name.
     Other(&'static str),
 }
 
@@ -37,21 +37,21 @@ impl Mode {
     }
 }
 
-/// Primitives of triangles in the scene, in the order of its nodes.
+/// Triangle primitives of the scene, in node order.
 pub(super) struct Drawn<'a> {
     items: Vec<Item<'a>>,
-    /// Numbers of primitives that are not drawn, by the reason.
+    /// Number of primitives that are not drawn, by reason.
     skipped: BTreeMap<String, usize>,
 }
 
-/// A primitive of a node's mesh.
+/// Primitive of a node's mesh.
 #[derive(Clone, Copy)]
 struct Item<'a> {
     index: usize,
     node: &'a Node,
     mesh: &'a Mesh,
     primitive: &'a Primitive,
-    /// The accessor of its positions.
+    /// Accessor of the positions.
     positions: Whole,
     mode: Mode,
 }
@@ -99,7 +99,7 @@ impl<'a> Drawn<'a> {
         skipped.map(remark).collect()
     }
 
-    /// Refuses meshes that memory does not hold: a small file may show one mesh many times.
+    /// Refuses meshes that exceed the memory limit. A small file may show one mesh many times.
     pub(super) fn check_room(&self, file: &File, options: &Options) -> Result<()> {
         let mut bytes = 0_u64;
         for item in &self.items {
@@ -125,7 +125,7 @@ impl<'a> Drawn<'a> {
 }
 
 impl Item<'_> {
-    /// Bytes of one copy.
+    /// Returns the bytes that one instance needs.
     fn bytes(&self, file: &File) -> Result<u64> {
         let vertices = count(file, self.positions)?;
         let mut points = vertices;
@@ -182,7 +182,7 @@ impl Item<'_> {
         material.map_or([1.0; 3], Material::base_colour)
     }
 
-    /// Returns the vertices of each triangle, in the order of the file.
+    /// Returns the vertices of each triangle, in file order.
     fn triangles(
         &self,
         file: &File,
@@ -230,18 +230,18 @@ fn check_count(file: &File, accessor: Whole, found: usize, vertices: usize) -> R
     Err(file.wrong(("accessor", accessor.0), cause))
 }
 
-/// A drawn primitive with all that its positions depend on.
+/// Drawn primitive with everything that determines its positions.
 #[derive(Clone)]
 pub(super) struct Part {
     node: usize,
-    /// The transform relative to the node.
+    /// Transform relative to the node.
     place: DMat4,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) colour: Rgb,
     rest: Vec<DVec3>,
-    /// Displacements of every vertex, for each morph target that has any.
+    /// Displacements of all vertices, for each morph target with displacements.
     targets: Vec<(usize, Vec<DVec3>)>,
-    /// Weights of the morph targets where no clip sets them.
+    /// Weights of the morph targets if no clip animates them.
     weights: Vec<f64>,
     skin: Option<Skin>,
 }
@@ -251,7 +251,7 @@ impl Part {
         self.rest.len()
     }
 
-    /// Returns the positions in the world.
+    /// Returns the positions in world space.
     pub(super) fn positions(&self, pose: &[DMat4], motion: &Motion, time: f64) -> Vec<Position> {
         let mut points = self.rest.clone();
         let weights = motion.weights(self.node, time);
@@ -274,12 +274,12 @@ impl Part {
     }
 }
 
-/// A skin as one primitive uses it.
+/// Skin with its weights for one primitive.
 #[derive(Clone)]
 struct Skin {
-    /// (Node, inverse bind matrix) of each joint.
+    /// Node and inverse bind matrix of each joint.
     joints: Vec<(usize, DMat4)>,
-    /// (Joint, weight) of each vertex, weights with sum 1; none for a vertex that follows its node.
+    /// Joints and weights of each vertex. The weights add up to 1. Without weights, the vertex follows its node.
     holds: Vec<Vec<(usize, f64)>>,
 }
 
@@ -314,7 +314,7 @@ impl Skin {
         Ok(Self { joints, holds })
     }
 
-    /// Each vertex goes where its joints take it; the node itself has no say (glTF 2.0, 3.7.3.3).
+    /// Transforms each vertex by its joints, but not by the skinned node itself (glTF 2.0, 3.7.3.3).
     fn bend(&self, points: &mut [DVec3], pose: &[DMat4], world: DMat4) {
         let joints = self.joints.iter().map(|&(node, bind)| pose[node] * bind);
         let joints: Vec<_> = joints.collect();
@@ -332,7 +332,7 @@ impl Skin {
     }
 }
 
-/// Adds the four joints a vertex of one set. A weight of zero may name any joint.
+/// Adds one set of four joints per vertex. A joint index with weight 0 may be invalid.
 fn add_holds(
     file: &File,
     holds: &mut [Vec<(usize, f64)>],
@@ -357,7 +357,7 @@ fn add_holds(
     Ok(())
 }
 
-/// Weights are often stored in a few bits: their sum is made 1.
+/// Scales the weights so that their sum is 1, since they are often stored with few bits.
 fn normalise(holds: &mut Vec<(usize, f64)>) {
     let sum: f64 = holds.iter().map(|h| h.1).sum();
     if sum == 0.0 {

@@ -1,4 +1,4 @@
-//! The tree of nodes: the transform of each at a time, and the copies of a mesh at one node (`EXT_mesh_gpu_instancing`).
+//! Node hierarchy: node transforms over time, and the instances of a mesh at a node (`EXT_mesh_gpu_instancing`).
 
 use super::accessor::{count, listed};
 use super::document::File;
@@ -7,16 +7,16 @@ use super::schema::{Node, Whole};
 use crate::Result;
 use glam::{DMat4, DQuat, DVec3};
 
-/// All nodes of a file, parents before children.
+/// All nodes of a file.
 pub(super) struct Rig {
     nodes: Vec<Joint>,
-    /// Nodes, each after its parent, children in the file's order.
+    /// Node indices in depth-first order: parents before children, siblings in file order.
     order: Vec<usize>,
 }
 
 struct Joint {
     parent: Option<usize>,
-    /// The transform where no clip moves the node.
+    /// Transform without animation.
     rest: Rest,
 }
 
@@ -43,7 +43,7 @@ impl Rest {
 pub(super) type Parts = (DVec3, DQuat, DVec3);
 
 impl Rig {
-    /// Sorts the nodes; they must make up trees.
+    /// Builds the hierarchy. Fails if a node has two parents or is its own ancestor.
     pub(super) fn new(file: &File) -> Result<Self> {
         let nodes = &file.document.nodes;
         let mut parents = vec![None; nodes.len()];
@@ -75,7 +75,7 @@ impl Rig {
         })
     }
 
-    /// Returns the nodes of the default scene, of the first scene without a default, or all nodes without scenes.
+    /// Returns the nodes of the default scene, else of the first scene. Without scenes, returns all nodes.
     pub(super) fn visible(&self, file: &File) -> Result<Vec<usize>> {
         let document = &file.document;
         if document.scenes.is_empty() && document.scene.is_none() {
@@ -89,7 +89,7 @@ impl Rig {
         Ok(descend(file, scene.nodes.clone()))
     }
 
-    /// Returns the transform from each node to the world at `time`.
+    /// Returns the transform from each node to world space at `time`.
     pub(super) fn pose(&self, motion: &Motion, time: f64) -> Vec<DMat4> {
         let mut world = vec![DMat4::IDENTITY; self.nodes.len()];
         for &i in &self.order {
@@ -120,7 +120,7 @@ pub(super) fn vector(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }
 
-/// Returns the rotation of a quaternion (x, y, z, w): the identity for zero.
+/// Returns the rotation of a quaternion (x, y, z, w). A zero quaternion becomes the identity.
 pub(super) fn unit(quaternion: &[f64]) -> DQuat {
     let q = DQuat::from_slice(quaternion);
     if q.length_squared() == 0.0 {
@@ -130,7 +130,7 @@ pub(super) fn unit(quaternion: &[f64]) -> DQuat {
     }
 }
 
-/// Returns `roots` and all nodes below them, each after its parent. A node that is reached twice appears once.
+/// Returns `roots` and all their descendants, each after its parent. A node that is reached twice appears once.
 fn descend(file: &File, roots: Vec<Whole>) -> Vec<usize> {
     let nodes = &file.document.nodes;
     let mut seen = vec![false; nodes.len()];
@@ -146,10 +146,10 @@ fn descend(file: &File, roots: Vec<Whole>) -> Vec<usize> {
     order
 }
 
-/// Accessors of the translations, rotations and scales of a mesh's copies at a node, of one length.
+/// Accessors of the translations, rotations and scales of mesh instances at a node. All have the same length.
 struct Instances {
     accessors: [Option<Whole>; 3],
-    /// Copies of the mesh.
+    /// Number of instances.
     count: usize,
 }
 
@@ -172,12 +172,12 @@ impl Instances {
     }
 }
 
-/// Returns how many copies of its mesh a node shows.
+/// Returns the number of instances of a node's mesh.
 pub(super) fn copies(file: &File, node: usize) -> Result<usize> {
     Ok(Instances::of(file, node)?.count)
 }
 
-/// Returns the transform of each copy relative to the node.
+/// Returns the transform of each instance relative to the node.
 pub(super) fn places(file: &File, node: usize) -> Result<Vec<DMat4>> {
     let Instances { accessors, count } = Instances::of(file, node)?;
     let [translations, rotations, scales] = accessors;

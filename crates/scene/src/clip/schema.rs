@@ -1,6 +1,6 @@
-//! The parts of a glTF document that geometry and motion need.
+//! Parts of a glTF document that affect geometry and motion.
 //!
-//! All other properties are skipped unread: nothing in a texture, a camera or an `extras` can refuse a file. Numbers are
+//! All other properties are skipped, so errors in a texture, a camera or an `extras` do not fail the file. Numbers are
 //! read in double precision.
 
 use serde::de::{Deserializer, Error, Unexpected, Visitor};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// A whole number of at least 0. JSON has one kind of number, so `3.0` is 3.
+/// Non-negative integer. JSON has only one number type, so `3.0` is accepted as 3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Whole(pub(super) usize);
 
@@ -33,7 +33,7 @@ impl Visitor<'_> for WholeVisitor {
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<usize, E> {
-        /// Above, doubles skip whole numbers.
+        /// Above this limit, doubles cannot represent every integer.
         const LIMIT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
         if value.fract() == 0.0 && (0.0..LIMIT).contains(&value) {
             self.visit_u64(value as u64)
@@ -43,13 +43,13 @@ impl Visitor<'_> for WholeVisitor {
     }
 }
 
-/// The properties that decide whether the rest can be read.
+/// Properties that determine whether the rest can be read.
 #[derive(Deserialize)]
 pub(super) struct Head {
     pub(super) asset: Option<Asset>,
 }
 
-/// Versions are strings; some exporters write numbers.
+/// Versions of the file. They are strings, but some exporters write numbers.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Asset {
@@ -114,7 +114,7 @@ pub(super) struct NodeExtensions {
 
 #[derive(Deserialize)]
 pub(super) struct Instancing {
-    /// Accessors by name.
+    /// Accessors by attribute name.
     #[serde(default)]
     pub(super) attributes: BTreeMap<String, Whole>,
 }
@@ -127,7 +127,7 @@ pub(super) struct Mesh {
 
 #[derive(Deserialize)]
 pub(super) struct Primitive {
-    /// Accessors by semantic.
+    /// Accessors by attribute semantic.
     #[serde(default)]
     pub(super) attributes: BTreeMap<String, Whole>,
     pub(super) indices: Option<Whole>,
@@ -138,12 +138,12 @@ pub(super) struct Primitive {
 }
 
 impl Primitive {
-    /// The accessor of the positions.
+    /// Returns the accessor of the positions.
     pub(super) fn positions(&self) -> Option<Whole> {
         self.attributes.get(POSITION).copied()
     }
 
-    /// Each morph target's accessor of displacements.
+    /// Returns the accessor of position displacements of each morph target.
     pub(super) fn displacements(&self) -> impl Iterator<Item = Option<Whole>> {
         let targets = self.targets.iter();
         targets.map(|target| target.get(POSITION).copied())
@@ -159,13 +159,13 @@ pub(super) struct Skin {
     pub(super) joints: Vec<Whole>,
 }
 
-/// Colours decide no triangle, so a material of any form is accepted.
+/// Material in any form. Colours do not affect triangles, so malformed materials are accepted.
 #[derive(Deserialize)]
 #[serde(transparent)]
 pub(super) struct Material(Value);
 
 impl Material {
-    /// The base colour in linear light. The specification's default is white.
+    /// Returns the base colour in linear light. The specification's default is white.
     pub(super) fn base_colour(&self) -> [f32; 3] {
         let factor = &self.0["pbrMetallicRoughness"]["baseColorFactor"];
         let factor = <[f32; 4]>::deserialize(factor);
@@ -190,7 +190,7 @@ pub(super) struct Channel {
 
 #[derive(Deserialize)]
 pub(super) struct Target {
-    /// Absent where an extension names the target.
+    /// Absent if an extension specifies the target.
     pub(super) node: Option<Whole>,
     pub(super) path: String,
 }

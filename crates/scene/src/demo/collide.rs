@@ -1,4 +1,4 @@
-//! `demo:collide`: two soft bodies fly at each other, flatten, break contact and wobble away; splinters burst out between them.
+//! `demo:collide`: two soft bodies collide, flatten, separate and wobble away, while splinters burst out between them.
 
 use super::shapes::{cube, cube_cuts, onto_ball};
 use super::stage::{Part, Trajectory, blend, rotation, shade};
@@ -7,17 +7,17 @@ use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// The whole time, for what falls.
+/// Duration of the animation in seconds, for falling objects.
 const SECONDS: f64 = 2.0;
-/// When the bodies touch and part, of the whole time.
+/// Times at which the bodies touch and separate, as fractions of the duration.
 const CONTACT: [f64; 2] = [0.32, 0.52];
-/// Speeds of either body before and after, in radii a whole time.
+/// Speed of the bodies before and after contact, in radii per duration.
 const SPEED: [f64; 2] = [6.5, 4.6];
 const FLOOR: Rgb = [205, 203, 210];
-/// Of each body's splinters.
+/// Splinter colour of each body.
 const SPLINTERS: [Rgb; 2] = [[226, 120, 48], [120, 170, 172]];
 
-/// One of the two bodies: `side` is -1 for the left one.
+/// One of the two bodies. `side` is -1 for the left one.
 #[derive(Clone, Copy)]
 struct Body {
     side: f64,
@@ -41,7 +41,7 @@ const BODIES: [Body; 2] = [
     },
 ];
 
-/// About `budget` triangles: two bodies of equal size, a floor, splinters once there is room for them.
+/// Builds about `budget` triangles: two bodies of equal size, a floor, and splinters if the budget is large enough.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let cuts = cube_cuts(budget * 46 / 100);
     let mut parts: Vec<Part> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
@@ -62,7 +62,7 @@ fn body(body: Body, cuts: u32) -> Part {
     )
 }
 
-/// Meridian lobes, flattened at the poles, so that one body looks like a pumpkin.
+/// Adds meridian lobes that fade towards the poles. One body then resembles a pumpkin.
 fn relief(body: Body, p: DVec3) -> DVec3 {
     let angle = libm::atan2(p.z, p.x);
     let rim = 1.0 - p.y * p.y;
@@ -82,20 +82,20 @@ fn paint(body: Body, p: DVec3) -> Rgb {
 }
 
 impl Body {
-    /// Distance of the body's middle from the plane of contact.
+    /// Returns the distance of the body's centre from the contact plane.
     fn distance(&self, time: f64) -> f64 {
         let [touch, part] = CONTACT;
         if time < touch {
             1.0 + SPEED[0] * (touch - time)
         } else if time < part {
-            // As deep as makes the speed continuous at the touch.
+            // The depth makes the speed continuous at the first contact.
             1.0 - SPEED[0] * (part - touch) / PI * libm::sin(PI * (time - touch) / (part - touch))
         } else {
             1.0 + SPEED[1] * (time - part)
         }
     }
 
-    /// Up and down again before the touch, falling and landing after.
+    /// Returns the height of the centre: up and down in an arc, then one hop after landing.
     fn height(&self, time: f64) -> f64 {
         let arc = (time - 0.3) / 0.48;
         let fall = 1.04 + 0.9 * (1.0 - arc * arc);
@@ -110,7 +110,7 @@ impl Body {
     fn place(&self, p: DVec3, time: f64) -> DVec3 {
         let slow = time.min(CONTACT[1]) + 0.6 * (time - CONTACT[1]).max(0.0);
         let p = wobble(time) * (rotation(self.axis, self.spin * slow) * p);
-        // Measured from the plane of contact into this body's own half.
+        // Distance from the contact plane into this body's own half.
         let inward = self.distance(time) - p.x * -self.side;
         let flat = soft_wall(inward);
         let bulge = 1.0 + 0.9 * (flat - inward).clamp(0.0, 0.5);
@@ -122,7 +122,8 @@ impl Body {
     }
 }
 
-/// The identity a little inside the wall, and never beyond it, however hard it is pushed: points stay in order.
+/// Limits points to the body's side of the contact plane. The function is the identity beyond `SKIN`, and strictly
+/// monotone, so points keep their order.
 fn soft_wall(inward: f64) -> f64 {
     const SKIN: f64 = 0.12;
     if inward >= SKIN {
@@ -132,7 +133,7 @@ fn soft_wall(inward: f64) -> f64 {
     }
 }
 
-/// Elongates and flattens along x after the bodies part, fading.
+/// Returns a stretch along x that oscillates and decays after the bodies separate.
 fn wobble(time: f64) -> DMat3 {
     let after = (time - CONTACT[1]).max(0.0);
     let stretch = 1.0 + 0.22 * libm::sin(after * TAU / 0.24) * libm::exp(-5.0 * after);
@@ -140,7 +141,7 @@ fn wobble(time: f64) -> DMat3 {
     DMat3::from_diagonal(DVec3::new(stretch, thin, thin))
 }
 
-/// A closed splinter, hidden in its body until the touch, then thrown out of the rim of the contact.
+/// Creates a closed splinter. It is hidden in its body until contact, then flies outward from the contact's rim.
 fn splinter(index: u64) -> Part {
     let which = (index % 2) as usize;
     let owner = BODIES[which];

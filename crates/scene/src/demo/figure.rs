@@ -1,4 +1,4 @@
-//! A figure that walks: fourteen closed limbs on a jointed skeleton.
+//! Walking figure: fourteen closed limbs on a jointed skeleton. Lengths are in metres, angles in radians.
 
 use super::shapes::capsule;
 use super::stage::{Part, rotation};
@@ -11,21 +11,21 @@ const TROUSERS: Rgb = [52, 66, 104];
 const SKIN: Rgb = [226, 172, 134];
 const HAIR: Rgb = [70, 48, 38];
 const SHOES: Rgb = [58, 50, 48];
-/// Height of the hips over the ground when both legs are straight.
+/// Height of the hips above the ground when both legs are straight.
 const HIP: f64 = 0.93;
 const THIGH: f64 = 0.43;
 const SHIN: f64 = 0.42;
-/// The least number of triangles a figure can have: six a limb.
+/// Minimum number of triangles of a figure: six per limb.
 const FEWEST: usize = 14 * 6;
 
-/// Where on its walk the figure is: place of the ground under it, phase of the stride in turns.
+/// State of a walking figure: the ground position below it, and the phase of the stride in turns.
 #[derive(Clone, Copy)]
 pub(super) struct Step {
     pub(super) ground: DVec3,
     pub(super) phase: f64,
 }
 
-/// Limbs hang from joints; `side` is -1 for the left one, 0 where there is but one.
+/// Kind of limb, attached at a joint. `side` is -1 for a left limb, 1 for a right one, and 0 for a single one.
 #[derive(Clone, Copy)]
 enum Limb {
     Pelvis,
@@ -39,7 +39,7 @@ enum Limb {
     Foot,
 }
 
-/// A limb: share of the triangles, length, radii at joint and end, colour.
+/// Limb with its share of the triangles, length, radii at joint and end, and colour.
 type Look = (Limb, f64, f64, [f64; 2], Rgb);
 
 const SINGLE: [Look; 4] = [
@@ -56,7 +56,8 @@ const PAIRED: [Look; 5] = [
     (Limb::Foot, 0.05, 0.15, [0.05, 0.044], SHOES),
 ];
 
-/// The limbs of a figure of about `budget` triangles whose walk is told by `walk`; none if these are fewer than it takes.
+/// Returns the limbs of a figure with about `budget` triangles that walks along `walk`. Returns no limbs if `budget` is
+/// too small.
 pub(super) fn figure(
     budget: usize,
     walk: impl Fn(f64) -> Step + Copy + Send + Sync + 'static,
@@ -80,13 +81,13 @@ pub(super) fn figure(
     single.chain(paired).map(part).collect()
 }
 
-/// Swing of the thigh: forward while the sine rises.
+/// Returns sine and cosine of the thigh's swing angle. The thigh moves forward while the sine rises.
 fn swing(step: Step, side: f64) -> (f64, f64) {
     let angle = TAU * (step.phase + if side < 0.0 { 0.5 } else { 0.0 });
     (libm::sin(angle), libm::cos(angle))
 }
 
-/// The joint's frame: y runs up the limb, x forward, z to the right.
+/// Returns the frame of a limb's joint. The y axis points up along the limb, x forward, z to the right.
 fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
     let root = DAffine3::from_translation(step.ground);
     let bob = 0.03 * libm::cos(2.0 * TAU * step.phase) - 0.035;
@@ -105,7 +106,7 @@ fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
         Limb::Thigh => spine * joint(DVec3::new(0.0, 0.0, 0.1 * side), 0.42 * sin + 0.1 - lean),
         Limb::Shin => above(Limb::Thigh) * joint(DVec3::NEG_Y * THIGH, -knee),
         Limb::Foot => {
-            // Flat while it carries, toes down while it swings.
+            // The foot is flat while it carries weight, and its toes point down while it swings.
             let level = knee - 0.42 * sin - 0.1;
             let angle = level * (1.0 - 0.45 * cos.max(0.0)) + 1.57;
             above(Limb::Shin) * joint(DVec3::new(-0.03, -SHIN, 0.0), angle)
@@ -113,7 +114,7 @@ fn place(limb: Limb, side: f64, step: Step) -> DAffine3 {
     }
 }
 
-/// A frame at `at` that swings forward by `angle`.
+/// Returns a frame at `at` that is rotated forward by `angle`.
 fn joint(at: DVec3, angle: f64) -> DAffine3 {
     DAffine3::from_mat3_translation(rotation(DVec3::Z, angle), at)
 }

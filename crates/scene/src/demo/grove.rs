@@ -8,16 +8,16 @@ use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Half the length of the ground's sides.
+/// Half the side length of the ground, in metres.
 const HALF: f64 = 4.5;
-/// The figure walks along x at this z.
+/// z coordinate of the path, which runs along x.
 const PATH: f64 = 0.9;
 const BARK: Rgb = [112, 84, 62];
 const SOIL: Rgb = [168, 146, 104];
 const MEADOW: Rgb = [128, 152, 78];
 const LEAVES: [Rgb; 4] = [[86, 138, 60], [120, 160, 62], [62, 116, 74], [206, 150, 58]];
 
-/// About `budget` triangles: a tenth ground, a tenth figure, a sixth grass, the rest trees.
+/// Builds about `budget` triangles: 1/10 ground, 1/10 figure, the grass and trees from the rest (1/6 and 5/6).
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![ground((budget / 10).max(2))];
     parts.extend(figure(budget / 10, walk));
@@ -34,7 +34,7 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
     parts
 }
 
-/// Gentle hills, flat along the path.
+/// Returns the ground height: gentle hills that are flat along the path.
 fn hill(x: f64, z: f64) -> f64 {
     let off_path = ((z - PATH).abs() - 0.4).clamp(0.0, 2.0) * 0.5;
     0.3 * off_path * (1.0 + noise(101, DVec3::new(0.45 * x, 0.0, 0.45 * z)))
@@ -64,7 +64,7 @@ fn walk(time: f64) -> Step {
     }
 }
 
-/// How the wind moves something that stands at `root` and has point `p`: gusts run along x and bend higher points more.
+/// Returns point `p` of a plant at `root`, displaced by the wind. Gusts run along x and bend higher points more.
 fn wind(root: DVec3, p: DVec3, time: f64, limber: f64) -> DVec3 {
     let height = (p.y - root.y).max(0.0);
     let gust = libm::sin(TAU * (1.5 * time - 0.11 * root.x - 0.07 * root.z));
@@ -76,7 +76,7 @@ fn wind(root: DVec3, p: DVec3, time: f64, limber: f64) -> DVec3 {
         bend * (0.5 + gust) + flutter,
         bend * 0.45 * breath + 0.6 * flutter,
     );
-    // Bent, not sheared: what goes aside comes down.
+    // Lowers the point, so that the plant bends instead of shearing.
     p + DVec3::new(
         aside.x,
         -0.5 * aside.length_squared() / height.max(0.05),
@@ -84,12 +84,12 @@ fn wind(root: DVec3, p: DVec3, time: f64, limber: f64) -> DVec3 {
     )
 }
 
-/// Blades of three triangles each.
+/// Creates blades of three triangles each.
 fn grass(budget: usize) -> Part {
     let mut mesh = Mesh::default();
     for blade in 0..(budget / 3) as u64 {
         let [x, z] = [111, 112].map(|seed| between(seed, blade, [-HALF, HALF]));
-        // Kept in number, moved off the path.
+        // Moves blades off the path, so that their number is unchanged.
         let aside = if unit(113, blade) < 0.5 { -1.1 } else { 1.1 };
         let z = if on_path(x, z) { z + aside } else { z };
         add_blade(&mut mesh, blade, x, z);
@@ -118,7 +118,7 @@ fn add_blade(mesh: &mut Mesh, blade: u64, x: f64, z: f64) {
     mesh.add(points, [[0, 1, 3], [0, 3, 2], [2, 3, 4]]);
 }
 
-/// A trunk and a crown; trees stand in rings round the clearing, off the path.
+/// Creates a trunk and a crown. Trees are arranged in a golden-angle spiral, away from the path.
 fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
     let golden = 0.618_033_988_749_895 * index as f64;
     let reach = HALF * 0.9 * ((index as f64 + 1.2) / (count as f64 + 0.7)).sqrt();
@@ -127,7 +127,7 @@ fn tree(budget: usize, index: u64, count: u64) -> [Part; 2] {
     if (z - PATH).abs() < 0.9 {
         z = PATH + if z < PATH { -0.9 } else { 0.9 };
     }
-    // Low in front, tall behind, so that the figure is seen from the front.
+    // Trees in front are short, so that they do not hide the figure.
     let height = between(121, index, [1.7, 3.0]) * if z > PATH { 0.36 } else { 1.0 };
     let root = DVec3::new(x, hill(x, z), z);
     let trunk = trunk(budget / 12, root, height);
@@ -149,7 +149,7 @@ fn trunk(budget: usize, root: DVec3, height: f64) -> Part {
     })
 }
 
-/// Leaves of four triangles each, folded along the middle, over and in an egg.
+/// Creates a crown: folded leaves of four triangles each, inside an egg-shaped volume.
 fn crown(budget: usize, tree: u64, root: DVec3, height: f64) -> Part {
     let leaves = (budget / 4).max(1) as u64;
     let size = height * (0.85 / (leaves as f64).cbrt()).clamp(0.012, 0.12);

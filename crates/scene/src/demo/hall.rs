@@ -1,4 +1,4 @@
-//! `demo:hall`: a hall of columns that stands still, and a small figure that walks through it.
+//! `demo:hall`: a static hall of columns, and a small figure that walks through it.
 
 use super::figure::{Step, figure};
 use super::shapes::{cube, cube_cuts, revolve, revolve_size, sheet, sheet_size};
@@ -8,20 +8,20 @@ use crate::Rgb;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Half the floor's length and width.
+/// Half the length and half the width of the floor, in metres.
 const HALF: [f64; 2] = [6.4, 3.2];
-/// Height of the columns, and of the wall behind them.
+/// Height of the columns, and height of the wall behind them.
 const HEIGHT: [f64; 2] = [4.0, 5.0];
-/// Columns in each of two rows, and where along z the rows are.
+/// Number of columns per row, and the z coordinates of the two rows.
 const COLUMNS: u32 = 6;
 const ROWS: [f64; 2] = [-2.0, 2.0];
-/// Length of a floor tile's sides.
+/// Side length of a floor tile.
 const TILE: f64 = 0.8;
 const STONE: Rgb = [206, 198, 182];
 const PLASTER: Rgb = [190, 172, 150];
 const TILES: [Rgb; 2] = [[150, 120, 98], [196, 178, 150]];
 
-/// About `budget` triangles: a twentieth figure, a sixth floor, a fifth wall, a tenth beams, the rest columns.
+/// Builds about `budget` triangles: 1/20 figure, 1/6 floor, 1/5 wall, 1/10 beams, and the rest columns.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let mut parts = vec![floor((budget / 6).max(2))];
     parts.extend(figure(budget / 20, walk));
@@ -49,13 +49,13 @@ fn walk(time: f64) -> Step {
     }
 }
 
-/// Where the `i`-th column of a row stands.
+/// Returns the x coordinate of column `i` of a row.
 fn along(i: u32) -> f64 {
     let step = f64::from(i) / f64::from(COLUMNS - 1);
     (2.0 * step - 1.0) * (HALF[0] - 0.8)
 }
 
-/// How near `x` is to the joint between two tiles: 1 there, 0 elsewhere.
+/// Returns 1 at the joint between two tiles, falling to 0 away from it.
 fn joint(x: f64) -> f64 {
     let from_middle = (x / TILE - libm::floor(x / TILE) - 0.5).abs();
     smoothstep(0.46, 0.5, from_middle)
@@ -63,7 +63,7 @@ fn joint(x: f64) -> f64 {
 
 fn floor(budget: usize) -> Part {
     let size = sheet_size(budget, HALF[0] / HALF[1]);
-    // Whole squares on every tile, where there are enough.
+    // Uses a whole number of squares per tile if the budget allows.
     let tiles = HALF.map(|half| libm::round(2.0 * half / TILE) as u32);
     let size = [0, 1].map(|i| match size[i] / tiles[i] {
         0 => size[i],
@@ -82,7 +82,7 @@ fn floor(budget: usize) -> Part {
     })
 }
 
-/// A wall along x with a round-headed niche behind each gap between columns.
+/// Creates a wall along x with an arched niche behind each gap between columns.
 fn wall(budget: usize) -> Part {
     let mesh = sheet(sheet_size(budget, 2.0 * HALF[0] / HEIGHT[1]), |u, v| {
         let (x, y) = ((2.0 * u - 1.0) * HALF[0], (1.0 - v) * HEIGHT[1]);
@@ -94,7 +94,7 @@ fn wall(budget: usize) -> Part {
     })
 }
 
-/// How deep the wall is hollowed: 1 inside a niche, 0 outside.
+/// Returns the relative depth of the niches: 1 inside, 0 outside.
 fn niche(x: f64, y: f64) -> f64 {
     let step = along(1) - along(0);
     let place = (x - along(0)) / step;
@@ -118,7 +118,7 @@ fn beam(budget: usize, z: f64) -> Part {
     Part::still(mesh, |p| shade(STONE, 0.1 * noise(205, p * 3.0) - 0.04))
 }
 
-/// A fluted column on a round base, with a capital.
+/// Creates a fluted column with a round base and a capital.
 fn column(budget: usize, place: DVec3) -> Part {
     let mesh = revolve(revolve_size(budget, 1.0), |v| {
         let y = HEIGHT[0] * (1.0 - v);

@@ -1,7 +1,7 @@
-//! Scenes that need no file: `demo:NAME[:TRIANGLES]`.
+//! Built-in scenes that need no files: `demo:NAME[:TRIANGLES]`.
 //!
-//! Bit-equal on every machine: every number comes from `libm` or from single IEEE operations in double precision,
-//! chance is a hash of names, and nothing depends on the order in which threads finish.
+//! Scenes are bit-identical on all machines. All numbers are results of `libm` or of single IEEE operations in double
+//! precision. Random numbers are hashes of seeds and indices. No result depends on the order in which threads finish.
 
 mod collide;
 mod figure;
@@ -18,25 +18,25 @@ use glam::DVec3;
 use stage::{Part, assemble};
 use std::sync::Arc;
 
-/// The most triangles a demo is made of: beyond this the key frames alone pass ten gigabytes.
+/// Maximum number of triangles of a demo. Beyond it, key frames alone exceed about 10 GB.
 const MOST_TRIANGLES: usize = 100_000_000;
 
-/// The least that a triangle of any demo takes in all key frames.
+/// Lower bound of the bytes per triangle in all key frames, for every demo.
 const LEAST_BYTES: u64 = 96;
 
-/// A demo: its parts for so many triangles, how many these are unless asked otherwise, and how many key frames it has.
+/// Demo: name, function from a triangle count to parts, default triangle count, and number of key frames.
 type Demo = (&'static str, fn(usize) -> Vec<Part>, usize, u32);
 
 const DEMOS: [Demo; 5] = [
     ("grove", grove::build, 174_000, 24),
     ("collide", collide::build, 252_000, 24),
-    // Few key frames, so that ten million triangles stay under 200 bytes each.
+    // Fewer key frames, so that ten million triangles need less than 200 bytes each.
     ("shatter", shatter::build, shatter::TRIANGLES, 16),
     ("twist", twist::build, 100_000, 24),
     ("hall", hall::build, 150_000, 24),
 ];
 
-/// The demo named by what follows `demo:`, such as `shatter` or `grove:5000`.
+/// Opens the demo named by the text after `demo:`, such as `shatter` or `grove:5000`.
 pub(crate) fn open(name: &str, options: &Options) -> Result<Scene> {
     let mut parts = name.splitn(2, ':');
     let (name, asked) = (parts.next().unwrap_or_default(), parts.next());
@@ -74,7 +74,7 @@ fn triangles(demo: &str, text: &str) -> Result<usize> {
     })
 }
 
-/// A well-mixed word for (seed, index): the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
+/// Returns a hash of (seed, index) by the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
 fn word(seed: u64, index: u64) -> u64 {
     let mut z = seed
         .wrapping_mul(0xd1b5_4a32_d192_ed03)
@@ -84,17 +84,17 @@ fn word(seed: u64, index: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Evenly in `0.0..1.0`.
+/// Returns a uniform random number in `0.0..1.0`.
 fn unit(seed: u64, index: u64) -> f64 {
     (word(seed, index) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Evenly in `low..high`.
+/// Returns a uniform random number in `low..high`.
 fn between(seed: u64, index: u64, [low, high]: [f64; 2]) -> f64 {
     low + (high - low) * unit(seed, index)
 }
 
-/// A direction, evenly over the sphere.
+/// Returns a direction that is uniform over the sphere.
 fn direction(seed: u64, index: u64) -> DVec3 {
     let y = between(seed, index, [-1.0, 1.0]);
     let angle = std::f64::consts::TAU * unit(seed ^ 0xa5a5, index);
@@ -102,7 +102,7 @@ fn direction(seed: u64, index: u64) -> DVec3 {
     DVec3::new(reach * libm::cos(angle), y, reach * libm::sin(angle))
 }
 
-/// Smooth value noise in `-1.0..=1.0` with features of size 1.
+/// Returns smooth value noise in `-1.0..=1.0` with features of size 1.
 fn noise(seed: u64, p: DVec3) -> f64 {
     let cell = p.floor();
     let f = p - cell;

@@ -1,10 +1,10 @@
-//! Meshes to build demos from: sheets, boxes and balls, bodies of revolution.
+//! Meshes for the demos: sheets, cubes, balls and bodies of revolution.
 //!
-//! Every closed mesh shares its vertices and faces outward (counter-clockwise seen from outside).
+//! Closed meshes share vertices between triangles and face outward (counter-clockwise seen from outside).
 
 use glam::{DVec2, DVec3};
 
-/// Vertices at rest and three of them a triangle.
+/// Rest positions, and triangles as vertex indices.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mesh {
     pub(super) points: Vec<DVec3>,
@@ -24,7 +24,7 @@ impl Mesh {
         (a + b + c) / 3.0
     }
 
-    /// Adds a piece; its triangles name its own points.
+    /// Adds a piece. Its triangles index `points`.
     pub(super) fn add(
         &mut self,
         points: impl IntoIterator<Item = DVec3>,
@@ -41,7 +41,8 @@ impl Mesh {
     }
 }
 
-/// An open sheet of `2 * columns * rows` triangles over the unit square; faces up where `at` maps (u, v) to (x, z).
+/// Creates an open sheet of `2 * columns * rows` triangles over the unit square. If `at` maps (u, v) to (x, z), the
+/// sheet faces up.
 pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=rows {
@@ -60,7 +61,7 @@ pub(super) fn sheet([columns, rows]: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -
     mesh
 }
 
-/// Columns and rows of a sheet with about `budget` triangles, its sides as `aspect` to 1.
+/// Returns the columns and rows of a sheet with about `budget` triangles and an aspect ratio of `aspect` to 1.
 pub(super) fn sheet_size(budget: usize, aspect: f64) -> [u32; 2] {
     let quads = (budget / 2).max(1) as f64;
     let rows = libm::round((quads / aspect).sqrt()).clamp(1.0, quads);
@@ -68,7 +69,7 @@ pub(super) fn sheet_size(budget: usize, aspect: f64) -> [u32; 2] {
     [columns as u32, rows as u32]
 }
 
-/// The surface of the cube `[-1, 1]^3`, each side cut into `cuts` by `cuts` squares: `12 * cuts^2` triangles, closed.
+/// Creates the closed surface of the cube `[-1, 1]^3` with `cuts` by `cuts` squares per side: `12 * cuts^2` triangles.
 pub(super) fn cube(cuts: u32) -> Mesh {
     let mut mesh = Mesh::default();
     let at = |i: u32| f64::from(i) / f64::from(cuts) * 2.0 - 1.0;
@@ -97,7 +98,7 @@ pub(super) fn cube(cuts: u32) -> Mesh {
     mesh
 }
 
-/// Lattice points of a cube's surface in layer `k`: the whole square at both ends, its rim between.
+/// Returns the points of the cube's surface in layer `k`: a full square in the first and last layer, else its rim.
 fn layer(cuts: u32, k: u32) -> Vec<(u32, u32)> {
     if k == 0 || k == cuts {
         let row = |j| (0..=cuts).map(move |i| (i, j));
@@ -111,7 +112,7 @@ fn layer(cuts: u32, k: u32) -> Vec<(u32, u32)> {
     south.chain(east).chain(north).chain(west).collect()
 }
 
-/// Where [`layer`] put a lattice point.
+/// Returns the index of a point in the order of [`layer`].
 fn surface_index(cuts: u32, [i, j, k]: [u32; 3]) -> u32 {
     let square = (cuts + 1) * (cuts + 1);
     if k == 0 {
@@ -130,12 +131,12 @@ fn surface_index(cuts: u32, [i, j, k]: [u32; 3]) -> u32 {
         }
 }
 
-/// Squares along a cube's edge for about `budget` triangles.
+/// Returns the number of squares along a cube's edge for about `budget` triangles.
 pub(super) fn cube_cuts(budget: usize) -> u32 {
     (libm::round((budget as f64 / 12.0).sqrt()) as u32).max(1)
 }
 
-/// From the cube `[-1, 1]^3` onto the unit ball; the surface goes to the surface.
+/// Maps the cube `[-1, 1]^3` to the unit ball and its surface to the sphere.
 pub(super) fn onto_ball(p: DVec3) -> DVec3 {
     let length = p.length();
     if length == 0.0 {
@@ -145,9 +146,9 @@ pub(super) fn onto_ball(p: DVec3) -> DVec3 {
     }
 }
 
-/// A closed body of revolution round the y axis: `2 * sides * rings` triangles.
+/// Creates a closed body of revolution about the y axis with `2 * sides * rings` triangles.
 ///
-/// `profile` maps `0.0..=1.0` from the upper pole to the lower to (radius, height); the radius of the poles is taken as 0.
+/// `profile` maps `0.0..=1.0`, from the upper pole to the lower, to (radius, height). Radii at the poles count as 0.
 pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) -> Mesh {
     let mut mesh = Mesh::default();
     mesh.points.push(DVec3::new(0.0, profile(0.0).y, 0.0));
@@ -174,7 +175,7 @@ pub(super) fn revolve([sides, rings]: [u32; 2], profile: impl Fn(f64) -> DVec2) 
     mesh
 }
 
-/// Sides and rings of a body of revolution with about `budget` triangles, `aspect` rings to a side.
+/// Returns the sides and rings of a body of revolution with about `budget` triangles and `aspect` rings per side.
 pub(super) fn revolve_size(budget: usize, aspect: f64) -> [u32; 2] {
     let cells = budget as f64 / 2.0;
     let sides = libm::round((cells / aspect).sqrt()).max(3.0);
@@ -182,7 +183,7 @@ pub(super) fn revolve_size(budget: usize, aspect: f64) -> [u32; 2] {
     [sides as u32, rings as u32]
 }
 
-/// A capsule that hangs from the origin down to `-length`, with a radius for either end.
+/// Creates a capsule from the origin down to `-length`, with separate radii for the upper and lower end.
 pub(super) fn capsule(budget: usize, length: f64, [upper, lower]: [f64; 2]) -> Mesh {
     revolve(revolve_size(budget, 1.0), |v| {
         let angle = std::f64::consts::PI * v;
@@ -200,7 +201,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    /// Signed volume; asserts that every directed edge has its opposite exactly once.
+    /// Returns the signed volume. Asserts that every directed edge occurs once and has one opposite edge.
     fn closed_volume(mesh: &Mesh) -> f64 {
         let mut edges = BTreeMap::new();
         for &[a, b, c] in &mesh.triangles {

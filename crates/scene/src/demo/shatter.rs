@@ -1,6 +1,6 @@
 //! `demo:shatter`: a ball breaks into thousands of pieces that fly, tumble, bounce and mix.
 //!
-//! Neighbours part at random speeds, so that a tree built for the whole ball says little about where anything is later.
+//! Neighbouring pieces separate at random speeds, so a tree that is built for the intact ball soon becomes inefficient.
 
 use super::shapes::{Mesh, cube, onto_ball};
 use super::stage::{Part, Trajectory, blend, shade};
@@ -10,7 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Triangles unless asked otherwise.
+/// Default number of triangles.
 pub(super) const TRIANGLES: usize = 1_600_000;
 const SECONDS: f64 = 1.7;
 const RADIUS: f64 = 1.2;
@@ -20,7 +20,7 @@ const RIND: Rgb = [232, 93, 58];
 const CORE: Rgb = [255, 205, 96];
 const FLOOR: Rgb = [214, 208, 198];
 
-/// About `budget` triangles: `cells^3` pieces and a floor.
+/// Builds about `budget` triangles: `cells^3` pieces and a floor.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let floor = Part::floor((budget / 100).max(2), [13.0, 13.0], FLOOR, (51, 1.5));
     let budget = budget.saturating_sub(floor.len());
@@ -34,24 +34,25 @@ pub(super) fn build(budget: usize) -> Vec<Part> {
     parts
 }
 
-/// 16 cells along an edge (4096 pieces) at the default size; pieces grow in number and in detail.
+/// Returns the cells along an edge. The default size has 16 (4096 pieces). Larger budgets increase the number and the
+/// detail of pieces.
 fn cells_along(budget: usize) -> u32 {
     let ideal = 16.0 * libm::pow(budget as f64 / TRIANGLES as f64, 2.0 / 9.0);
     let most = libm::floor(libm::cbrt(budget as f64 / 12.0));
     libm::round(ideal).min(most).max(1.0) as u32
 }
 
-/// Squares along a piece's edge: two neighbouring sizes, mixed so that all pieces together meet the budget.
+/// Returns the squares along a piece's edge. Two successive sizes are mixed so that their total meets the budget.
 fn cuts_of(piece: u64, pieces: u64, budget: u64) -> u32 {
     let small = (budget / (12 * pieces)).isqrt().max(1);
     let missing = budget.saturating_sub(12 * pieces * small * small);
     let large = (missing / (12 * (2 * small + 1))).min(pieces);
-    // Evenly among the pieces: the running count of large ones rises here.
+    // Distributes large pieces evenly: the rounded-down running count increases at each large piece.
     let rises = (piece + 1) * large / pieces > piece * large / pieces;
     (small + u64::from(rises)) as u32
 }
 
-/// One closed piece: a cell of the cube's lattice, bent with its neighbours and mapped onto the ball.
+/// Creates one closed piece: a cell of the cube's lattice, bent together with its neighbours, mapped to the ball.
 fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     let n = u64::from(cells);
     let cell = DVec3::new(
@@ -70,7 +71,8 @@ fn shard(piece: u64, cells: u32, cuts: u32) -> Part {
     Part::rigid(mesh, colour, move |time| trajectory.pose(time * SECONDS))
 }
 
-/// Moves the inside of the cube `[-1, 1]^3` a little, each face within itself: pieces of many sizes with curved sides.
+/// Displaces the interior of the cube `[-1, 1]^3` slightly and keeps each face in its plane. The pieces get varied
+/// sizes and curved sides.
 fn bend(p: DVec3, size: f64) -> DVec3 {
     let near = DVec3::ONE - p * p;
     let q = p / size;
@@ -88,7 +90,7 @@ fn colour_at(p: DVec3) -> Rgb {
     blend(CORE, RIND, (depth - 0.35) * 1.6)
 }
 
-/// Outward with the blast, round with the swirl, up, and each for itself: what makes neighbours part.
+/// Combines outward, swirling, upward and random velocity. The random part separates neighbours.
 fn throw(piece: u64, middle: DVec3) -> Trajectory {
     let start = CENTRE + middle;
     let random = direction(41, piece) * between(42, piece, [0.3, 3.2]);

@@ -1,5 +1,5 @@
-//! Parts that move, put together into one animation; and fragments in flight: thrown, slowed by air, tumbling, bouncing
-//! until they lie on the floor.
+//! Moving parts, their assembly into one animation, and ballistic fragments. Fragments are thrown, slowed by drag,
+//! tumble, and bounce until they rest on the floor.
 
 use super::noise;
 use super::shapes::{Mesh, sheet, sheet_size};
@@ -9,13 +9,13 @@ use geom::{Animation, Point};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
-/// Vertices that one task moves.
+/// Number of vertices per parallel task.
 const RUN: usize = 1 << 15;
 
-/// Writes where the vertices at rest stand at a time in `0.0..=1.0`.
+/// Writes the positions of vertices at a time in `0.0..=1.0`, from their rest positions.
 type Motion = Box<dyn Fn(f64, &[DVec3], &mut [Point]) + Send + Sync>;
 
-/// A mesh with one colour a triangle that knows how it moves.
+/// Mesh with one colour per triangle and a motion.
 pub(super) struct Part {
     mesh: Mesh,
     colours: Vec<Rgb>,
@@ -23,7 +23,8 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// A part whose vertex at rest at `p` stands at `motion(time)(p)`; `colour` sees the middle of each triangle at rest.
+    /// Creates a part whose vertex with rest position `p` moves to `motion(time)(p)`. `colour` receives the centroid of
+    /// each triangle at rest.
     pub(super) fn new<F, G>(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync, motion: F) -> Self
     where
         F: Fn(f64) -> G + Send + Sync + 'static,
@@ -54,12 +55,12 @@ impl Part {
         })
     }
 
-    /// A part that stands still. No coordinate is `-0`, which blending key frames would change.
+    /// Creates a static part. Adding zero turns -0 into +0, because blending key frames would change -0.
     pub(super) fn still(mesh: Mesh, colour: impl Fn(DVec3) -> Rgb + Sync) -> Self {
         Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
 
-    /// A level floor with sides of so many metres, its colour mottled by noise of a seed and a scale.
+    /// Creates a horizontal floor. Its sides are in metres, and noise with the given seed and scale varies its colour.
     pub(super) fn floor(
         budget: usize,
         [width, depth]: [f64; 2],
@@ -77,7 +78,8 @@ impl Part {
     }
 }
 
-/// All parts at `keys` times spread evenly over `0.0..=1.0`, and a colour for each triangle.
+/// Combines all parts into an animation of `keys` key frames, evenly spaced over `0.0..=1.0`. Also returns one colour
+/// per triangle.
 pub(super) fn assemble(
     parts: Vec<Part>,
     keys: u32,
@@ -104,19 +106,19 @@ pub(super) fn assemble(
     Ok((animation, colours))
 }
 
-/// Rotation by `angle` radians round a unit axis, by `libm` so that it has the same bits everywhere.
+/// Returns the rotation by `angle` radians about a unit axis. Uses `libm` for bit-identical results on all machines.
 pub(super) fn rotation(axis: DVec3, angle: f64) -> DMat3 {
     let (sin, cos) = (libm::sin(0.5 * angle), libm::cos(0.5 * angle));
     DMat3::from_quat(DQuat::from_vec4((axis * sin).extend(cos)))
 }
 
-/// 0 up to `start`, 1 from `end` on, smooth between.
+/// Returns 0 up to `start`, 1 from `end`, and a smooth transition between.
 pub(super) fn smoothstep(start: f64, end: f64, x: f64) -> f64 {
     let x = ((x - start) / (end - start)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// `colour` made lighter (`amount > 0`) or darker, a tenth at 0.1.
+/// Scales the brightness of `colour` by `1 + amount`.
 pub(super) fn shade(colour: Rgb, amount: f64) -> Rgb {
     colour.map(|c| libm::round((f64::from(c) * (1.0 + amount)).clamp(0.0, 255.0)) as u8)
 }
@@ -126,22 +128,22 @@ pub(super) fn blend(a: Rgb, b: Rgb, weight: f64) -> Rgb {
     std::array::from_fn(|i| libm::round(f64::from(a[i]) * (1.0 - w) + f64::from(b[i]) * w) as u8)
 }
 
-/// How one fragment is thrown; metres, seconds, radians.
+/// Initial state of a thrown fragment. Units are metres, seconds and radians.
 #[derive(Clone, Copy)]
 pub(super) struct Trajectory {
-    /// Its middle at the start.
+    /// Initial position of the centre.
     pub(super) start: DVec3,
     pub(super) velocity: DVec3,
-    /// A unit vector.
+    /// Axis of rotation, a unit vector.
     pub(super) axis: DVec3,
-    /// Radians a second round `axis` at the start.
+    /// Initial angular velocity in radians per second about `axis`.
     pub(super) spin: f64,
-    /// Height of its middle when it lies on the floor; at most `start.y`.
+    /// Height of the centre when the fragment rests on the floor. At most `start.y`.
     pub(super) rest: f64,
 }
 
 impl Trajectory {
-    /// Where it is, and how turned, after some seconds.
+    /// Returns the pose after `seconds`.
     pub(super) fn pose(&self, seconds: f64) -> DAffine3 {
         const DRAG: f64 = 0.45;
         let slowed = (1.0 - libm::exp(-DRAG * seconds)) / DRAG;
@@ -151,7 +153,7 @@ impl Trajectory {
     }
 }
 
-/// Height above the floor of a ball thrown up from `height`, which loses three fifths of its speed at each bounce.
+/// Returns the height of a bouncing ball that is thrown up from `height`. Each bounce reduces its speed to two fifths.
 fn bounce(mut height: f64, mut speed: f64, mut seconds: f64) -> f64 {
     const GRAVITY: f64 = 9.81;
     for _ in 0..6 {

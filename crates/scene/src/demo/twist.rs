@@ -1,4 +1,4 @@
-//! `demo:twist`: a striped cloth between two bars is wrung through four turns.
+//! `demo:twist`: a striped cloth between two bars is twisted by four turns.
 
 use super::noise;
 use super::shapes::{capsule, sheet, sheet_size};
@@ -7,7 +7,7 @@ use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
 
-/// Turns of one bar against the other.
+/// Turns of one bar relative to the other.
 const TURNS: f64 = 4.0;
 /// Half the length and half the width of the cloth.
 const HALF: [f64; 2] = [1.6, 0.85];
@@ -21,7 +21,7 @@ const STRIPES: [Rgb; 4] = [
 const WOOD: Rgb = [150, 106, 66];
 const FLOOR: Rgb = [206, 208, 204];
 
-/// About `budget` triangles: cloth, two bars once there is room for them, a floor.
+/// Builds about `budget` triangles: the cloth, a floor, and two bars if the budget is large enough.
 pub(super) fn build(budget: usize) -> Vec<Part> {
     let bar = budget / 50;
     let mut parts = vec![Part::floor(bar.max(2), [6.0, 4.0], FLOOR, (64, 2.0))];
@@ -50,22 +50,22 @@ fn weave(p: DVec3) -> Rgb {
     blend(shade(STRIPES[band], thread), [60, 50, 60], grime)
 }
 
-/// How far the cloth is wrung, from 0 on.
+/// Returns the progress of the twist, which starts at 0.
 fn wrung(time: f64) -> f64 {
     (smoothstep(-0.15, 1.1, time) - smoothstep(-0.15, 1.1, 0.0)).max(0.0)
 }
 
-/// Half the distance of the bars: the cloth shortens as it winds up.
+/// Returns half the distance between the bars. The cloth shortens while it is twisted.
 fn half_length(wrung: f64) -> f64 {
     HALF[0] * (1.0 - 0.16 * wrung * wrung)
 }
 
-/// Turn of the cross-section at `along` in `-1.0..=1.0`.
+/// Returns the rotation of the cross-section at `along`, which is in `-1.0..=1.0`.
 fn turn(along: f64, wrung: f64) -> f64 {
     0.5 * TURNS * TAU * wrung * along
 }
 
-/// Turns each cross-section against the next, draws the middle in, rolls it up and wrinkles it.
+/// Rotates each cross-section relative to the next, and contracts, rolls up and wrinkles the middle.
 fn wring(p: DVec3, wrung: f64) -> DVec3 {
     let (along, across) = (p.x / HALF[0], p.y / HALF[1]);
     let free = 1.0 - along * along;
@@ -87,7 +87,7 @@ fn wring(p: DVec3, wrung: f64) -> DVec3 {
     )
 }
 
-/// A closed bar along one end of the cloth, which turns with it.
+/// Returns a closed bar along one end of the cloth, which rotates with it.
 fn clamp_bar(budget: usize, side: f64) -> Part {
     let length = 2.0 * HALF[1] + 0.1;
     let bar = capsule(budget, length, [0.045, 0.045]);

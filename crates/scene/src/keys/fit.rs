@@ -1,20 +1,20 @@
-//! How far off frames are that are not kept: of intervals while frames are chosen, and of all frames afterwards, afresh,
-//! frame by frame, as a renderer would play them.
+//! Errors of blended frames: bounds on intervals during the search, and an independent measurement of all frames
+//! afterwards. The measurement blends each frame as a renderer would.
 
 use geom::{KeyFrame, Point, Pose};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Vertices looked at together: two kept frames and one between them fit the first cache.
+/// Vertices per block. Two kept frames and one frame between them fit the first-level cache.
 const BLOCK: usize = 512;
 
-/// The square of the distance; 0 where both are not finite, infinite where one is.
+/// Returns the squared distance. It is 0 if both points are not finite, and infinite if only one is not.
 #[inline]
 fn square(found: Point, wanted: Point) -> f64 {
     let way: [f64; 3] = std::array::from_fn(|i| f64::from(found[i]) - f64::from(wanted[i]));
     let square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
-    // Squares of f32 never overflow f64, so only points that are not finite get here.
+    // Squared differences of f32 never overflow f64, so only non-finite points get here.
     if square.is_finite() {
         return square;
     }
@@ -26,26 +26,26 @@ fn square(found: Point, wanted: Point) -> f64 {
     }
 }
 
-/// The largest square of an interval, or, where that is not known, what it is at least.
+/// Largest squared error of an interval, or a lower bound as `Err`.
 type Known = Result<f64, f64>;
 
-/// Finds sets of frames for one animation; what it learns at one tolerance serves the next.
+/// Finds the smallest sets of key frames for one animation. Results for one tolerance are reused for the next.
 ///
-/// Work is least if loose tolerances come first: what was found too far apart for those is never looked at again.
+/// Start with loose tolerances for the least work: intervals that exceed them are not examined again.
 #[derive(Debug)]
 pub struct Reducer<'a> {
     keys: &'a [KeyFrame],
-    /// Blocks in which some vertex moves: in the others every blend is the frame itself.
+    /// Blocks with moving vertices. In all other blocks, every blend equals the frame.
     blocks: Vec<Range<usize>>,
-    /// Of all intervals, by `from * frames + to`, measured when asked for and no further than needed; frames alone are on
-    /// the diagonal.
+    /// Errors of all intervals, indexed by `from * frames + to`. They are measured on demand and only as far as needed.
+    /// The diagonal holds the errors of single frames.
     known: Vec<Known>,
-    /// The block that was last found too far off: likely so for the next interval, too.
+    /// Block that last exceeded a limit. It is examined first, because it probably exceeds the next one too.
     suspect: AtomicUsize,
 }
 
 impl<'a> Reducer<'a> {
-    /// For all key frames of an animation, one at least.
+    /// Creates a reducer for all key frames of an animation. `keys` is not empty.
     #[must_use]
     pub fn new(keys: &'a [KeyFrame]) -> Self {
         let (frames, vertices) = (keys.len(), keys[0].len());
@@ -66,8 +66,8 @@ impl<'a> Reducer<'a> {
         self.keys.len()
     }
 
-    /// The largest square over all frames between `from` and `to`, or over all frames if they are one that stands for each;
-    /// nothing if it is more than `limit`.
+    /// Returns the largest squared error of the frames between `from` and `to`. If both are equal, returns the error of
+    /// that frame as a replacement for all frames. Returns `None` if the error exceeds `limit`.
     pub(super) fn within(&mut self, [from, to]: [usize; 2], limit: f64) -> Option<f64> {
         let place = from * self.frames() + to;
         self.known[place] = match self.known[place] {
@@ -77,7 +77,7 @@ impl<'a> Reducer<'a> {
         self.known[place].ok().filter(|&square| square <= limit)
     }
 
-    /// Looks at every block, the last suspect first, until one is too far off.
+    /// Measures all blocks, the last suspect first, until one exceeds the limit.
     fn look(&self, [from, to]: [usize; 2], limit: f64) -> Known {
         let frames = match from == to {
             true => 0..self.frames(),
@@ -101,7 +101,7 @@ impl<'a> Reducer<'a> {
     }
 }
 
-/// The largest of all frames, from the middle outwards; the first that is more than `limit` ends it.
+/// Returns the largest error of all frames, from the middle outwards. Stops at the first one above `limit`.
 fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64 {
     let middle = frames.start.midpoint(frames.end);
     let mut worst: f64 = 0.0;
@@ -114,7 +114,7 @@ fn worst_of(frames: Range<usize>, limit: f64, off: impl Fn(usize) -> f64) -> f64
     worst
 }
 
-/// The largest square in a block at one frame, at the weight that its time has between the kept ones.
+/// Returns the largest squared error of a block at one frame, which is blended from `from` and `to` by its time.
 fn off(keys: &[KeyFrame], [from, to, frame]: [usize; 3], block: &Range<usize>) -> f64 {
     let [a, b, wanted] = [from, to, frame].map(|key| &keys[key][block.clone()]);
     let alpha = match from == to {
@@ -137,21 +137,21 @@ fn moves(keys: &[KeyFrame], block: &Range<usize>) -> bool {
     })
 }
 
-/// How far the kept frames' motion is from the original, over all original frames.
+/// Error of the kept frames' motion against the original, over all original frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// The largest distance, in scene units; infinite where a vertex is finite in one and not in the other.
+    /// Largest distance, in scene units. Infinite if a vertex is finite in only one of the motions.
     pub max_error: f64,
-    /// The first original frame, and the first vertex in it, with that distance; nothing if it is 0.
+    /// First original frame with that distance, and the first such vertex in it. `None` if the distance is 0.
     pub worst: Option<(usize, usize)>,
-    /// Root of the mean square distance over all frames and the vertices finite in them.
+    /// Root mean square distance over all frames and their finite vertices.
     pub rms: f64,
 }
 
-/// Measures `kept` against all of `keys`.
+/// Measures the error of `kept` against all of `keys`.
 ///
 /// # Panics
-/// If `kept` is no ascending list of frames of `keys` with both ends, nor a single one.
+/// If `kept` is neither a single frame nor an ascending list that includes the first and the last frame of `keys`.
 #[must_use]
 pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
     let ascending = kept.windows(2).all(|w| w[0] < w[1]);
@@ -170,7 +170,7 @@ pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
         worst: None,
         rms: 0.0,
     };
-    // Frames are added up in order, so that the sum is the same for every number of threads.
+    // Sums in frame order, so that the result does not depend on the number of threads.
     let (mut sum, mut finite) = (0.0, 0);
     for (frame, ((worst, vertex), its_sum, its_finite)) in tallies.into_iter().enumerate() {
         sum += its_sum;
@@ -184,14 +184,15 @@ pub fn measure(keys: &[KeyFrame], kept: &[usize]) -> Fit {
     fit
 }
 
-/// Of one frame: the largest square and its vertex, the sum of all squares, and how many vertices are finite.
+/// Returns, for one frame, the largest squared error with its vertex, the sum of squared errors, and the number of
+/// finite vertices.
 fn tally(
     keys: &[KeyFrame],
     kept: &[usize],
     (frame, pose): (usize, Pose),
 ) -> ((f64, usize), f64, usize) {
     let from = &keys[kept[pose.key as usize]];
-    // At weight 0 the later frame is not read.
+    // At weight 0 the later frame is not used.
     let to = kept.get(pose.key as usize + 1).map_or(from, |&k| &keys[k]);
     let (mut worst, mut sum, mut finite) = ((0.0, 0), 0.0, 0);
     for (vertex, &wanted) in keys[frame].iter().enumerate() {

@@ -1,31 +1,33 @@
-//! Key frames in; the fewest of them that stand for all within a bound out.
+//! Reduction of key frames to the smallest subset that reproduces all frames within a tolerance.
 //!
-//! Piecewise linear approximation with free knots, solved exactly. The first and the last frame are kept, others may
-//! go; a frame that went is played back as the blend of the two kept frames around it, by [`geom::Pose::blend`] itself
-//! at the weight that its own time has between theirs. A set is *within* a tolerance if at every frame every vertex is
-//! finite or not as it was, and no finite one is further than that from where it was (distance in f64 of the f32
-//! positions). So a triangle comes and goes when it did. Where one frame stands for all (nothing moves), it is kept
-//! alone.
+//! This is piecewise linear approximation with free knots, solved exactly. The first and the last frame are always
+//! kept. A removed frame is replaced by the blend of the two kept frames around it, computed by [`geom::Pose::blend`]
+//! with the weight of its own time. A subset is *within* a tolerance if both conditions hold at every frame:
 //!
-//! Of all sets within the tolerance, the answer is one of the fewest frames, of those one of the least maximum error,
-//! of those the lexicographically first. Feasible pairs of frames are the edges of a graph; a set is a path through it
-//! (Imai, Iri 1988: Polygonal approximations of a curve). Being feasible is not inherited by shorter intervals, so no
-//! greedy walk will do.
+//! - Each vertex is finite exactly if it was finite originally, so triangles appear and disappear at the same frames.
+//! - No finite vertex is farther from its original position than the tolerance. Distances are in f64, of f32 positions.
 //!
-//! Both motions are linear between neighbouring original frames, so between
-//! frames the error is at most the larger of both ends', up to rounding.
+//! If one frame can replace all others, for example because nothing moves, the result is that frame alone.
+//!
+//! Among all subsets within the tolerance, the result has the fewest frames, then the least maximum error, then the
+//! lexicographically smallest list. Feasible pairs of frames are the edges of a graph, and a subset is a path through
+//! it (Imai, Iri 1988: Polygonal approximations of a curve). A subinterval of a feasible interval may be infeasible, so
+//! a greedy search is not exact.
+//!
+//! Both motions are linear between neighbouring original frames. So between frames the error is at most the larger
+//! error of the two ends, up to rounding.
 
 mod fit;
 
 pub use fit::{Fit, Reducer, measure};
 
 impl Reducer<'_> {
-    /// The frames to keep, ascending, for an error of `tolerance` at most, in scene units.
+    /// Returns the frames to keep, in ascending order, for a maximum error of `tolerance` scene units.
     ///
-    /// Equal on every machine and for every number of threads.
+    /// The result does not depend on the machine or the number of threads.
     ///
     /// # Panics
-    /// If `tolerance` is negative or not a number.
+    /// If `tolerance` is negative or NaN.
     #[must_use]
     pub fn fewest(&mut self, tolerance: f64) -> Vec<usize> {
         assert!(tolerance >= 0.0, "a tolerance is a number from 0 on");
@@ -36,7 +38,7 @@ impl Reducer<'_> {
         }
     }
 
-    /// The frame that alone stands best for all of them, if one does.
+    /// Returns the frame that replaces all others with the least error, or `None` if no frame is within `limit`.
     fn best_single(&mut self, mut limit: f64) -> Option<usize> {
         let mut best = None;
         for frame in 0..self.frames() {
@@ -48,8 +50,8 @@ impl Reducer<'_> {
         best
     }
 
-    /// The path from frame 0 to the last over intervals no worse than `limit`: of the fewest edges, among those of the least
-    /// maximum error, among those the lexicographically first. Both ends included.
+    /// Returns the best path from frame 0 to the last frame over intervals within `limit`, including both ends. The
+    /// order of preference is: fewest edges, least maximum error, lexicographically first.
     fn path(&mut self, limit: f64) -> Vec<usize> {
         let layers = self.layers(limit);
         let costs = self.costs(&layers, limit);
@@ -67,16 +69,17 @@ impl Reducer<'_> {
         path
     }
 
-    /// Frames by the least number of edges from frame 0, ascending; up to the layer that holds the last frame, alone.
+    /// Returns the frames grouped by their least number of edges from frame 0, in ascending order. The last layer holds
+    /// only the last frame.
     ///
-    /// A path of the fewest edges has its n-th frame in layer n.
+    /// The n-th frame of a shortest path is in layer n.
     fn layers(&mut self, limit: f64) -> Vec<Vec<usize>> {
         let mut layers = vec![vec![0]];
         let mut waiting: Vec<usize> = (1..self.frames()).collect();
         while let Some(&last) = waiting.last() {
             let from = &layers[layers.len() - 1];
             let mut reaches = |to: usize| {
-                // Near ones first: they are likelier to be within the limit.
+                // Tries near frames first, because they are more likely to be within the limit.
                 let mut before = from.iter().rev().filter(|&&i| i < to);
                 before.any(|&i| self.within([i, to], limit).is_some())
             };
@@ -84,7 +87,7 @@ impl Reducer<'_> {
                 layers.push(vec![last]);
                 break;
             }
-            // Edges between neighbours cost 0, so that some frame is reached.
+            // Edges between neighbours have no error, so each layer reaches at least one frame.
             let (layer, rest): (Vec<_>, _) = waiting.iter().partition(|&&to| reaches(to));
             layers.push(layer);
             waiting = rest;
@@ -92,7 +95,8 @@ impl Reducer<'_> {
         layers
     }
 
-    /// For each frame, the least maximum error of a path to the last frame, one layer an edge; nothing if there is none.
+    /// Returns, for each frame, the least maximum error of a path to the last frame with one edge per layer. `None` if
+    /// no such path exists.
     fn costs(&mut self, layers: &[Vec<usize>], limit: f64) -> Vec<Option<f64>> {
         let mut costs = vec![None; self.frames()];
         costs[self.frames() - 1] = Some(0.0);
@@ -107,7 +111,8 @@ impl Reducer<'_> {
         costs
     }
 
-    /// The least maximum error of a path on from a frame, over the next layer's frames by rising costs.
+    /// Returns the least maximum error of a path from a frame onward. `onward` holds the next layer's frames by
+    /// ascending cost.
     fn cost(&mut self, from: usize, onward: &[(f64, usize)], limit: f64) -> Option<f64> {
         let mut best: Option<f64> = None;
         for &(cost, to) in onward.iter().filter(|&&(_, to)| to > from) {
@@ -121,7 +126,7 @@ impl Reducer<'_> {
     }
 }
 
-/// The largest square whose root, rounded, is at most `tolerance`.
+/// Returns the largest square whose rounded root is at most `tolerance`.
 fn largest_square(tolerance: f64) -> f64 {
     let mut square = (tolerance * tolerance).min(f64::MAX);
     while square.sqrt() > tolerance {
@@ -135,14 +140,14 @@ fn largest_square(tolerance: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    //! Against the definition, written out again in plain f64 loops that share no code with what they judge.
+    //! Tests against the definition, in plain f64 loops that share no code with the implementation.
 
     use super::*;
     use geom::{KeyFrame, Point};
     use proptest::prelude::*;
     use std::sync::Arc;
 
-    /// Where `vertex` is at the time of `frame` if `kept` is played, from the words alone.
+    /// Returns the position of `vertex` at the time of `frame` if `kept` is played. Follows the definition directly.
     fn played_by_hand(keys: &[KeyFrame], kept: &[usize], frame: usize, vertex: usize) -> Point {
         let mut found = keys[kept[0]][vertex];
         for pair in kept.windows(2) {
@@ -160,7 +165,7 @@ mod tests {
         found
     }
 
-    /// The largest distance of any vertex of any frame if `kept` is played.
+    /// Returns the largest distance of any vertex in any frame if `kept` is played.
     fn error_by_hand(keys: &[KeyFrame], kept: &[usize]) -> f64 {
         let lost = |p: Point| p.iter().any(|x| !x.is_finite());
         let mut worst = 0.0;
@@ -179,7 +184,7 @@ mod tests {
         worst
     }
 
-    /// Every admissible subset, the best by count, error and order.
+    /// Returns the best of all admissible subsets by count, error and order.
     fn best_by_hand(keys: &[KeyFrame], tolerance: f64) -> Vec<usize> {
         let mut all: Vec<(usize, f64, Vec<usize>)> = Vec::new();
         for set in 1_u32..1 << keys.len() {
@@ -195,7 +200,8 @@ mod tests {
         all.swap_remove(0).2
     }
 
-    /// Whole coordinates, so that motion is often exactly linear or still; now and then none, or one too large to blend.
+    /// Generates mostly integers, so that motion is often exactly linear or static. Some values are not finite or
+    /// overflow when blended.
     fn coordinate() -> impl Strategy<Value = f32> + Clone {
         prop_oneof![
             20 => (-3_i8..=3).prop_map(f32::from),
@@ -226,7 +232,7 @@ mod tests {
             keys in key_frames(coordinate()),
             tolerances in prop::collection::vec(prop_oneof![Just(0.0), 0.0..6.0_f64, Just(1.0)], 3),
         ) {
-            // In any order: what is remembered must not change what is answered.
+            // The order of tolerances is random, because cached results must not change the answer.
             let mut reducer = Reducer::new(&keys);
             for tolerance in tolerances {
                 let kept = reducer.fewest(tolerance);
@@ -258,7 +264,8 @@ mod tests {
         }
     }
 
-    /// Vertices of a long wave, of several blocks, the last of them partly filled and one at rest.
+    /// Returns vertices on a long wave. They span several blocks, of which the last is partly filled. Vertices 600 to
+    /// 1399 are static.
     fn wave(frames: usize, vertices: usize) -> Vec<KeyFrame> {
         let place = |frame: usize, v: usize| {
             let moving = if (600..1400).contains(&v) { 0.0 } else { 1.0 };
@@ -304,7 +311,7 @@ mod tests {
         let keys = vec![at(0.0), at(3.0), at(0.0), at(3.0), at(0.0)];
         let fit = measure(&keys, &[0, 4]);
         assert_eq!((fit.max_error, fit.worst), (3.0, Some((1, 0))));
-        // Four of ten finite vertices are off by 3.
+        // Four of the ten finite vertices are off by 3.
         assert_eq!(fit.rms, (36.0_f64 / 10.0).sqrt());
         let exact = measure(&keys, &[0, 1, 2, 3, 4]);
         assert_eq!((exact.max_error, exact.worst, exact.rms), (0.0, None, 0.0));

@@ -1,7 +1,7 @@
-//! Diffuse colours from material libraries (MTL), by `tobj`.
+//! Diffuse colours from material libraries (MTL), parsed by `tobj`.
 //!
-//! A library that is missing or wrong costs colours, never the scene: it is noted. Only `newmtl` and well-formed `Kd` lines
-//! are handed to `tobj`. It gives up on a whole library for one bad line and panics on a short `Kd`.
+//! A missing or malformed library only costs colours: it adds a remark, and the scene still opens. `tobj` receives only
+//! `newmtl` and well-formed `Kd` lines. Other lines could make it refuse the library, or panic on a short `Kd`.
 
 use crate::Rgb;
 use crate::mesh::{CLAY, from_display};
@@ -10,7 +10,7 @@ use host::Folder;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// One colour a face for the OBJ file at `path`.
+/// Returns one colour per face of the OBJ file at `path`.
 pub(crate) fn paint(
     (path, folder): (&Path, &Folder),
     libraries: &[String],
@@ -41,7 +41,7 @@ pub(crate) fn paint(
     colours
 }
 
-/// Adds the materials of one library: a file name with spaces, or several without.
+/// Adds the materials of a `mtllib` statement: one file name with spaces, or several without.
 fn read_library(
     folder: &Folder,
     library: &str,
@@ -74,7 +74,7 @@ fn read_library(
     }
 }
 
-/// The `newmtl` lines that have a name, and the `Kd` lines of one number or three.
+/// Returns the `newmtl` lines with a name, and the `Kd` lines with one or three numbers.
 fn colour_statements(text: &[u8]) -> String {
     let mut plain = String::new();
     for line in lines(text).map(String::from_utf8_lossy) {
@@ -86,7 +86,7 @@ fn colour_statements(text: &[u8]) -> String {
                 plain += &format!("newmtl {}\n", rest.trim())
             }
             ("Kd", Some([r, g, b])) => plain += &format!("Kd {r} {g} {b}\n"),
-            // One number stands for all three.
+            // A single number applies to all three components.
             ("Kd", Some([grey])) => plain += &format!("Kd {grey} {grey} {grey}\n"),
             _ => {}
         }

@@ -1,7 +1,7 @@
-//! Wavefront OBJ: vertices, polygons and their colours. Other statements are skipped with a remark.
+//! Reader of Wavefront OBJ files: vertices, polygons and their colours. Other statements are skipped with a remark.
 //!
-//! `tobj` reads the material libraries. It does not read the meshes: it names no line of an error, drops faces without a
-//! word, and takes lines (`l`) for faces.
+//! `tobj` reads only the material libraries. It is not used for meshes because its errors name no line, it drops faces
+//! silently, and it reads lines (`l`) as faces.
 
 mod materials;
 
@@ -41,30 +41,30 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     })
 }
 
-/// The contents of a file, as far as they are used.
+/// Contents of a file that the reader uses.
 #[derive(Default)]
 struct Statements {
     points: Vec<Position>,
-    /// Faces of three or more vertices.
+    /// Faces with at least three vertices.
     topology: Topology,
-    /// One for each vertex, if every vertex has one.
+    /// One colour per vertex. The list is shorter if some vertex has no colour.
     colours: Colours,
     libraries: Vec<String>,
-    /// (First face, name) of each material in use.
+    /// Pairs of first face and name, one per `usemtl` statement.
     uses: Vec<(usize, String)>,
-    /// The line of each face.
+    /// Line number of each face.
     face_lines: Vec<usize>,
-    /// The vertices of the current face.
+    /// Vertices of the current face.
     corners: Vec<u32>,
-    /// Faces of fewer than three vertices.
+    /// Faces with fewer than three vertices.
     short_faces: Skipped,
-    /// Statements that are skipped, by their keyword.
+    /// Skipped statements by keyword.
     skipped: BTreeMap<String, Skipped>,
-    /// Whether the last line has no end.
+    /// Whether the last line lacks a line end.
     open_end: bool,
 }
 
-/// Items that are not read.
+/// Count and lines of items that are not read.
 #[derive(Clone, Copy, Default)]
 struct Skipped {
     count: usize,
@@ -82,7 +82,7 @@ impl Skipped {
     }
 }
 
-/// A line that is wrong, and the reason.
+/// Line number of the error, and the reason.
 type Wrong = (usize, String);
 
 impl Statements {
@@ -123,13 +123,13 @@ impl Statements {
         match word {
             "v" => self.vertex(before_comment(rest))?,
             "f" | "fo" => self.face(line, before_comment(rest))?,
-            // Names may contain '#'.
+            // Material names may contain '#'.
             "usemtl" => {
                 let first_face = self.face_lines.len();
                 self.uses.push((first_face, rest.trim().to_owned()));
             }
             "mtllib" => self.libraries.push(rest.trim().to_owned()),
-            // These do not change the triangles.
+            // These statements do not affect triangles.
             "" | "vt" | "vn" | "vp" | "g" | "o" | "s" | "mg" | "usemap" | "maplib" | "lod"
             | "shadow_obj" | "trace_obj" => {}
             word if word.starts_with('#') => {}
@@ -141,7 +141,7 @@ impl Statements {
         Ok(())
     }
 
-    /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`. The weight `w` matters to curves and surfaces alone.
+    /// Parses `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`. The weight `w` only affects curves and surfaces.
     fn vertex(&mut self, data: &str) -> Result<(), String> {
         let mut numbers = [0.0_f64; 7];
         let mut count = 0;
@@ -179,7 +179,7 @@ impl Statements {
         Ok(())
     }
 
-    /// Refuses faces whose vertices do not exist. A face may come before its vertices, so this waits for the end of the file.
+    /// Refuses faces with undefined vertices. Runs at the end of the file, because a face may precede its vertices.
     fn check_references(&self) -> Result<(), Wrong> {
         let vertices = self.points.len();
         for (&line, corners) in self.face_lines.iter().zip(self.topology.faces()) {
@@ -214,12 +214,12 @@ impl Statements {
     }
 }
 
-/// Returns the part before the backslash of a line that goes on in the next one. A comment ends with its line.
+/// Returns the part before the backslash if the line continues in the next one. A comment ends with its line.
 fn continued(line: &str) -> Option<&str> {
     before_comment(line).trim_end().strip_suffix('\\')
 }
 
-/// Joins a line with those that continue it.
+/// Joins a line with its continuation lines.
 fn joined<'a>(head: &str, rest: impl Iterator<Item = Cow<'a, str>>) -> String {
     let mut whole = head.to_owned();
     for line in rest {
@@ -233,7 +233,8 @@ fn joined<'a>(head: &str, rest: impl Iterator<Item = Cow<'a, str>>) -> String {
     whole
 }
 
-/// The vertex, from 0, that `v`, `v/vt`, `v//vn` or `v/vt/vn` names; negative numbers count back from the last of `vertices`.
+/// Returns the vertex index, counted from 0, of `v`, `v/vt`, `v//vn` or `v/vt/vn`. Negative numbers count back from the
+/// last of `vertices`.
 fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     let malformed = || format!("{word:?} is not a face's vertex");
     let mut parts = word.split('/');
@@ -255,13 +256,13 @@ fn corner(word: &str, vertices: usize) -> Result<u32, String> {
     })
 }
 
-/// Refuses a text whose mesh does not fit into memory. Lists grow by doubling.
+/// Refuses text whose mesh would not fit into memory. Sizes include spare capacity, since lists grow by doubling.
 fn check_memory(path: &Path, text: &[u8]) -> Result<()> {
-    /// A position and a colour.
+    /// Bytes of a position and a colour.
     const VERTEX: usize = 84;
-    /// The end of its corners, and its line.
+    /// Bytes of a face's end in the list of corners, and of its line number.
     const FACE: usize = 32;
-    /// A corner, and the triangle that it may add.
+    /// Bytes of a corner and of the triangle that it may add.
     const CORNER: usize = 20;
     let [mut vertices, mut faces, mut corners] = [0_usize; 3];
     for line in lines(text) {

@@ -1,24 +1,25 @@
-//! The body of an ascii file: a stream of numbers. Writers put each element on a line of its own, but no reader relies on it.
+//! Body of an ascii file: a stream of numbers. Writers usually put each element on its own line, but this is not
+//! required.
 
 use super::element::{Element, is_plain, push_number};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{ElementDef, PropertyType};
 use std::borrow::Cow;
 
-/// The unread part of a file.
+/// Unread part of a file.
 pub(super) struct Body<'a> {
     pub(super) rest: &'a [u8],
-    /// The current line, from 1.
+    /// Current line, counted from 1.
     line: usize,
-    /// The line in which the last element ends.
+    /// Line in which the last element ends.
     last_line: usize,
-    /// The first element that is not a whole line.
+    /// Description of the first element that is not a whole line.
     unaligned: Option<String>,
-    /// The current element in the parser's grammar.
+    /// Current element, converted to the parser's grammar.
     text: String,
 }
 
-/// The line that is wrong, and the reason.
+/// Line number of the error, and the reason.
 type Wrong = (usize, String);
 
 impl<'a> Body<'a> {
@@ -64,9 +65,9 @@ impl<'a> Body<'a> {
         read.map_err(|_| self.bad(of, index, &cause(&self.text)))
     }
 
-    /// Reads an element that is a line of its own in the parser's grammar, as most are, without a copy of its words.
+    /// Reads an element that is a whole line in the parser's grammar, the usual case, without copying its words.
     fn whole_line(&mut self, of: &ElementDef) -> Option<Element> {
-        // The rest of a long line is not searched for every element in it.
+        // Avoids quadratic time: a long line with many elements is searched for its end only once.
         if self.last_line == self.line {
             return None;
         }
@@ -92,8 +93,8 @@ impl<'a> Body<'a> {
         Some(element)
     }
 
-    /// Skips the blanks at the end. If an element is not a whole line, no number may follow, because a number that is missing
-    /// or in excess moves all later ones.
+    /// Skips trailing blanks. If any element was not a whole line, numbers must not follow. A missing or extra number
+    /// would have shifted all later elements.
     pub(super) fn check_end(&mut self) -> Result<(), Wrong> {
         self.skip_blanks();
         match self.unaligned.is_some() && !self.rest.is_empty() {
@@ -131,7 +132,7 @@ impl<'a> Body<'a> {
         (self.line, self.hinted(&cause))
     }
 
-    /// Appends the element from which on numbers may be read as others than were meant.
+    /// Appends a hint at the first element that is not a whole line. From there on, numbers may have been misread.
     fn hinted(&self, cause: &str) -> String {
         let hint = |first: &String| format!("{cause}; {first} is not on a line of its own");
         let hinted = self.unaligned.as_ref().map(hint);

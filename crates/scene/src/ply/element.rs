@@ -1,20 +1,20 @@
-//! One vertex, face or strip, filled by the parser; and numbers in the grammar of the parser.
+//! Vertex, face or strip that the parser fills, and conversion of numbers to the grammar of the parser.
 
 use crate::rounding::Position;
 use crate::text::number;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::fmt::Write;
 
-/// Ends a strip within a list of vertices: -1, as an unsigned number. No vertex has it.
+/// Separator of strips within a list of vertices: -1 as an unsigned number. It is no valid index.
 pub(super) const RESTART: u32 = u32::MAX;
 
-/// The properties that are used of an element of any kind.
+/// Properties of any kind of element that the reader uses.
 #[derive(Debug, Default)]
 pub(super) struct Element {
     pub(super) point: Position,
-    /// Red, green and blue, as far as they are there.
+    /// Red, green and blue, where present.
     colour: [Option<f32>; 3],
-    /// The vertices of a face or strip, with [`RESTART`] for -1. Absent if another one is negative.
+    /// Vertices of a face or strip, with [`RESTART`] for -1. `None` if any other index is negative.
     pub(super) corners: Option<Vec<u32>>,
 }
 
@@ -52,7 +52,7 @@ impl Element {
     }
 }
 
-/// A coordinate without loss.
+/// Converts a coordinate without loss, if the property has an integer or floating-point type.
 fn coordinate(property: &Property) -> Option<f64> {
     match property {
         Property::Int(value) => Some((*value).into()),
@@ -62,7 +62,7 @@ fn coordinate(property: &Property) -> Option<f64> {
     }
 }
 
-/// A colour's component. Floats are as the file has them; whole numbers range to 255.
+/// Converts a colour component. Floats keep the file's value. Integers from 0 to 255 become 0 to 1.
 fn component(property: &Property) -> Option<f32> {
     let value = property.to_f32_lossy()?;
     match property {
@@ -84,10 +84,10 @@ fn indices(property: &Property) -> Option<Vec<u32>> {
     }
 }
 
-/// Appends a number in the parser's grammar, which lacks the `nan`, `inf`, `.5` and `5.` that other programs write.
+/// Appends a number in the parser's grammar, which lacks the common forms `nan`, `inf`, `.5` and `5.`.
 ///
-/// Numbers that are not finite become numbers too large for any type. Either way the vertex is absent. A word that is not
-/// a number stays as it is, and the parser refuses it.
+/// NaN and infinities become numbers that overflow every type. In both cases the vertex counts as absent. Words that
+/// are not numbers are unchanged, and the parser refuses them.
 pub(super) fn push_number(text: &mut String, word: &str) {
     text.push(' ');
     if is_plain(word) {
@@ -103,7 +103,7 @@ pub(super) fn push_number(text: &mut String, word: &str) {
     }
 }
 
-/// Whether a word is in the parser's grammar, if it is a number at all.
+/// Returns whether a word is in the parser's grammar, provided that it is a number.
 pub(super) fn is_plain(word: &str) -> bool {
     let bytes = word.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);

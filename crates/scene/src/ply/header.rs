@@ -1,18 +1,18 @@
-//! The header: what a file declares, in words that blanks separate.
+//! The file header, which declares the elements in words separated by blanks.
 
 use crate::text::lines;
 use ply_rs_bw::ply::{Addable, ElementDef, Encoding, PropertyDef, PropertyType, ScalarType};
 
 pub(super) struct Header {
     pub(super) encoding: Encoding,
-    /// In the order of the file. Names of elements that are not used may occur twice.
+    /// Elements in file order. Names of unused elements may occur twice.
     pub(super) elements: Vec<ElementDef>,
-    /// Length with the end of the last line.
+    /// Length of the header in bytes, including the last line end.
     pub(super) bytes: usize,
     pub(super) lines: usize,
 }
 
-/// The line that is wrong, if it is one, and the reason.
+/// Line number of the error, if one line is the cause, and the reason.
 type Wrong = (Option<usize>, String);
 
 impl Header {
@@ -45,7 +45,7 @@ impl Header {
         })
     }
 
-    /// Declares the coordinates of a text file as doubles: its digits may hold more than a float.
+    /// Declares the coordinates of a text file as doubles, since its digits may exceed the precision of a float.
     pub(super) fn widen_text(&mut self) {
         let mut elements = self.elements.iter_mut();
         let vertex = elements.find(|e| e.name == "vertex" && self.encoding == Encoding::Ascii);
@@ -63,9 +63,9 @@ impl Header {
     }
 }
 
-/// Bytes of the header with the end of its last line, if it has one.
+/// Returns the length of the header in bytes, including the last line end. `None` without a full `end_header` line.
 ///
-/// Where lines end in a carriage return alone, a line feed after the last one belongs to the data.
+/// If lines end in a carriage return only, a line feed after the header belongs to the data.
 fn length(bytes: &[u8]) -> Option<usize> {
     let first = lines(bytes).next()?;
     let ends = &bytes[first.len()..];
@@ -94,7 +94,7 @@ struct Declared {
 }
 
 impl Declared {
-    /// Adds a line; `None` if it is not understood.
+    /// Adds a header line. Returns `None` if the line is not valid.
     fn add(&mut self, words: &[&str]) -> Option<()> {
         match *words {
             [] | ["comment" | "obj_info", ..] | ["end_header"] => {}
@@ -119,7 +119,7 @@ impl Declared {
         Some(())
     }
 
-    /// A name may occur twice. The second property gets a name that no other has, because it is read but not used.
+    /// Adds a property. A repeated name is replaced by a unique one, since the second property is read but not used.
     fn property(&mut self, name: &str, kind: PropertyType) -> Option<()> {
         let properties = &mut self.elements.last_mut()?.properties;
         let mut name = name.to_owned();

@@ -1,6 +1,6 @@
-//! Stanford PLY, ascii and binary, whose elements `ply-rs-bw` reads.
+//! Reader of Stanford PLY files, ascii and binary, with `ply-rs-bw` as the parser of elements.
 //!
-//! Elements are read one at a time, so that an error names its line or its element, and unused properties take no memory.
+//! Elements are parsed one at a time, so that an error names its line or element and unused properties take no memory.
 
 mod ascii;
 mod element;
@@ -36,16 +36,16 @@ pub(crate) fn read(path: &Path) -> Result<Mesh> {
     file.finish()
 }
 
-/// Writes a mesh with a colour for each triangle, little-endian, which keeps every bit of a position.
+/// Writes a mesh with one colour per triangle as little-endian PLY. Positions keep every bit.
 ///
-/// Read back by [`crate::open`] it has the same triangles in the same order, the same colours, and the same bits in every
-/// coordinate; vertices that no triangle uses are dropped by the reader.
+/// Reading the file with [`crate::open`] returns the same triangles in the same order, with equal colours and
+/// bit-identical coordinates. The reader drops vertices that no triangle uses.
 ///
 /// # Errors
-/// What `out` returns.
+/// Returns the errors of `out`.
 ///
 /// # Panics
-/// If there is not one colour a triangle.
+/// If `colours` and `triangles` differ in length.
 pub fn write_ply(
     out: &mut dyn Write,
     points: &[Point],
@@ -76,15 +76,15 @@ struct File<'a> {
     path: &'a Path,
     header: Header,
     bytes: &'a [u8],
-    /// The unread part of the file.
+    /// Unread part of the file.
     body: Body<'a>,
-    /// The end of the header, and the end of the vertices once they are read.
+    /// Byte offsets of the end of the header and, once the vertices are read, of their end.
     ends: [usize; 2],
     points: Vec<Position>,
     colours: Colours,
     face_colours: Colours,
     topology: Topology,
-    /// Faces and strips of fewer than three vertices, and the place of the first one.
+    /// Number of faces and strips with fewer than three vertices, and the location of the first.
     short_faces: usize,
     first_short_face: Location,
 }
@@ -115,28 +115,28 @@ impl<'a> File<'a> {
         Ok(file)
     }
 
-    /// Vertices and faces, and the most bytes that reading them takes.
+    /// Returns the number of vertices and faces, and an upper bound of the bytes needed to read them.
     fn need(&self) -> ([usize; 2], usize) {
-        // More than there are bytes cannot be there, whatever the header says.
+        // No file holds more elements than bytes, whatever its header declares.
         let count = |name: &str| {
             let element = self.header.element(name);
             element.map_or(0, |e| e.count.min(self.bytes.len()))
         };
         let [vertices, mut faces] = [count("vertex"), count("face")];
         let listed = self.listed();
-        // Every corner after a face's third makes another triangle.
+        // Each corner after the third adds a triangle to its face.
         let mut more = listed.saturating_sub(3 * faces);
-        // Every corner of a strip makes a face.
+        // Each corner of a strip adds a face.
         if count(STRIPS) > 0 {
             faces = faces.saturating_add(listed);
             more = 0;
         }
-        // Lists grow by doubling.
+        // The constants include spare capacity, because lists grow by doubling.
         let need = vertices * 84 + faces.saturating_mul(80) + more.saturating_mul(32);
         ([vertices, faces], need)
     }
 
-    /// Numbers in lists, as far as the file reaches: corners, and what other lists hold, as if each were a corner.
+    /// Returns an upper bound of the number of corners: the numbers in all lists, as far as the file extends.
     fn listed(&self) -> usize {
         let ascii = self.header.encoding == Encoding::Ascii;
         let size = |kind: &ScalarType| if ascii { 1 } else { size(kind) };
@@ -146,7 +146,7 @@ impl<'a> File<'a> {
             true => words.filter(|w| !w.is_empty()).count(),
             false => rest.len(),
         };
-        // What every element has: numbers, and lengths of lists.
+        // Bytes or words that every element occupies: its numbers and the lengths of its lists.
         let own = |element: &ElementDef| {
             let kinds = element.properties.values().map(|p| match &p.data_type {
                 PropertyType::Scalar(kind) | PropertyType::List(kind, _) => size(kind),
@@ -162,7 +162,7 @@ impl<'a> File<'a> {
         smallest.min().map_or(0, |bytes| listed / bytes)
     }
 
-    /// The elements that hold faces or strips.
+    /// Returns the elements that contain faces or strips.
     fn surfaces(&self) -> impl Iterator<Item = &ElementDef> {
         ["face", STRIPS]
             .into_iter()
@@ -173,7 +173,7 @@ impl<'a> File<'a> {
         SceneError::malformed(self.path, place, cause)
     }
 
-    /// There must be vertices with a place, and faces or strips with a list of whole numbers, each declared once.
+    /// Checks that vertices with coordinates, and faces or strips with lists of integers, are each declared once.
     fn check_header(&self) -> Result<()> {
         let wrong = |cause: &str| Err(self.wrong(None, cause));
         for name in ["vertex", "face", STRIPS] {
@@ -219,7 +219,7 @@ impl<'a> File<'a> {
     }
 
     fn element(&mut self, definition: &ElementDef) -> Result<()> {
-        // Every other element takes a byte at least, so that no count can outlast the file.
+        // Elements without properties occupy no bytes, so their count is unbounded. Others occupy at least one byte.
         if definition.properties.is_empty() {
             return Ok(());
         }
@@ -294,7 +294,7 @@ impl<'a> File<'a> {
         Ok(())
     }
 
-    /// Returns the vertices of a face, or of strips with [`RESTART`] between them. All others exist.
+    /// Returns the vertices of a face, or of strips separated by [`RESTART`]. Checks that all other indices exist.
     fn corners(&self, place: Location, element: Element) -> Result<Vec<u32>> {
         let corners = element.corners;
         let corners = corners.ok_or_else(|| self.wrong(place, NEGATIVE))?;
@@ -310,8 +310,9 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Adds the triangles of a strip. Every second one has its first two vertices swapped, so that all face the same side.
-    /// Triangles that only connect parts of the strip are kept, because indices count them.
+    /// Adds the triangles of a strip. The first two vertices of every second triangle are swapped, so that all
+    /// triangles face the same side. Degenerate triangles that connect parts of the strip are kept, because triangle
+    /// indices count them.
     fn strip(&mut self, place: Location, strip: &[u32]) {
         if matches!(strip.len(), 1 | 2) {
             self.skip_face(place);
@@ -368,12 +369,12 @@ impl<'a> File<'a> {
     }
 }
 
-/// The element that holds strips of triangles.
+/// Name of the element that contains triangle strips.
 const STRIPS: &str = "tristrips";
 
 const NEGATIVE: &str = "a vertex index is negative";
 
-/// The type of the list of a face's or a strip's vertices.
+/// Returns the declared type of the list of vertices in a face or strip.
 fn corners(element: &ElementDef) -> Option<&PropertyType> {
     let found = element.properties.get("vertex_indices");
     let found = found.or_else(|| element.properties.get("vertex_index"));

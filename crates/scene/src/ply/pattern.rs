@@ -1,4 +1,4 @@
-//! What the key frames of a sequence have in common, so that their topology is compared without being read.
+//! Fast path for key-frame sequences: files whose bytes differ only in the vertices have equal topology.
 
 use super::header::Header;
 use super::{File, size};
@@ -8,7 +8,7 @@ use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
 use std::io::{self, Read};
 use std::path::Path;
 
-/// All bytes of a binary file but those of its vertices, which come first.
+/// All bytes of a binary file except its vertices. Only files whose vertices precede all other elements have a pattern.
 pub(crate) struct Pattern {
     head: Vec<u8>,
     vertex_bytes: usize,
@@ -16,14 +16,15 @@ pub(crate) struct Pattern {
     floats: Option<Floats>,
 }
 
-/// Where little-endian floats lie in rows of one length.
+/// Layout of rows whose coordinates are little-endian 32-bit floats. All offsets are in bytes.
 struct Floats {
     row: usize,
     xyz: [usize; 3],
 }
 
 impl Pattern {
-    /// Of a file whose header and vertices end at these bytes.
+    /// Returns the pattern of a file whose header ends at `start` and whose vertices end at `end`. Returns `None` for
+    /// text files and for files that do not begin with their vertices.
     pub(super) fn of(header: &Header, (bytes, [start, end]): (&[u8], [usize; 2])) -> Option<Self> {
         let first = header.elements.first()?;
         let is_binary = header.encoding != Encoding::Ascii;
@@ -35,7 +36,7 @@ impl Pattern {
         })
     }
 
-    /// Reads the positions of the `kept` vertices from a file that differs in its vertices alone. Another file has no result.
+    /// Reads the positions of the `kept` vertices. Returns `None` if the file differs in more than its vertices.
     pub(crate) fn read(&self, path: &Path, kept: &[u32]) -> Result<Option<Vec<Position>>> {
         let bytes = host::read(path).map_err(|e| SceneError::unreadable(path, e))?;
         let rest = bytes.strip_prefix(&self.head[..]);
@@ -46,7 +47,7 @@ impl Pattern {
         }
     }
 
-    /// Reads positions again from a file that [`Self::read`] accepted before.
+    /// Reads positions from a file that [`Self::read`] has accepted before.
     pub(crate) fn read_again(&self, path: &Path, kept: &[u32]) -> Result<Vec<Position>> {
         let read = || -> io::Result<Vec<u8>> {
             let mut file = host::open(path)?;
@@ -73,7 +74,7 @@ impl Pattern {
 }
 
 impl Floats {
-    /// Of a header whose vertices are floats, or other numbers of fixed length beside these.
+    /// Returns the layout if all vertex properties are scalars, and x, y and z are 32-bit floats. Otherwise `None`.
     fn of(header: &Header) -> Option<Self> {
         let vertex = header.element("vertex")?;
         let (mut row, mut xyz) = (0, [None; 3]);

@@ -1,4 +1,4 @@
-//! Files written here, whole and broken.
+//! Tests with valid and broken files that are built in memory.
 
 use super::*;
 use crate::testing::{Surface, put, refused, surface};
@@ -20,7 +20,7 @@ fn ascii(vertices: &str, faces: &str) -> String {
     )
 }
 
-/// Doubles, an unused property, 16-bit indices with 32-bit lengths, a colour.
+/// Returns a binary file with double coordinates, an unused property, 16-bit indices, 32-bit list lengths and colours.
 fn binary(big: bool, faces: &[(i32, &[i16])]) -> Vec<u8> {
     let order = if big { "big" } else { "little" };
     let mut bytes = format!(
@@ -87,12 +87,12 @@ fn room_is_asked_for_every_corner() {
         text.into_bytes(),
         binary(false, &[(1000, &rim), (3, &[0, 1, 2])]),
         binary(true, &[(1000, &rim), (3, &[0, 1, 2])]),
-        // Cut short, or with a length that lies: what is there counts.
+        // In a truncated file, or with a false list length, only the existing data counts.
         binary(true, &[(3, &[0, 1, 2]), (i32::MAX, &rim)]),
     ] {
         let (counts, need) = need(&bytes);
         assert_eq!((counts, need), ([4, 2], small + 997 * 32));
-        // A corner takes 4 bytes, a triangle 12.
+        // A corner takes 4 bytes and a triangle takes 12.
         assert!(need >= 1003 * 4 + 999 * 12);
     }
 }
@@ -116,7 +116,7 @@ fn numbers_that_are_none_are_accepted() {
 #[test]
 fn what_is_wrong_is_named_by_line_or_element() {
     let whole = ascii("0 0 0\n1 0 0\n0 1 0\n", "3 0 1 2\n");
-    // Each line: what is replaced, what by, and a part of the message. `;` ends a line of the file.
+    // Each line: old text, new text, part of the message. `;` is a line end in the file.
     let changes = r#"
         3 0 1 2; | 3 0 1 3; | face 0: vertex 3 does not exist
         3 0 1 2; | 4 0 1 2 3; | face 0: vertex 3 does not exist
@@ -180,7 +180,7 @@ fn a_binary_file_may_be_cut_anywhere_without_a_panic_or_a_mesh() {
 fn a_file_that_differs_in_its_vertices_alone_is_read_as_any_other() {
     let folder = tempfile::tempdir().unwrap();
     for big in [false, true] {
-        // Vertex 2 is in no face.
+        // No face uses vertex 2.
         let first = binary(big, &[(3, &[0, 1, 3])]);
         let pattern = parse(&first).unwrap().pattern.unwrap();
         let kept = [0, 1, 3];
@@ -260,7 +260,7 @@ fn headers_and_numbers_may_end_in_carriage_returns() {
     }
 }
 
-/// Bytes that follow a header may be a line feed.
+/// The data after a header may begin with the byte of a line feed.
 #[test]
 fn the_first_byte_of_the_data_may_be_a_line_feed() {
     let text = ascii(TRIANGLE, "3 0 1 2\n");
@@ -292,7 +292,7 @@ fn header_lines_may_have_blanks_everywhere() {
         head.replace("comment made here", "obj_info"),
         format!("\u{feff}{head}"),
     ] {
-        // The last line's blanks belong to the body.
+        // Blanks after the last header line belong to the body.
         only_triangle(format!("{head}{body}"));
     }
 }
@@ -390,7 +390,7 @@ fn strips_have_one_side() {
     assert_eq!(of("4 0 1 2 3\n"), [[0, 1, 2], [2, 1, 3]]);
     let all = [[0, 1, 2], [2, 1, 3], [2, 3, 4]];
     assert_eq!(of("5 0 1 2 3 4\n"), all);
-    // Turns start anew after -1 and in every list. Triangles that join strips stay.
+    // The orientation restarts after -1 and in every list. Triangles that connect strips are kept.
     assert_eq!(
         of("8 0 1 2 -1 1 3 2 4\n4 0 0 1 2\n"),
         [[0, 1, 2], [1, 3, 2], [2, 3, 4], [0, 0, 1], [1, 0, 2]]

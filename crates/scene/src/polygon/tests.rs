@@ -1,4 +1,4 @@
-//! Polygons of every shape have n - 2 triangles, and simple ones are covered once.
+//! Polygons of every shape have n - 2 triangles. The triangles of simple polygons do not overlap.
 
 use super::*;
 use glam::DVec3;
@@ -22,13 +22,13 @@ fn flat(points: &[[f64; 2]]) -> Vec<Position> {
     points.iter().map(|&[x, y]| [x, y, 0.0]).collect()
 }
 
-/// Twice the area, as a vector.
+/// Returns twice the area of a triangle, as a vector.
 fn area(points: &[Position], [a, b, c]: [u32; 3]) -> DVec3 {
     let at = |v: u32| DVec3::from(points[v as usize]);
     (at(b) - at(a)).cross(at(c) - at(a))
 }
 
-/// Checks that the triangles join to a disk whose rim is the polygon, in its orientation.
+/// Checks that the triangles form a disk whose boundary is the polygon, in its orientation.
 fn check_disk(points: &[Position], triangles: &[[u32; 3]]) {
     let n = points.len() as u32;
     assert_eq!(triangles.len(), n as usize - 2);
@@ -47,7 +47,7 @@ fn check_disk(points: &[Position], triangles: &[[u32; 3]]) {
     );
 }
 
-/// Checks that the triangles cover a simple polygon once: none is turned over.
+/// Checks that the triangles cover a simple polygon exactly once: no triangle is flipped.
 fn check_cover(points: &[Position], triangles: &[[u32; 3]]) {
     check_disk(points, triangles);
     let whole: DVec3 = triangles.iter().map(|&t| area(points, t)).sum();
@@ -94,7 +94,7 @@ fn an_arrow_has_its_notch_from_every_first_vertex() {
 
 #[test]
 fn vertices_on_edges_are_kept() {
-    // A comb, with repeated and collinear vertices on every side of every tooth.
+    // A comb with repeated and collinear vertices on every side of every tooth.
     let mut rim = vec![[0.0, -1.0]];
     for tooth in (0..5).rev().map(|i| f64::from(i) * 2.0) {
         let side = [
@@ -187,7 +187,7 @@ fn concave_polygons_of_too_many_vertices_are_counted() {
 }
 
 proptest! {
-    /// Stars of any size and place, turned in space, with vertices on their edges and repeated ones.
+    /// Stars of any size and position, rotated in space, with collinear and repeated vertices.
     #[test]
     fn simple_polygons_are_covered_once(
         radii in prop::collection::vec((0.1_f64..1.0, 0..4_u8), 3..40),

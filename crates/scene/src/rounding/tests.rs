@@ -4,11 +4,11 @@ use crate::{Options, Scene};
 use std::fmt::Write as _;
 use tempfile::TempDir;
 
-/// A survey point: steps of single precision are 0.0625 in x and 0.5 in y.
+/// Coordinates of a survey point. The spacing of single-precision floats is 0.0625 in x and 0.5 in y.
 const EAST: f64 = 691_608.1;
 const NORTH: f64 = 5_334_760.7;
 
-/// Vertices of a triangle of size 1, `shift` to the east.
+/// Returns the vertices of a triangle of size 1, shifted by `shift` in x.
 fn corners(shift: f64) -> [Position; 3] {
     let at = |x: f64, y: f64, z: f64| [EAST + shift + x, NORTH + y, z];
     [at(0.0, 0.0, 0.1), at(1.0, 0.0, 0.3), at(0.0, 1.0, 0.2)]
@@ -48,7 +48,7 @@ fn binary_ply(shift: f64) -> Vec<u8> {
     ply("binary_little_endian", "double", &vertices, &faces)
 }
 
-/// The triangle at the origin, moved by its node.
+/// Returns a glTF document with a triangle at the origin, translated by its node.
 fn gltf() -> String {
     use base64::prelude::{BASE64_STANDARD, Engine};
     let [a, b, c] = [[0.0_f32, 0.0, 0.1], [1.0, 0.0, 0.3], [0.0, 1.0, 0.2]];
@@ -75,7 +75,7 @@ fn open(folder: &TempDir, name: &str, recentre: bool) -> Scene {
     open_in(folder, name, &options).unwrap()
 }
 
-/// Asserts that a key frame and the offset add up to these positions.
+/// Asserts that a key frame plus the offset equals `expected`.
 #[track_caller]
 fn adds_up(scene: &Scene, key: usize, expected: &[Position]) {
     let offset = scene.facts.offset.unwrap();

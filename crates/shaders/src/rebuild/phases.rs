@@ -1,35 +1,35 @@
-//! How clusters become fewer, phase by phase: see build/cluster.wgsl.
+//! Phases that merge clusters: see build/cluster.wgsl.
 
 use crate::Params;
 use bvh_build::MAX_DEPTH;
 
-/// Clusters of a tile.
+/// Number of clusters of a tile.
 pub(super) const TILE: u32 = 512;
-/// Clusters that a tile of any phase but the last leaves.
+/// Number of clusters that a tile leaves, except in the last phase.
 const GOAL: u32 = 128;
-/// Rounds of pairs that take a whole tile to its goal, and a last tile to the root.
+/// Number of rounds of pairing that reduce a full tile to its goal, and the last tile to the root.
 const PAIRING: u32 = (TILE / GOAL).ilog2();
 const LAST_PAIRING: u32 = TILE.ilog2();
-/// More rounds than these find next to nothing to merge that pairing would not.
+/// Maximum number of rounds by nearest neighbours. Further rounds find hardly any merges that pairing would not make.
 const MOST_ROUNDS: u32 = 8;
-/// Rounds of the last phase that seek neighbours come before those of others.
+/// Number of such rounds that the last phase receives before all others.
 const LAST_ROUNDS: u32 = 16;
-// Even the short first tile of every other phase leaves its goal.
+// Even the short first tile of every other phase has enough clusters to leave its goal.
 const _: () = assert!(TILE / 2 >= GOAL);
 
-/// Tiles of a phase.
+/// Returns the number of tiles of a phase.
 pub(super) fn tiles(phase: &Params) -> u32 {
     (phase.count + phase.shift).div_ceil(TILE)
 }
 
-/// Clusters after a phase.
+/// Returns the number of clusters after a phase.
 pub(super) fn left(phase: &Params) -> u32 {
     let whole = tiles(phase) - 1;
     let last = phase.count - (whole * TILE).saturating_sub(phase.shift);
     whole * phase.goal + last.min(phase.goal)
 }
 
-/// All phases for so many leaves, at least one: what each dispatch is told, and what all share.
+/// Returns the parameters of all phases for `leaves` leaves, at least one. `shared` holds the common values.
 pub(super) fn of(shared: Params, leaves: u32) -> Vec<Params> {
     let mut phases = Vec::new();
     let mut next = Params {
@@ -40,7 +40,7 @@ pub(super) fn of(shared: Params, leaves: u32) -> Vec<Params> {
     };
     while next.count > TILE {
         let phase = Params {
-            // There and back: the leaves' own room is free after the first phase.
+            // Alternates between two areas: that of the leaves is free after the first phase.
             destination: if next.first == 0 { leaves } else { 0 },
             shift: phases.len() as u32 % 2 * (TILE / 2),
             goal: GOAL,
@@ -56,7 +56,7 @@ pub(super) fn of(shared: Params, leaves: u32) -> Vec<Params> {
     phases
 }
 
-/// Shares out the rounds for which the tree has levels, so that it stays within [`MAX_DEPTH`] whatever happens.
+/// Distributes the rounds so that the tree's depth never exceeds [`MAX_DEPTH`].
 fn share_rounds(phases: &mut [Params]) {
     let Some((last, others)) = phases.split_last_mut() else {
         return;

@@ -1,4 +1,4 @@
-//! Rays that are answered in exact arithmetic: see "Extreme rays" in `docs/design/hits.md`.
+//! Dispatches for extreme rays, in exact arithmetic: see "Extreme rays" in `docs/design/hits.md`.
 
 use super::{Groups, Rays, Work};
 use crate::{Kernel, Params, common};
@@ -9,15 +9,15 @@ use geom::Range;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Extremes {
     None,
-    /// So far as anybody knows.
+    /// Possibly some.
     Some,
     All,
 }
 
-/// Invocations that look for extreme rays where most are none.
+/// Number of invocations that search for extreme rays if most rays are not extreme.
 const SEEKERS: u32 = 1 << 16;
 
-/// Whether extreme rays are answered otherwise than the rest.
+/// Returns whether separate kernels answer extreme rays.
 fn has_extremes(method: Method) -> bool {
     matches!(
         method.intersector,
@@ -26,7 +26,7 @@ fn has_extremes(method: Method) -> bool {
 }
 
 impl Extremes {
-    /// Of rays that other kernels leave to [`work`].
+    /// Returns which of the rays other kernels leave to [`work`].
     pub(super) fn among(method: Method, params: &Params, rays: Rays<'_>) -> Self {
         match rays {
             _ if !has_extremes(method) => Self::None,
@@ -39,8 +39,8 @@ impl Extremes {
     }
 }
 
-/// What answers them. Comes after what answers the others, as which these rays miss; where nobody knew which they are, it
-/// answers them anew.
+/// Returns the dispatches that answer extreme rays. They must follow those for all other rays, which treat extreme rays as
+/// misses. If it was unknown which rays are extreme, they overwrite earlier answers.
 pub(super) fn work(
     method: Method,
     mut params: Params,
@@ -65,7 +65,7 @@ pub(super) fn work(
     let hits = over("extreme_rays", params);
     match kind {
         QueryKind::Any | QueryKind::Closest => vec![hits],
-        // In the scene's units, unlike everywhere else.
+        // In scene units; all other kernels use scaled units.
         QueryKind::ClosestAndShadow { light } => {
             let lit = Params { light, ..params };
             vec![hits, over("extreme_shadow_rays", lit)]
@@ -73,14 +73,14 @@ pub(super) fn work(
     }
 }
 
-/// Kernels that follow [`measure_range`], and its own.
+/// Returns the kernel of [`measure_range`] and the one that needs its result.
 pub fn kernels_of_arriving_keys(method: Method) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
     both.into_iter().filter(move |_| has_extremes(method))
 }
 
-/// Where nobody knows how far the coordinates of a key frame of so many vertices reach, finds that out: into
-/// [`crate::BufferName::Range`], which is read by what answers extreme rays alone.
+/// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
+/// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
 pub fn measure_range(method: Method, mut params: Params, vertices: usize) -> Option<Work> {
     let is_asked = params.is_unknown() && has_extremes(method);
     params.first = Range::sample_step(vertices) as u32;

@@ -1,5 +1,5 @@
-//! Pictures for which the order matters in which rays and triangles are brought together: by packets, by rasterization.
-//! Their kernels ask what triangles cover of the picture, so they are told how it lies before the eye.
+//! Dispatches for pictures that are traced by packets or by rasterization. Their kernels project triangles to the picture,
+//! so their parameters include the inverse of the camera's matrix.
 
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
@@ -8,12 +8,13 @@ use backend::{Intersector, Method};
 use geom::{Camera, Point};
 use glam::DVec3;
 
-/// Rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
+/// Number of rows of the buffer `covers` before the tiles: see visibility/cover.wgsl.
 const LISTED: u32 = 4096;
-/// Workgroups that share the large triangles: eight a multiprocessor of an H200, of which some wait while others compute.
+/// Number of workgroups that share the large triangles: eight per multiprocessor of an H200, so that some compute while
+/// others wait.
 const SHARERS: u32 = 1056;
 
-/// A camera's closest hits and their shadows packet by packet, where that pays.
+/// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower.
 pub(super) fn by_packets(
     method: Method,
     params: Params,
@@ -33,13 +34,13 @@ pub(super) fn by_packets(
     let project = Work::linear(kernel("project", method), params, things);
     Some(Trace {
         primary: vec![project, trace],
-        // A row of 16 bytes for each lane, two for each triangle.
+        // One row of 16 bytes per lane and two per triangle.
         cover_bytes: 16 * u64::from(things + triangles),
         ..Trace::default()
     })
 }
 
-/// A camera's closest hits triangle by triangle, and then their shadows, where that pays.
+/// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower.
 pub(super) fn by_rasterization(
     method: Method,
     params: Params,
@@ -60,7 +61,7 @@ pub(super) fn by_rasterization(
         Intersector::Watertight => 1,
         _ => 2,
     };
-    // One more number says whether rasterization found all hits; two numbers are a row.
+    // One more element holds whether rasterization was complete. A row holds two elements.
     let pairs = kept * pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
@@ -76,7 +77,7 @@ pub(super) fn by_rasterization(
             },
             each(kernel("cover_large", method), SHARERS),
             each(rasterize, rasterizers),
-            // Its `notes` are those of `exact`.
+            // Here `notes` is the capacity for the notes of `exact`.
             over_blocks("resolve", method, seen, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + tiles),
@@ -85,31 +86,31 @@ pub(super) fn by_rasterization(
     })
 }
 
-/// A camera's hits and shadows to pixels, under a lamp.
+/// Returns the dispatch that shades a camera's hits under a lamp.
 #[must_use]
 pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
     let [width, height, _] = common("shade").workgroup;
     let params = Params {
-        // In the scene's units.
+        // In scene units.
         light: lamp,
         ..params.through(camera)
     };
     over_blocks("shade", Method::default(), params, [width, height])
 }
 
-/// Over a picture, so many pixels a workgroup.
+/// Returns a dispatch over a picture, one workgroup per `block` of pixels.
 fn over_blocks(entry: &str, method: Method, params: Params, block: [u32; 2]) -> Work {
     let groups = Groups::Pixels([params.width, params.height], block);
     Work::new(kernel(entry, method), params, groups)
 }
 
-/// Columns and rows are written in 16 bits.
+/// Columns and rows are stored in 16 bits.
 const LONGEST: u32 = 1 << 16;
-/// A little more than 0, for rounding in the picture.
+/// Margin for rounding in the picture, slightly above 0.
 const LEAST_MARGIN: f64 = 1.0 / 128.0;
 
-/// The parameters with the inverse of a camera's matrix, `2^depth_exponent` times; `None` if pixels cannot be told apart well
-/// enough. The exponent is that of the largest component of any ray's direction.
+/// Returns the parameters with the inverse of a camera's matrix, times `2^depth_exponent`, or `None` if pixels cannot be
+/// distinguished well enough. The exponent is that of the largest component of any ray's direction.
 fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let [across, down, corner] = [camera.across, camera.down, camera.corner].map(wide);
     let [width, height] = [camera.width, camera.height].map(f64::from);
@@ -120,7 +121,7 @@ fn projected(params: Params, camera: &Camera) -> Option<Params> {
     let volume = across.dot(rows[0]);
     let [column, row, depth] = rows.map(|row| row / volume);
     let size = |axis: DVec3| axis.abs().element_sum();
-    // A direction is rounded three times, and so is what is made of it.
+    // A direction is rounded three times, and so are the values computed from it.
     let doubt = |axis, pixels| largest * (size(axis) + pixels * size(depth)) * (-22_f64).exp2();
     let margin = doubt(column, width).max(doubt(row, height));
     let scaled = [column, row, depth].map(|row| (row * exponent.exp2()).as_vec3().to_array());
@@ -170,7 +171,7 @@ mod tests {
                 let [c, r, w] = [p.column, p.row, p.depth].map(|row| wide(row).dot(d));
                 let off = |seen: f64, pixel: u32| (seen / w - f64::from(pixel) - 0.5).abs();
                 assert!(off(c, x).max(off(r, y)) < f64::from(p.pixel_margin));
-                // Depth is t, but for a power of two.
+                // Depth is t times a power of two.
                 assert!((w / f64::from(p.depth_exponent).exp2() - 1.0).abs() < 1e-5);
             }
         }

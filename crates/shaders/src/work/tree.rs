@@ -1,4 +1,4 @@
-//! The stages that follow a tree: records, and boxes level by level.
+//! Dispatches that update a tree: triangle records, and boxes level by level.
 
 use super::{Groups, Work, treelets};
 use crate::{Extent, Kernel, MovingShape, Params, Shape, common, kernel};
@@ -6,15 +6,15 @@ use backend::{Layout, Method};
 use std::mem::offset_of;
 use std::ops::Range;
 
-/// Which parts of the tree in use stand on the device since it was adopted.
+/// Tracks which parts of the current tree have been computed on the device since it was adopted.
 ///
-/// What comes first goes over all of the tree; what comes later, over what moves, if the tree came with lists of it. The host
-/// says when work was recorded, and starts anew with each tree, or when recorded work came to nothing.
+/// The first work on a tree covers the whole tree. Later work covers only moving parts, if the tree lists its moving parts. The
+/// host must report recorded work. It starts with a new value for each tree, or if recorded work was discarded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     has_records: bool,
     has_boxes: bool,
-    /// Whether `preprocess` made all boxes in this recording.
+    /// Whether `preprocess` computed all boxes in this recording.
     has_climbed: bool,
     sums: Sums,
 }
@@ -25,12 +25,12 @@ enum Sums {
     /// Those of the current tree.
     #[default]
     Current,
-    /// Those of a tree that is evaluated beside it.
+    /// Those of a candidate tree that is evaluated next to the current one.
     Candidate,
 }
 
 impl Sums {
-    /// The member that receives the areas of all nodes, except those of what moves where these are added up apart.
+    /// Returns the member that receives the areas of all nodes, except moving ones where these are summed separately.
     fn all(self) -> usize {
         match self {
             Self::Current => offset_of!(crate::Counts, areas),
@@ -38,7 +38,7 @@ impl Sums {
         }
     }
 
-    /// The member that receives the areas of what moves.
+    /// Returns the member that receives the areas of moving nodes.
     fn moving(self) -> usize {
         match self {
             Self::Current => offset_of!(crate::Counts, moving_areas),
@@ -48,7 +48,7 @@ impl Sums {
 }
 
 impl Progress {
-    /// Returns the progress of a tree that is evaluated beside the current one, before any work.
+    /// Returns the progress of a candidate tree that is evaluated next to the current one, before any work.
     #[must_use]
     pub fn of_candidate() -> Self {
         Self {
@@ -57,8 +57,8 @@ impl Progress {
         }
     }
 
-    /// Returns the progress of the same tree once it is current. The areas of the whole tree are added up once more, because
-    /// those of the evaluation belong to other counts.
+    /// Returns the progress of a candidate tree that becomes the current one. The areas of the whole tree are summed again,
+    /// because those of the evaluation belong to other counts.
     #[must_use]
     pub fn promoted(self) -> Self {
         Self {
@@ -67,10 +67,14 @@ impl Progress {
         }
     }
 
-    /// Positions to records and boxes of leaves, after the tree's lists of nodes if need be; with layout `fast`, after the
-    /// leaves' vertices, also to boxes of all nodes in treelets of triangles. Also for [`crate::Extents::uncounted`] how
-    /// many triangles of zero area it passes over. Of a small tree with layout `fast` it reads key frames, the later
-    /// weighing [`Params::alpha`], and no positions, so that it may run beside `interpolate`.
+    /// Returns the dispatches that compute records and leaf boxes from positions, and the number of zero-area triangles
+    /// that they skip, for [`crate::Extents::uncounted`].
+    ///
+    /// With layout `bvh2`, the first work on a tree also expands its lists of nodes. With layout `fast`, the first work also
+    /// gathers the leaves' vertices, and all work computes the boxes of all nodes in treelets of triangles.
+    ///
+    /// Small trees with layout `fast` are computed from key frames; the later one has the weight [`Params::alpha`]. Such
+    /// work does not read positions, so it can run concurrently with `interpolate`.
     pub fn preprocess(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, u32) {
         let params = self.with_sums(params);
         if tree.layout == Layout::Fast {
@@ -98,13 +102,14 @@ impl Progress {
         (work, moving.map_or(0, |moving| moving.degenerate_elsewhere))
     }
 
-    /// That work was recorded, over such a tree.
+    /// Reports that work was recorded for `tree`.
     pub fn preprocessed(&mut self, tree: &Shape) {
         self.has_climbed = tree.layout == Layout::Fast && treelets::climbs(tree);
         self.has_records = true;
     }
 
-    /// Boxes of leaves to boxes of inner nodes, level by level, and to the tree's cost; nothing where `preprocess` has done so.
+    /// Returns the dispatches that compute boxes of inner nodes level by level, and the tree's cost. The list is empty if
+    /// `preprocess` has done so. Also returns which nodes' areas are summed.
     pub fn refit(&self, method: Method, params: Params, tree: &Shape) -> (Vec<Work>, Extent) {
         let params = self.with_sums(params);
         if self.has_climbed {
@@ -121,7 +126,7 @@ impl Progress {
         }
     }
 
-    /// Names the word that treelets add their areas up to.
+    /// Sets the word that receives the sum of the treelets' areas.
     fn with_sums(&self, params: Params) -> Params {
         Params {
             destination: word_of(self.sums.all()),
@@ -129,23 +134,23 @@ impl Progress {
         }
     }
 
-    /// That work was recorded.
+    /// Reports that work was recorded.
     pub fn refitted(&mut self) {
         self.has_boxes = true;
     }
 
-    /// That the recording was submitted: what comes next is counted anew.
+    /// Reports that the recording was submitted, so that the next one starts.
     pub fn submitted(&mut self) {
         self.has_climbed = false;
     }
 }
 
-/// Positions to records and boxes of all leaves.
+/// Returns the dispatch that computes records and boxes of all leaves from positions.
 pub fn leaves(method: Method, params: Params, tree: &Shape) -> Work {
     Work::linear(kernel("preprocess", method), params, tree.leaf_count)
 }
 
-/// Over elements of a list, or over nodes by their numbers.
+/// Returns a dispatch over elements of a list, or over nodes by their indices.
 fn over(kernel: &'static Kernel, mut params: Params, elements: &Range<u32>) -> Work {
     params.first = elements.start;
     Work::linear(kernel, params, elements.len() as u32)
@@ -157,7 +162,7 @@ fn refit_whole(params: Params, tree: &Shape, sums: Sums) -> Vec<Work> {
     }
     let mut work = refit_levels(params, &tree.levels);
     work.push(sum(params, groups_of(&work), word_of(sums.all())));
-    // The areas of what moves come apart, as they will from then on.
+    // The areas of moving nodes are summed separately, as in all later refits.
     let moving = tree.moving.iter();
     work.extend(moving.flat_map(|moving| refit_moving(params, moving, sums)));
     work
@@ -170,7 +175,7 @@ fn refit_moving(mut params: Params, moving: &MovingShape, sums: Sums) -> Vec<Wor
     work
 }
 
-/// One dispatch a level, the last one first.
+/// Returns one dispatch per level, the last level first.
 fn refit_levels(mut params: Params, levels: &[Range<u32>]) -> Vec<Work> {
     params.first_group = 0;
     let level = |level| {
@@ -185,7 +190,7 @@ fn groups_of_one(work: &Work) -> u32 {
     work.params.count.div_ceil(work.kernel.workgroup[0])
 }
 
-/// Workgroups of all levels.
+/// Returns the number of workgroups of all levels.
 fn groups_of(levels: &[Work]) -> u32 {
     let last = levels.last();
     last.map_or(0, |work| work.params.first_group + groups_of_one(work))
@@ -196,7 +201,7 @@ pub(crate) fn word_of(member: usize) -> u32 {
     (member / size_of::<u32>()) as u32
 }
 
-/// Adds up the sums of `groups` workgroups, into a word of [`crate::Counts`].
+/// Returns the dispatch that sums the partial sums of `groups` workgroups into a word of [`crate::Counts`].
 pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
     (params.count, params.first) = (groups, word);
     Work::new(common("sum_costs"), params, Groups::Linear(1))
@@ -206,7 +211,7 @@ pub(crate) fn sum(mut params: Params, groups: u32, word: u32) -> Work {
 mod tests {
     use super::*;
 
-    /// Kernel, first element, count, workgroups that it is told of, whether listed.
+    /// Entry point, first element, count, `first_group` and `listed` of a dispatch.
     type Told = (&'static str, u32, u32, u32, u32);
 
     fn told(work: &[Work]) -> Vec<Told> {

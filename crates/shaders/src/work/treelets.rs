@@ -1,4 +1,4 @@
-//! The stages that follow a tree with layout `fast`: treelet by treelet, level by level.
+//! Dispatches that update a tree with layout `fast`: treelet by treelet, level by level.
 
 use super::tree::sum;
 use super::{Groups, Work};
@@ -6,31 +6,33 @@ use crate::{Kernel, MovingShape, Params, Shape, kernel};
 use backend::Method;
 use std::ops::Range;
 
-/// A tree just adopted to its leaves' vertices.
+/// Returns the dispatch that gathers the vertices of a newly adopted tree's leaves.
 pub(super) fn adopt(method: Method, mut params: Params, tree: &Shape) -> Work {
     params.first_group = tree.treelet_count();
     let gather = kernel("gather_corners", method);
     Work::linear(gather, params, 3 * tree.leaf_count)
 }
 
-/// Leaves of a tree that `preprocess` makes from key frames. Below, not to wait for positions saves more than blending a
-/// vertex once for each triangle costs (measured on an H200: 4 us saved at 70K triangles, none at 500K, 8 lost at 1.6M).
+/// Maximum number of leaves for which `preprocess` blends key frames itself. Up to here, not waiting for positions saves
+/// more time than blending a vertex once per triangle costs. On an H200: 4 us saved at 70K triangles, 0 at 500K, 8 lost
+/// at 1.6M.
 const FROM_KEYS: u32 = 1 << 19;
 
-/// Whether `preprocess` reads key frames in place of positions.
+/// Returns whether `preprocess` reads key frames instead of positions.
 pub(super) fn reads_keys(tree: &Shape) -> bool {
     tree.leaf_count <= FROM_KEYS
 }
 
-/// Whether `preprocess` goes on to the boxes of all other treelets, if there are others. Roots of those that it passes over
-/// stand where they were left when it went over all. That saves the wait for one level after the other; but of large trees
-/// it takes longer (an H200: 2 us less at 70K and 250K triangles, 20 more at 1.6M).
+/// Returns whether `preprocess` also computes the boxes of all other treelets, if there are any. Treelets that it skips
+/// keep the roots that it computed for the whole tree. This avoids a barrier per level, but takes longer for large trees.
+/// On an H200: 2 us less at 70K and 250K triangles, 20 us more at 1.6M.
 pub(super) fn climbs(tree: &Shape) -> bool {
     reads_keys(tree) && tree.treelet_count() > 1
 }
 
-/// Positions, or key frames, to records, and to boxes of all nodes in treelets of triangles, or in all; if records stand,
-/// only where anything moves. Also how many triangles of zero area that passes over.
+/// Returns the dispatch that computes records from positions or key frames, and boxes of all nodes in treelets of triangles,
+/// or in all treelets. If records already exist (`stand`), it only covers moving treelets. Also returns the number of
+/// zero-area triangles that it skips.
 pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bool) -> (Work, u32) {
     let entry = match reads_keys(tree) {
         true => "preprocess_treelets_of_keys",
@@ -46,9 +48,11 @@ pub(super) fn preprocess(method: Method, params: Params, tree: &Shape, stand: bo
     (over(preprocess, params, lowest), uncounted)
 }
 
-/// Boxes of treelets' roots to those of all nodes above; if boxes stand, only where anything moves.
-/// Each treelet has a sum of areas of its own, as those of triangles have. The workgroup that makes the root's box adds up all
-/// sums, to the word [`Params::destination`] of the counts. Treelets that were passed over kept their sums.
+/// Returns the dispatches that compute the boxes of all nodes above the roots of the lowest treelets. If boxes already exist
+/// (`stand`), they only cover moving treelets.
+///
+/// Each treelet has its own sum of areas. The workgroup that computes the root box adds all sums and stores the total in
+/// word [`Params::destination`] of the counts. Treelets that are skipped keep their sums.
 pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -> Vec<Work> {
     let refit = kernel("refit_treelets", method);
     let (of_levels, levels) = levels(params, tree, stand);
@@ -64,12 +68,12 @@ pub(super) fn refit(method: Method, params: Params, tree: &Shape, stand: bool) -
     work
 }
 
-/// The lists to go by, if there are some.
+/// Returns the lists of moving treelets if the tree has any and its records and boxes already exist (`stand`).
 fn listed(tree: &Shape, stand: bool) -> Option<&MovingShape> {
     tree.moving.as_ref().filter(|_| stand)
 }
 
-/// Each level's treelets by number, or where they are listed.
+/// Returns the treelets of each level, by index or as ranges of the lists.
 fn levels(mut params: Params, tree: &Shape, stand: bool) -> (Params, &[Range<u32>]) {
     let listed = listed(tree, stand);
     params.listed = listed.is_some().into();

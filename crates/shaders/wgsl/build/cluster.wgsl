@@ -1,19 +1,16 @@
-// Clusters to fewer clusters, along the curve they are sorted by: each merge makes an inner node.
+// Merges clusters along the curve they are sorted by. Each merge makes an inner node.
 //
-// Parallel locally-ordered clustering (Meister, Bittner 2018): two neighbours
-// that are each other's nearest merge, all such pairs at once, round after
-// round. Each workgroup does so for a tile of its own until a set number is
-// left, without a word to the others (as H-PLOC, Benthin, Meister, Barczak,
-// Mehalwal, Tsakok, Kensler 2024, does for subtrees). So the host knows how many
-// clusters each tile leaves and how many inner nodes it makes: nothing is
-// counted, no workgroup waits for another, and no place is handed out twice.
+// Parallel locally-ordered clustering (Meister, Bittner 2018): in each round, all pairs of neighbours that are each other's
+// nearest merge at once. Each workgroup does so for its own tile until a set number of clusters is left, independently of the
+// others. H-PLOC (Benthin, Meister, Barczak, Mehalwal, Tsakok, Kensler 2024) does the same for subtrees. So the host knows how
+// many clusters each tile leaves and how many inner nodes it makes: there are no counters, no workgroup waits for another, and
+// places are unique.
 //
-// The m-th merge of all makes inner node n - 2 - m of n leaves, and its two
-// clusters become its children, side by side, the last merge
-// at the root. A cluster is a node without a place: its box and its link, by which traversal goes on.
+// With n leaves, merge m (counted over all phases) makes inner node n - 2 - m, and its two clusters become adjacent children. The
+// last merge makes the root. A cluster is a node that is not stored yet: its box and its traversal reference.
 //
-// Each round raises the tree by one level at most, and the host sets how many
-// rounds there may be: after params.rounds of them neighbours merge two by two.
+// Each round adds at most one level to the tree. The host bounds the number of rounds: after params.rounds rounds, neighbours
+// merge in pairs.
 
 import package::geometry::layout::{LEAF, TWO, children_of};
 import package::lib::buffers::{costs, nodes};
@@ -21,25 +18,25 @@ import package::lib::params::params;
 
 @group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
 
-// Clusters of a tile: a workgroup has room for them in 16 KiB.
+// Number of clusters of a tile. They take 16 KiB of workgroup memory.
 const CLUSTER_TILE: u32 = 512u;
-// How far along the curve a neighbour may be.
+// Largest distance of a neighbour along the curve.
 const REACH: u32 = 8u;
 
-// Lower x, y, z, then upper x, y, z of all.
+// Lower x, y, z, then upper x, y, z of all clusters.
 var<workgroup> planes: array<f32, 3072>;
-// What a cluster is: a leaf, or the first of two children.
+// Traversal reference of each cluster: a leaf, or the first of two children.
 var<workgroup> links: array<u32, 512>;
-// Where its nearest neighbour is: those of i and i + 256 in one word.
+// The nearest neighbour of each cluster: those of i and i + 256 in one word.
 var<workgroup> nearest: array<u32, 256>;
-// A bit for each cluster that its nearest neighbour, which comes before it, takes in.
+// One bit per cluster, set if it merges into its nearest neighbour and that neighbour comes first.
 var<workgroup> taken: array<atomic<u32>, 16>;
 var<workgroup> left: u32;
 
 struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
 
-// What traversal calls an inner node made of two clusters. With layout `fast` two triangles in a row, both of which a ray can
-// hit, share a leaf: then the node's own rows stay unused. With `bvh2` it is the node's left child.
+// Returns the traversal reference of an inner node made of two clusters. With layout `fast`, two consecutive triangles that a ray
+// can both hit share a leaf, and the node's own rows stay unused. With `bvh2` the reference is the node's left child.
 fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
     if params.fast_layout == 0u { return 2u * inner + 1u; }
     let are_triangles = (a.link & (LEAF | TWO)) == LEAF && b.link == a.link + 1u;
@@ -63,15 +60,15 @@ fn store(i: u32, c: Cluster) {
     links[i] = c.link;
 }
 
-// Half the surface; 0 if the box is empty.
+// Returns half the surface area; 0 if the box is empty.
 fn half_area_of(low: vec3<f32>, high: vec3<f32>) -> f32 {
     let d = max(high - low, vec3<f32>(0.0));
     return d.x * d.y + d.y * d.z + d.z * d.x;
 }
 
-// The neighbour that makes the smallest box together with this one. Of equals the
-// one whose number differs in the lowest bits: so both sides of a pair rank it
-// alike, the best pair of all is always mutual, and equal boxes merge two by two.
+// Returns the neighbour that makes the smallest box together with this cluster. Of equal boxes it takes the neighbour whose index
+// differs in the lowest bits. Both sides of a pair then rank it equally, the best pair is always mutual, and equal boxes merge in
+// pairs.
 fn nearest_to(i: u32, count: u32) -> u32 {
     let own = load(i);
     var best = i;
@@ -89,7 +86,7 @@ fn nearest_to(i: u32, count: u32) -> u32 {
     return best;
 }
 
-// Likewise where no rounds are left: two by two.
+// Returns the cluster to merge with: the nearest one, or the neighbour of a fixed pair after `params.rounds` rounds.
 fn partner_of(i: u32, count: u32, round: u32) -> u32 {
     if i >= count { return i; }
     if round < params.rounds { return nearest_to(i, count); }
@@ -103,7 +100,7 @@ fn mark_taken(i: u32) {
     if j < i && nearest_of(j) == i { atomicOr(&taken[i >> 5u], 1u << (i & 31u)); }
 }
 
-// Marks before `i`.
+// Returns the number of marks before `i`.
 fn taken_before(i: u32) -> u32 {
     var count = countOneBits(atomicLoad(&taken[(i >> 5u) & 15u]) & ((1u << (i & 31u)) - 1u));
     for (var w = 0u; w < (i >> 5u); w += 1u) { count += countOneBits(atomicLoad(&taken[w])); }
@@ -126,10 +123,11 @@ fn merge(a: Cluster, b: Cluster, inner: u32) -> Cluster {
     return Cluster(min(a.low, b.low), max(a.high, b.high), link);
 }
 
-// A cluster after a round, where it goes (beyond the tile if it was taken), and the half areas of what it is made of.
+// A cluster after a round, its new place (outside the tile if it was merged into another), and the half areas of its new
+// children.
 struct OutcomeOfRound { cluster: Cluster, place: u32, area: f32 }
 
-// `merges` are the round's merges, of which the first makes inner node `inner`.
+// `merges` is the number of the round's merges. The first one makes inner node `inner`.
 fn outcome_of_round(i: u32, count: u32, merges: u32, inner: u32) -> OutcomeOfRound {
     if i >= count { return OutcomeOfRound(Cluster(), CLUSTER_TILE, 0.0); }
     let rank = taken_before(i);
@@ -145,7 +143,7 @@ fn outcome_of_round(i: u32, count: u32, merges: u32, inner: u32) -> OutcomeOfRou
     return OutcomeOfRound(merge(own, other, inner - number), place, area);
 }
 
-// One round; returns the half areas of the clusters that merged here.
+// Runs one round. Returns the half areas of the clusters that this invocation merged.
 fn play_round(local: u32, count: u32, round: u32, inner: u32) -> f32 {
     let a = partner_of(local, count, round);
     let b = partner_of(local + 256u, count, round);
@@ -171,7 +169,7 @@ fn fetch(i: u32) -> Cluster {
     return Cluster(bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz), low.w);
 }
 
-// A tile's survivor goes to the next phase; the last of all is the root.
+// Writes a remaining cluster of a tile for the next phase. The last remaining cluster is the root.
 fn hand_on(tile: u32, i: u32) {
     let c = load(i);
     if params.goal == 1u {
@@ -184,7 +182,7 @@ fn hand_on(tile: u32, i: u32) {
     clusters[2u * to + 1u] = pack_high(c);
 }
 
-// The sum over the workgroup, for invocation 0 alone, always taken in the same order. Overwrites the clusters.
+// Sums over the workgroup in a fixed order. Only invocation 0 receives the result. Overwrites the clusters.
 fn sum_areas(local: u32, area: f32) -> f32 {
     workgroupBarrier();
     planes[local] = area;
@@ -208,13 +206,13 @@ fn cluster(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let tile = group.x + group.y * groups.x;
-    // Tiles of every other phase begin half a tile earlier, so that their borders are not always the same.
+    // In every other phase, tiles begin half a tile earlier, so that their borders differ.
     let begin = max(tile * CLUSTER_TILE, params.shift) - params.shift;
     let end = max(min(tile * CLUSTER_TILE + CLUSTER_TILE - params.shift, params.count), begin);
     if begin + local < end { store(local, fetch(params.first + begin + local)); }
     if begin + local + 256u < end { store(local + 256u, fetch(params.first + begin + local + 256u)); }
     if local == 0u { left = end - begin; }
-    // Each merge so far, in phases before and tiles before, took one cluster away.
+    // Every merge in earlier phases and earlier tiles removed one cluster.
     let leaves = (params.node_count + 1u) / 2u;
     var inner = leaves - 2u - (leaves - params.count) - (begin - tile * params.goal);
     var area = 0.0;

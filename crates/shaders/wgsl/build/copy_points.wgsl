@@ -1,4 +1,4 @@
-// Positions that the program has on the device to a key frame, word by word.
+// Copies positions from a buffer of the program to a key frame, word by word.
 
 import package::lib::params::{element, params};
 

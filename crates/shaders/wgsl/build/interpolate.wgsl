@@ -1,4 +1,4 @@
-// Key frames to positions.
+// Blends key frames to positions.
 
 import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::ieee::{add, mul, sub};
@@ -9,7 +9,7 @@ import package::lib::params::{element, params};
 @group(0) @binding(next) var<storage, read_write> positions: array<vec4<u32>>;
 @group(0) @binding(next) var<storage, read> moving_rows: array<u32>;
 
-// geom::Pose::blend, number by number, as bits.
+// geom::Pose::blend for one number, as bits.
 
 fn blend(a: u32, b: u32) -> u32 {
     let native = blend_native(a, b);
@@ -22,7 +22,7 @@ fn blend_native(a: u32, b: u32) -> u32 {
     return bitcast<u32>(add(x, mul(sub(bitcast<f32>(b), x), params.alpha)));
 }
 
-// From 2^-100 up, what a device may flush on the way is beneath rounding, unless the weight itself is.
+// For results from 2^-100 up, operands that a device may flush are below the rounding error, unless the weight itself is flushed.
 fn is_rare(a: u32, b: u32, native: u32) -> bool {
     let small = (native & 0x7fffffffu) < 0x0d800000u || params.alpha < 1.1754943508222875e-38;
     return small && ((a | b) & 0x7fffffffu) != 0u;
@@ -34,15 +34,14 @@ fn blend_rare(a: u32, b: u32) -> u32 {
         return bitcast<u32>(add(x, sub(bitcast<f32>(b), x)));
     }
     let way = soft_add(b, a ^ 0x80000000u);
-    // Beyond the largest number, a weight changes nothing.
+    // The difference overflowed, so the weight changes nothing.
     if !is_finite_bits(way) { return way; }
     return soft_add(a, soft_multiply(way, bitcast<u32>(params.alpha)));
 }
 
 fn is_finite_bits(x: u32) -> bool { return (x & 0x7f800000u) != 0x7f800000u; }
 
-// Key frames to positions, four numbers at a time; of all rows or of those in which anything moves.
-
+// Blends four numbers at a time, in all rows or in those that contain moving vertices.
 @compute @workgroup_size(128)
 fn interpolate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     var i = element(id, groups, 128u);

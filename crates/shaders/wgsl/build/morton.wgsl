@@ -1,11 +1,11 @@
-// Triangles to places on a space-filling curve, by which they are sorted.
+// Assigns triangles to places on a space-filling curve, by which they are sorted.
 
 import package::geometry::triangle::corner;
 import package::geometry::units::{is_finite_point, scaled_point};
 import package::lib::buffers::positions;
 import package::lib::params::{element, params};
 
-// The box round the scene, in parts of two rows.
+// Bounding boxes of parts of the scene, two rows each.
 @if(bounds)
 @group(0) @binding(next) var<storage, read_write> boxes: array<vec4<f32>>;
 @else
@@ -16,13 +16,13 @@ import package::lib::params::{element, params};
 @group(0) @binding(next) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(next) var<storage, read_write> sorted: array<u32>;
 
-// The box round what a workgroup of 256 holds.
+// Bounding box of the values of a workgroup of 256.
 
 var<workgroup> lows: array<vec3<f32>, 256>;
 var<workgroup> highs: array<vec3<f32>, 256>;
 
-// Leaves the box in lows[0] and highs[0], for every invocation to read.
-// Every invocation must call it, in uniform control flow.
+// Computes the box in lows[0] and highs[0], readable by every invocation. Must be called by all invocations, in uniform control
+// flow.
 fn gather_box(local: u32, low: vec3<f32>, high: vec3<f32>) {
     lows[local] = low;
     highs[local] = high;
@@ -36,8 +36,7 @@ fn gather_box(local: u32, low: vec3<f32>, high: vec3<f32>) {
     }
 }
 
-// The box round all finite positions, in scaled units: one part a workgroup, of which there are 128.
-
+// Computes the box of all finite positions, in scaled units: one part for each of 128 workgroups.
 @compute @workgroup_size(256)
 fn bounds(
     @builtin(global_invocation_id) id: vec3<u32>,
@@ -62,13 +61,12 @@ fn bounds(
     }
 }
 
-// A place on a space-filling curve for each live triangle: its key, to sort by.
+// Computes the sort key of each live triangle: its place on a space-filling curve.
 //
-// The curve halves whichever side of the cell is the longest (Vinkler, Bittner,
-// Havran: Extended Morton Codes for High Performance Bounding Volume Hierarchy
-// Construction, 2017), so that flat scenes waste no bits. Each bit is one halving.
+// The curve always halves the longest side of the cell, so that flat scenes waste no bits (Vinkler, Bittner, Havran: Extended
+// Morton Codes for High Performance Bounding Volume Hierarchy Construction, 2017). Each bit is one halving.
 
-// `at` lies within the cell from 0 to `cell`.
+// `at` is within the cell from 0 to `cell`.
 fn key_of(at: vec3<f32>, cell: vec3<f32>) -> u32 {
     var rest = at;
     var size = cell;
@@ -102,7 +100,7 @@ fn morton(
     @builtin(local_invocation_index) local: u32,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    // Each part twice: 128 parts, 256 invocations.
+    // Reads each part twice: there are 128 parts and 256 invocations.
     let part = local & 127u;
     gather_box(local, boxes[2u * part].xyz, boxes[2u * part + 1u].xyz);
     let i = element(id, groups, 256u);

@@ -1,4 +1,4 @@
-// Positions to records and boxes of leaves.
+// Computes triangle records and leaf boxes from positions.
 
 import package::geometry::record::{NO_TRIANGLE, keep_index, record_of};
 import package::geometry::layout::LEAF;
@@ -9,19 +9,19 @@ import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read> leaf_nodes: array<u32>;
 
-// How a triangle stands: whether a ray can hit it at all.
+// Triangle states. Rays can only hit sound triangles.
 
 const SOUND: u32 = 0u;
 const INACTIVE: u32 = 1u;
 const DEGENERATE: u32 = 2u;
 
-// Of a triangle's corners as they are given, and in scaled units.
+// Returns the state of a triangle, given its corners in scene units and in scaled units.
 fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> u32 {
     if !(is_finite(given_a) && is_finite(given_b) && is_finite(given_c)) { return INACTIVE; }
     return select(SOUND, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
 }
 
-// Positions to triangle records and boxes of leaves, in the tree's leaf order; of all leaves or of those that move.
+// Writes triangle records and leaf boxes in the tree's leaf order, for all leaves or for those that move.
 //
 // Variants: intersector.
 @compute @workgroup_size(128)

@@ -1,11 +1,11 @@
-// Boxes of inner nodes, level by level, and what a tree costs.
+// Computes the boxes of inner nodes level by level, and the tree's cost.
 
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::params::{element, params};
 
 // Areas of boxes, and their sums over a workgroup.
 
-// Invocations of a workgroup.
+// Number of invocations of a workgroup.
 @if(refit || sum_costs)
 const GROUP: u32 = 128u;
 @else
@@ -13,14 +13,14 @@ const GROUP: u32 = 256u;
 
 var<workgroup> partial_sums: array<f32, GROUP>;
 
-// Half the surface of a box; 0 if it is empty.
+// Returns half the surface area of a box; 0 if it is empty.
 fn half_area(low: vec4<u32>, high: vec4<u32>) -> f32 {
     let d = bitcast<vec3<f32>>(high.xyz) - bitcast<vec3<f32>>(low.xyz);
     return select(0.0, d.x * d.y + d.y * d.z + d.z * d.x, d.x >= 0.0);
 }
 
-// The sum of `x` over the workgroup, for invocation 0 alone, always taken in the same order.
-// Every invocation must call it, in uniform control flow. Two barriers: all to 16 to 1.
+// Sums `x` over the workgroup in a fixed order. Only invocation 0 receives the result. Must be called by all invocations, in
+// uniform control flow. Takes two barriers: all values are reduced to 16, then to 1.
 fn sum_of_group(local: u32, x: f32) -> f32 {
     partial_sums[local] = x;
     workgroupBarrier();
@@ -36,7 +36,7 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
     return sum;
 }
 
-// Places of inner nodes, by level; a flag tells those with a moving leaf below.
+// Indices of inner nodes, by level. A flag marks those with a moving leaf below.
 @if(refit)
 @group(0) @binding(next) var<storage, read> inner_nodes: array<u32>;
 @else
@@ -44,23 +44,19 @@ fn sum_of_group(local: u32, x: f32) -> f32 {
 
 @group(0) @binding(next) var<storage, read_write> leaf_nodes: array<u32>;
 
-// Boxes of one level's inner nodes from those of their children, and the areas of those children.
+// Computes the boxes of one level's inner nodes from their children's, and sums the children's areas.
 //
-// What a tree costs (surface area heuristic) is the sum of all nodes' areas
-// over the root's. Whoever computes a node's box has its children's at hand, so
-// each workgroup adds up the half areas of the children it read, and writes one
-// partial sum: no atomics, and the same bits each time. Every level is a
-// dispatch, and its workgroups write to
+// The cost of a tree (surface area heuristic) is the sum of all nodes' areas over the root's. Each workgroup has read the boxes
+// of its nodes' children, so it sums their half areas and writes one partial sum: no atomics, and the same bits each time. Every
+// level is a dispatch, and its workgroups write to
 //
 //     costs[params.first_group + number of the workgroup in its dispatch]
 //
-// where first_group counts the workgroups of the levels dispatched before. So
-// costs holds one f32 for each workgroup of all levels, without gaps, and after
-// the last level `sum_costs` adds them up.
+// where first_group counts the workgroups of the levels dispatched before. So costs holds one f32 for each workgroup of all
+// levels, without gaps. After the last level, `sum_costs` adds them up.
 //
-// Of a tree with lists of what moves, a refit of all nodes leaves out the areas
-// under those that are marked as moving: a refit of what moves adds those up. So what
-// lies still is summed once a tree, and what moves every frame.
+// If the tree lists its moving parts, a full refit leaves out the areas below nodes that are marked as moving, and the refit of
+// moving nodes adds them. So static areas are summed once per tree, and moving ones every frame.
 
 fn box_min(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(min(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
@@ -70,7 +66,7 @@ fn box_max(a: vec4<u32>, b: vec4<u32>) -> vec3<u32> {
     return bitcast<vec3<u32>>(max(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz)));
 }
 
-// Writes the box of one inner node and returns the half areas of both children.
+// Writes the box of one inner node. Returns the half areas of both children.
 fn refit_node(inner: u32) -> f32 {
     let marked = inner_nodes[inner];
     let node = marked & ~MOVES;
@@ -95,13 +91,13 @@ fn refit(
         area = refit_node(inner);
     }
     let sum = sum_of_group(local, area);
-    // Of a dispatch in rows, the last workgroups may have no node.
+    // In a two-dimensional dispatch, the last workgroups may have no node.
     if local == 0u && i < params.count { costs[params.first_group + group.x + group.y * groups.x] = sum; }
 }
 
 // Boxes of an inner node's children.
 
-// Flags an inner node with a moving leaf below, in `inner_nodes`.
+// Flag in `inner_nodes`: a moving leaf is below.
 const MOVES: u32 = 0x80000000u;
 
 struct Children {
@@ -120,8 +116,7 @@ fn areas(pair: Children) -> f32 {
     return half_area(pair.left_low, pair.left_high) + half_area(pair.right_low, pair.right_high);
 }
 
-// A record of a tree to the two lists that refit walks.
-
+// Expands a tree's topology to the lists of leaves and inner nodes that refit uses.
 @compute @workgroup_size(128)
 fn expand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let node = element(id, groups, 128u);
@@ -137,8 +132,7 @@ fn expand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
 }
 
-// Flags inner nodes with a moving leaf below, as the tree's list names them.
-
+// Flags inner nodes with a moving leaf below, from the tree's list.
 @compute @workgroup_size(128)
 fn mark_moving(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
@@ -147,8 +141,7 @@ fn mark_moving(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     inner_nodes[inner] |= 0x80000000u;
 }
 
-// What refit's workgroups found, added up by one workgroup: params.count partial sums.
-
+// Adds up `params.count` partial sums of refit's workgroups, in one workgroup.
 @compute @workgroup_size(128)
 fn sum_costs(@builtin(local_invocation_index) local: u32) {
     var sums = vec4<f32>(0.0);

@@ -1,4 +1,4 @@
-// A radix sort of keys, eight bits a round: count, scan, scatter.
+// Radix sort of keys with eight bits per round: count, scan, scatter.
 
 import package::lib::params::params;
 
@@ -9,21 +9,21 @@ import package::lib::params::params;
 
 @group(0) @binding(next) var<storage, read_write> sorted: array<u32>;
 
-// For each value of the digit, a count for each tile; after those, the sums that sort_scan makes.
+// A count per tile for each value of the digit, then the sums that sort_scan computes.
 @if(sort_scatter)
 @group(0) @binding(next) var<storage, read> digits: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> digits: array<u32>;
 
-// Sums over a workgroup of 256, and where the parts of a radix sort lie.
+// Prefix sums over a workgroup of 256, and the offsets of a radix sort.
 
-// Elements that one workgroup sorts: 8 an invocation.
+// Number of elements that one workgroup sorts: 8 per invocation.
 const TILE: u32 = 2048u;
 
 var<workgroup> sums: array<u32, 256>;
 
-// The sum of `x` over all invocations up to and including this one (Hillis, Steele 1986).
-// sums[255] holds the sum of all until the next call. Every invocation must call it, in uniform control flow.
+// Returns the inclusive prefix sum of `x` (Hillis, Steele 1986). sums[255] holds the total until the next call. Must be called by
+// all invocations, in uniform control flow.
 fn scan_group(local: u32, x: u32) -> u32 {
     workgroupBarrier();
     sums[local] = x;
@@ -42,7 +42,7 @@ fn tiles_of(count: u32) -> u32 { return (count + TILE - 1u) / TILE; }
 
 fn digit_of(key: u32) -> u32 { return (key >> params.shift) & 255u; }
 
-// Radix sort, first step of a digit: how often each value occurs in each tile.
+// Radix sort, first step of a digit: counts each value in each tile.
 
 var<workgroup> tally: array<atomic<u32>, 256>;
 
@@ -64,8 +64,8 @@ fn sort_count(
     if tile < tiles { digits[local * tiles + tile] = atomicLoad(&tally[local]); }
 }
 
-// Radix sort, second step of a digit: for each of its values (a workgroup each),
-// how often it occurs in the tiles before each tile, and in all.
+// Radix sort, second step of a digit: one workgroup per value computes how often it occurs in the tiles before each tile, and in
+// total.
 
 @compute @workgroup_size(256)
 fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
@@ -83,15 +83,15 @@ fn sort_scan(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id)
     if local == 0u { digits[256u * tiles + group.x] = before; }
 }
 
-// Radix sort, third step of a digit: each element goes to its place. Elements of
-// the same digit keep their order, without which earlier digits would be lost.
+// Radix sort, third step of a digit: writes each element to its place. The order of elements with equal digits is kept, so that
+// the sort by earlier digits is not lost.
 
-// Where the next element of each value goes.
+// Place of the next element of each value.
 var<workgroup> places: array<u32, 256>;
-// Who holds which value: word 256 w + v has a bit for each of the invocations from 32 w on.
+// The invocations that hold each value: word 256 w + v has one bit for each of the 32 invocations from 32 w on.
 var<workgroup> holders: array<atomic<u32>, 2048>;
 
-// How many invocations before this one hold the same value.
+// Returns the number of invocations before this one that hold the same value.
 fn holders_before(local: u32, digit: u32) -> u32 {
     let word = local >> 5u;
     let own = atomicLoad(&holders[256u * word + digit]);
@@ -100,7 +100,7 @@ fn holders_before(local: u32, digit: u32) -> u32 {
     return count;
 }
 
-// Counts the holders of one value and forgets them.
+// Counts the holders of one value and clears them.
 fn take_holders(digit: u32) -> u32 {
     var count = 0u;
     for (var w = 0u; w < 8u; w += 1u) {

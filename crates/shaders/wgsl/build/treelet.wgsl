@@ -1,12 +1,12 @@
-// A treelet in the memory of one workgroup: see bvh_layout::Treelets.
+// A treelet in workgroup memory: see bvh_layout::Treelets.
 
 import package::build::refit::{GROUP, half_area};
 import package::lib::buffers::{nodes, topology};
 import package::lib::params::params;
 
-// Words of a treelet's entry.
+// Number of words of a treelet's entry.
 const ENTRY: u32 = 12u;
-// A reference within a treelet, below 512, is also a node's place here.
+// A reference within a treelet, which is below 512, is also the index of a node here.
 const PLACES: u32 = 512u;
 const LEAVES: u32 = 256u;
 
@@ -22,7 +22,7 @@ struct Treelet {
     height: u32,
 }
 
-// The number of a dispatch's treelet.
+// Returns the treelet at `place` of a dispatch.
 fn treelet_at(place: u32) -> u32 {
     let at = params.first + place;
     if params.listed == 1u { return topology[at]; }
@@ -37,8 +37,8 @@ fn treelet(number: u32) -> Treelet {
     );
 }
 
-// Boxes of all nodes, coordinate by coordinate, then what traversal calls each leaf. Upper corners lie half a row
-// of banks away from lower ones, as both are read at once.
+// Boxes of all nodes, coordinate by coordinate, then the traversal reference of each leaf. Upper corners are offset by half a row
+// of memory banks against lower ones, because both are read at once.
 var<workgroup> kept: array<u32, 3328>;
 
 fn low_of(place: u32) -> vec4<u32> {
@@ -66,7 +66,7 @@ fn name_of_leaf(leaf: u32) -> u32 {
     return kept[6u * PLACES + leaf];
 }
 
-// Makes the box at `place` from two others; returns their half areas.
+// Computes the box at `place` as the union of two others. Returns their half areas.
 fn join(place: u32, left: u32, right: u32) -> f32 {
     let left_low = low_of(left);
     let left_high = high_of(left);
@@ -78,17 +78,17 @@ fn join(place: u32, left: u32, right: u32) -> f32 {
     return half_area(left_low, left_high) + half_area(right_low, right_high);
 }
 
-// What each inner node is made of, as `topology` has it.
+// Both child references, the index and the height of each inner node, as packed in `topology`.
 var<workgroup> kept_words: array<u32, GROUP>;
 
-// The word of this invocation's inner node, 0 if it has none; to be read early: it takes a while to come.
+// Returns the word of this invocation's inner node, or 0 if it has no inner node. Call it early to hide the latency of the reads.
 fn inner_word(number: u32, local: u32) -> u32 {
     if local < topology[ENTRY * number + 3u] { return topology[topology[ENTRY * number + 2u] + local]; }
     return 0u;
 }
 
-// Boxes of inner nodes from those of leaves; returns the half areas of the children that this invocation
-// read. Every invocation must call it with its word, in uniform control flow, the leaves being kept.
+// Computes the boxes of inner nodes from those of leaves, which must be stored. Returns the half areas of the children that this
+// invocation read. Must be called by all invocations with their words, in uniform control flow.
 fn refit_treelet(t: Treelet, word: u32) -> f32 {
     let own = (word >> 18u) & 255u;
     let own_height = select((word >> 26u) + 1u, 0u, word == 0u);
@@ -101,7 +101,7 @@ fn refit_treelet(t: Treelet, word: u32) -> f32 {
     return area;
 }
 
-// One of the two rows of a node's box; the first tells traversal how to go on.
+// Returns one of the two rows of a node's box. The first one ends with the node's traversal reference.
 fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
     if high { return high_of(place); }
     var name = (t.inner_row >> 2u) + place;
@@ -109,7 +109,7 @@ fn row_of(t: Treelet, place: u32, high: bool) -> vec4<u32> {
     return vec4<u32>(low_of(place).xyz, name);
 }
 
-// Writes inner nodes and roots, neighbouring rows by neighbouring invocations.
+// Writes inner nodes and roots. Neighbouring invocations write neighbouring rows.
 fn write_treelet(t: Treelet, local: u32) {
     for (var row = local; row < 4u * t.inner_count; row += GROUP) {
         let word = kept_words[row >> 2u];

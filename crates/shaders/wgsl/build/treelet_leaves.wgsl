@@ -1,4 +1,4 @@
-// Treelets of triangles: records, and boxes of all their nodes.
+// Treelets of triangles: writes records, and the boxes of all their nodes.
 
 import package::build::refit::sum_of_group;
 import package::build::interpolate::{blend, blend_native, is_rare};
@@ -16,16 +16,17 @@ import package::build::treelet_refit::{leave_and_climb, look_ahead_to_parent};
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 @group(0) @binding(next) var<storage, read> later: array<u32>;
 
-// Three vertices a triangle, in leaf order.
+// Three vertex indices per triangle, in leaf order.
 @if(gather_corners)
 @group(0) @binding(next) var<storage, read_write> leaf_corners: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read> leaf_corners: array<u32>;
 
-// A tree just adopted to its triangles' vertices in leaf order, so that no later stage
-// has to ask which triangle a leaf is before it can ask for the vertices. To no treelet has any other come yet.
-
+// Flag of a triangle that shares a leaf with the next one.
 const SHARED: u32 = 0x80000000u;
+
+// Writes the vertex indices of a newly adopted tree's triangles in leaf order, so that later stages read them directly by leaf.
+// Also resets the number of arrived children of each treelet.
 //
 // Variants: layout(fast).
 @compute @workgroup_size(256)
@@ -47,11 +48,11 @@ fn given_corners(vertices: vec3<u32>) -> GivenCorners {
     return GivenCorners(point_of(vertices.x), point_of(vertices.y), point_of(vertices.z));
 }
 
-// The same where it is rarely asked for.
+// Returns the same corners where they are rarely needed.
 @if(!preprocess_treelets_of_keys)
 fn corners_again(vertices: vec3<u32>) -> GivenCorners { return given_corners(vertices); }
 
-// A triangle's corners, blended from two key frames: bit for bit what `interpolate` writes.
+// A triangle's corners, blended from two key frames to the same bits that `interpolate` writes.
 
 @if(preprocess_treelets_of_keys)
 struct GivenCorners { a: vec3<u32>, b: vec3<u32>, c: vec3<u32> }
@@ -94,7 +95,7 @@ fn any_rare(a: vec3<u32>, b: vec3<u32>, native: vec3<u32>) -> bool {
     return is_rare(a.x, b.x, native.x) || is_rare(a.y, b.y, native.y) || is_rare(a.z, b.z, native.z);
 }
 
-// The same where it is rarely asked for: a corner a turn, read again, so that this is there once and takes few registers.
+// Returns the same corners where they are rarely needed. A loop reads one corner at a time again, which saves registers.
 @if(preprocess_treelets_of_keys)
 fn corners_again(vertices: vec3<u32>) -> GivenCorners {
     var made = GivenCorners();
@@ -111,18 +112,18 @@ fn corners_again(vertices: vec3<u32>) -> GivenCorners {
     return made;
 }
 
-// Treelets of triangles alone.
+// The end of a treelet whose parents are refitted by other dispatches.
 
-// Ends a treelet, whose boxes stand. All of a workgroup call it.
+// Writes a treelet whose boxes are complete. All invocations of the workgroup must call it.
 fn leave_treelet(number: u32, local: u32, area: f32) {
     write_treelet(treelet(number), local);
     let sum = sum_of_group(local, area);
     if local == 0u { costs[number] = sum; }
 }
 
-// A workgroup of 256 makes all of a treelet of triangles, an invocation a triangle. Areas are added up as `refit` does,
-// one partial sum a treelet. How many workgroups a device has in flight depends on registers: what is not needed
-// while corners are at hand is read later, and what is rarely needed, again.
+// A workgroup of 256 makes a whole treelet of triangles, one triangle per invocation. Like `refit`, it sums areas to one partial
+// sum per treelet. Registers limit how many workgroups a device runs at once. So values that are not needed together with the
+// corners are read later, and values that are rarely needed are read again.
 
 const EMPTY_LOW: u32 = 0x7f800000u;
 const EMPTY_HIGH: u32 = 0xff800000u;
@@ -131,21 +132,22 @@ fn vertices_of(leaf: u32) -> vec3<u32> {
     return vec3<u32>(leaf_corners[3u * leaf], leaf_corners[3u * leaf + 1u], leaf_corners[3u * leaf + 2u]);
 }
 
-// Whether a triangle that is not seen to have an area has none. The compiler must not know that its corners are at hand.
+// Returns whether a triangle without a visible area has exactly zero area. `params.zero` keeps the compiler from reusing the
+// corners, which would take registers.
 fn has_none(leaf: u32) -> bool {
     let given = corners_again(vertices_of(leaf + params.zero));
     return is_degenerate(given.a, given.b, given.c);
 }
 
-// Keeps an empty box for a triangle that no ray can hit, and counts it. Its record names no triangle: who comes to it by
-// other ways than its box is warned.
+// Stores an empty box for a triangle that no ray can hit, and counts it. Its record holds no triangle index, for kernels that
+// reach it without a test of its box.
 fn keep_empty(local: u32, leaf: u32, count: u32) {
     atomicAdd(&counts[count], 1u);
     records[3u * leaf].w = 0xffffffffu;
     keep_box(LEAVES + local, vec3<u32>(EMPTY_LOW), vec3<u32>(EMPTY_HIGH));
 }
 
-// Writes a triangle's record and keeps its box; returns whether it may yet have no area.
+// Writes a triangle's record and stores its box. Returns whether it may still have zero area.
 fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     let given = given_corners(vertices_of(leaf));
     let a = scaled_point(given.a);
@@ -164,7 +166,7 @@ fn stand(local: u32, leaf: u32, triangle: u32) -> bool {
     return !seen_to_have_area(given.a, given.b, given.c, a, b, c);
 }
 
-// Joins a triangle's leaf with the next one's; traversal is told of those alone that a ray can hit.
+// Merges a triangle's leaf with the next one's. Its traversal reference only includes triangles that a ray can hit.
 fn share(local: u32, leaf: u32) -> f32 {
     let first = LEAVES + local;
     if kept[first] == EMPTY_LOW {
@@ -175,7 +177,7 @@ fn share(local: u32, leaf: u32) -> f32 {
     return join(first, first, first + 1u);
 }
 
-// Every invocation must call it, in uniform control flow.
+// Must be called by all invocations, in uniform control flow.
 fn make_treelet(local: u32, place: u32) {
     let number = treelet_at(place);
     let leaf = topology[ENTRY * number] + local;
@@ -201,8 +203,8 @@ fn make_treelet(local: u32, place: u32) {
     leave_treelet(number, local, area);
 }
 
-// Positions to triangle records, boxes of leaves, and boxes of all nodes within treelets of triangles;
-// of all those treelets or of those that move.
+// Writes triangle records, leaf boxes, and the boxes of all nodes within treelets of triangles: of all those treelets, or of
+// those that move.
 //
 // Variants: intersector, layout(fast).
 @compute @workgroup_size(256)
@@ -216,7 +218,7 @@ fn preprocess_treelets(
     make_treelet(local, place);
 }
 
-// As `preprocess_treelets`, but from the two key frames about a moment: need not wait for `interpolate`.
+// Does the same as `preprocess_treelets`, but from the two key frames around a moment, so it need not wait for `interpolate`.
 //
 // Variants: intersector, layout(fast).
 @compute @workgroup_size(256)

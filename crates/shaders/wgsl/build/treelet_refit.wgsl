@@ -1,4 +1,4 @@
-// Boxes of treelets above those of triangles: one level a dispatch, or all in one.
+// Boxes of the treelets above those of triangles: one level per dispatch, or all levels in one dispatch.
 
 import package::build::refit::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
@@ -8,10 +8,10 @@ import package::build::treelet::{
 import package::lib::buffers::{costs, counts, nodes, topology};
 import package::lib::params::params;
 
-// Boxes of a treelet whose leaves are roots of the level below. For both kinds of kernel functions below say where those
-// stand (`low_below`, `high_below`), where areas do (`cost_at`, `keep_cost`), and how counts are written (`put_count`).
+// Refits a treelet whose leaves are roots of the level below. Each kind of kernel defines below where these roots are (`low_below`
+// and `high_below`), where areas are (`cost_at` and `keep_cost`), and how counts are written (`put_count`).
 
-// Eight at a time, for each takes a while to come.
+// Sums the areas of the other treelets. Reads eight at a time to hide memory latency.
 fn others(local: u32, number: u32, all: u32) -> f32 {
     var sums = vec4<f32>(0.0);
     for (var i = local; i < all; i += 8u * GROUP) {
@@ -27,7 +27,7 @@ fn costs_of_others(first: u32, number: u32, all: u32) -> vec4<f32> {
     return select(vec4<f32>(0.0), costs, (i == at) & (i != vec4<u32>(number)));
 }
 
-// Sixteen sums of what all invocations stored, for the first sixteen.
+// Returns sixteen sums over the values that all invocations stored, one for each of the first sixteen invocations.
 fn sixteenth(local: u32) -> f32 {
     var sum = 0.0;
     if local < 16u {
@@ -36,12 +36,12 @@ fn sixteenth(local: u32) -> f32 {
     return sum;
 }
 
-// For invocation 0 the sum of `x` over the workgroup, and that of the first sixteen's `part`. As `sum_of_group`.
+// Returns for invocation 0 the sum of `x` over the workgroup, and the sum of `part` over the first sixteen, like `sum_of_group`.
 fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     partial_sums[local] = x;
     workgroupBarrier();
     let sum = sixteenth(local);
-    // Nobody else reads these two.
+    // No other invocation reads these two.
     if local < 16u {
         partial_sums[local] = sum;
         partial_sums[local + 16u] = part;
@@ -54,11 +54,12 @@ fn both_sums(local: u32, x: f32, part: f32) -> vec2<f32> {
     return both;
 }
 
-// The half areas of the children that this invocation read, and its part of the areas of all others: `all` treelets there are
-// if this is the last of them, which adds up the areas of all, as `sum_costs` does; else 0. All of a workgroup call it.
+// Returns the half areas of the children that this invocation read, and its part of the areas of all other treelets. The latter
+// is only computed for the last treelet, for which `all` is the number of treelets; else `all` is 0. It replaces `sum_costs`. All
+// invocations of the workgroup must call it.
 fn refit_above(t: Treelet, number: u32, local: u32, all: u32) -> vec2<f32> {
     let inner = inner_word(number, local);
-    // All that is read is asked for before any of it is waited for.
+    // Issues all reads before it waits for the first one.
     let leaf = t.first_leaf + 2u * min(local, t.leaf_count - 1u);
     let low = low_below(leaf);
     let high = high_below(leaf);
@@ -68,13 +69,13 @@ fn refit_above(t: Treelet, number: u32, local: u32, all: u32) -> vec2<f32> {
         keep_leaf(local, low.w);
     }
     workgroupBarrier();
-    // Whoever adds up what all cost has an inner node, so there is a barrier before these are overwritten.
+    // The last treelet has an inner node, so a barrier follows before these values are overwritten.
     var part = 0.0;
     if all > 0u { part = sixteenth(local); }
     return vec2<f32>(refit_treelet(t, inner), part);
 }
 
-// Adds up what a workgroup found, and keeps it.
+// Sums the results of a workgroup and stores them.
 fn add_up(t: Treelet, number: u32, local: u32, all: u32, found: vec2<f32>) {
     let root = topology[t.roots_at];
     let sums = both_sums(local, found.x, found.y);
@@ -86,7 +87,7 @@ fn add_up(t: Treelet, number: u32, local: u32, all: u32, found: vec2<f32>) {
     }
 }
 
-// Boxes of one level of treelets from the roots of the level below; of all treelets or of those that move.
+// One level per dispatch: boxes of treelets from the roots of the level below, for all treelets or for those that move.
 
 @if(refit_treelets)
 fn low_below(row: u32) -> vec4<u32> { return nodes[row]; }
@@ -102,7 +103,7 @@ fn keep_cost(i: u32, cost: f32) { costs[i] = cost; }
 
 @if(refit_treelets)
 fn put_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
-//
+
 // Variants: layout(fast).
 @compute @workgroup_size(256)
 fn refit_treelets(
@@ -119,13 +120,13 @@ fn refit_treelets(
     add_up(t, number, local, params.first_group, found);
 }
 
-// Boxes of all treelets above those of triangles, in the same dispatch: the workgroup that comes last to a parent goes on
-// with it, as in Karras 2012 (Maximizing Parallelism in the Construction of BVHs), section 4, but treelet by treelet.
-// What one workgroup leaves to another goes through atomics, which no cache hides, and a barrier of the device's memory.
+// All treelets above those of triangles, in the same dispatch. The workgroup that arrives last at a parent continues with it, as
+// in Karras 2012 (Maximizing Parallelism in the Construction of BVHs), section 4, but treelet by treelet. Workgroups exchange
+// data through atomics, which bypass caches that are not coherent, and a device memory barrier.
 
 const NO_PARENT: u32 = 0xffffffffu;
 
-// The treelet to go on with.
+// The treelet to continue with.
 var<workgroup> next_treelet: u32;
 
 @if(!refit_treelets)
@@ -137,7 +138,7 @@ fn keep_cost(i: u32, cost: f32) { atomicStore(&costs[i], bitcast<u32>(cost)); }
 @if(!refit_treelets)
 fn put_count(i: u32, x: f32) { atomicStore(&counts[i], bitcast<u32>(x)); }
 
-// Where a root's words begin, by its row: roots' rows follow each other from the first treelet's on.
+// Returns where a root's words begin. The rows of all roots are contiguous, from the first treelet's on.
 fn words_of_root(row: u32) -> u32 { return 2u * params.first_group + 4u * (row - topology[7]); }
 
 @if(!refit_treelets)
@@ -152,7 +153,7 @@ fn high_below(row: u32) -> vec3<u32> {
     return vec3<u32>(atomicLoad(&costs[at]), atomicLoad(&costs[at + 1u]), atomicLoad(&costs[at + 2u]));
 }
 
-// The parent of a treelet, and how many children that has which come here; read early, since it takes a while to come.
+// A treelet's parent, and the number of the parent's children that arrive in this dispatch. Read early to hide latency.
 var<private> parent: u32;
 var<private> siblings: u32;
 
@@ -162,7 +163,7 @@ fn look_ahead_to_parent(number: u32) {
     if parent != NO_PARENT { siblings = topology[ENTRY * parent + 10u + params.listed]; }
 }
 
-// Leaves a treelet's roots to its parent.
+// Passes a treelet's roots to its parent.
 fn hand_over(t: Treelet, local: u32) {
     for (var k = local; k < t.root_count; k += GROUP) {
         let place = topology[t.roots_at + k];
@@ -176,7 +177,7 @@ fn hand_over(t: Treelet, local: u32) {
     }
 }
 
-// The parent, if its other children have all come; it is then empty for the next time.
+// Returns the parent if all its other children have arrived, and resets its count for the next dispatch.
 fn parent_to_go_on_with() -> u32 {
     let came = 1u + atomicAdd(&costs[params.first_group + parent], 1u);
     if came != siblings { return NO_PARENT; }
@@ -184,7 +185,7 @@ fn parent_to_go_on_with() -> u32 {
     return parent;
 }
 
-// Ends a treelet, whose boxes stand, and goes on upwards. All of a workgroup call it.
+// Ends a treelet whose boxes are complete, and continues upwards. All invocations of the workgroup must call it.
 fn leave_and_climb(first: u32, local: u32, area: f32) {
     let sum = sum_of_group(local, area);
     if local == 0u { keep_cost(first, sum); }
@@ -194,7 +195,7 @@ fn leave_and_climb(first: u32, local: u32, area: f32) {
     while params.first_group > 1u && number != last {
         hand_over(t, local);
         storageBarrier();
-        // While the count is on its way the boxes are written.
+        // The boxes are written while the count is in flight.
         if local == 0u { next_treelet = parent_to_go_on_with(); }
         write_treelet(t, local);
         number = workgroupUniformLoad(&next_treelet);

@@ -1,4 +1,4 @@
-// The ray from a hit to the light, and whether it is occluded.
+// Shadow rays: the ray from a hit to the light, and whether it is occluded.
 
 import package::geometry::ray::{Prepared, prepare_scaled, root_from};
 import package::geometry::record::corners_of;
@@ -9,7 +9,7 @@ import package::lib::buffers::{nodes, positions, triangles};
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
-// The ray from a hit to the light: see "Shadow rays" in docs/design/hits.md.
+// The shadow ray: see "Shadow rays" in docs/design/hits.md.
 
 fn sub3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z));
@@ -27,11 +27,11 @@ fn move_off(p: f32, normal: f32, side: f32, delta: f32) -> f32 {
     return add(p, mul(mul(sign_of(normal), side), delta));
 }
 
-// From beside a hit to the light, over t in (0, 1). Where `traced` is false, there is nothing between.
-// The origin may have coordinates that are too small to count.
+// A segment from near the hit to the light, over t in (0, 1). If `traced` is false, nothing can occlude it.
+// Coordinates of the origin may be small enough to count as zero.
 struct ToLight { origin: vec3<f32>, direction: vec3<f32>, traced: bool }
 
-// With the corners of the triangle that was hit, all in scaled units: `eye` is where the ray that hit came from.
+// Computes the segment from the corners of the triangle that was hit, all in scaled units. `eye` is the start of the ray.
 fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let e1 = sub3(v1, v0);
     let e2 = sub3(v2, v0);
@@ -54,7 +54,8 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     let extent = sub3(bitcast<vec3<f32>>(nodes[1].xyz), bitcast<vec3<f32>>(nodes[0].xyz));
     let reach = max(abs(p.x), max(abs(p.y), abs(p.z)));
     let own = max(abs(e1), abs(e2));
-    // A triangle of a key frame that arrived lies beyond the box of a driver's tree, which is of those known before.
+    // The triangle's own size counts too: in a streamed key frame it may exceed the root box of a driver's tree, which only covers
+    // earlier key frames.
     let counted = max(min(max(extent.x, max(extent.y, extent.z)), params.clearance), max(own.x, max(own.y, own.z)));
     // 4 * 2^-24 and 32 * 2^-24
     let delta = add(mul(2.384185791015625e-7, reach), mul(1.9073486328125e-6, counted));
@@ -68,14 +69,14 @@ fn from_triangle(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, hit: vec4<u32>, ey
     return ToLight(p, direction, traced);
 }
 
-// The way from a hit to the light, by the triangle's own vertices.
+// The segment from a hit to the light, computed from the triangle's vertices.
 
 fn scaled(vertex: u32) -> vec3<f32> {
     let at = 3u * vertex;
     return scaled_point(vec3<u32>(positions[at], positions[at + 1u], positions[at + 2u]));
 }
 
-// All in scaled units: `eye` is where the ray that hit came from.
+// All in scaled units. `eye` is the start of the ray that hit.
 fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     let v0 = scaled(triangles[3u * hit.w]);
     let v1 = scaled(triangles[3u * hit.w + 1u]);
@@ -83,7 +84,7 @@ fn to_light(hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     return from_triangle(v0, v1, v2, hit, eye);
 }
 
-// The way from a hit that was just found, by its leaf's record, which holds the corners.
+// The segment from a hit just found to the light, computed from the corners in the leaf's record.
 
 @if(WATERTIGHT || EXACT)
 fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
@@ -91,27 +92,26 @@ fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight {
     return from_triangle(k.a, k.b, k.c, hit, eye);
 }
 
-// The way from a hit that was just found, by its triangle.
+// The segment from a hit just found to the light, computed from the triangle's vertices.
 @else
 fn way_from(found: Found, hit: vec4<u32>, eye: vec3<f32>) -> ToLight { return to_light(hit, eye); }
 
-// The ray along that way.
+// The ray along such a segment.
 
 fn ray_to_light(way: ToLight) -> Prepared {
     let origin = snapped3(way.origin);
-    // Origin and direction are both in scaled units already.
+    // Origin and direction are already in scaled units.
     return prepare_scaled(origin, way.direction, root_from(origin));
 }
 
-// The whole-number line from a hit to the light.
+// The exact line along such a segment.
 
-// The way is in scaled units, and the corners are not.
+// The segment is in scaled units; the corners are not.
 fn set_line_along(way: ToLight) {
     set_line(bitcast<vec3<u32>>(way.origin), bitcast<vec3<u32>>(way.direction), 0u, 0x3f800000u, params.scale_exponent);
 }
 
-// Whether the way from a hit to the light is occluded, asked at once.
-
+// Returns whether the segment from a hit to the light is occluded, except by triangle `ignore`.
 fn is_occluded(way: ToLight, ignore: u32) -> bool {
     if !way.traced { return false; }
     return ask_any(ray_to_light(way), ignore);

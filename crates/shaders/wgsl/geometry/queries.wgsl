@@ -1,4 +1,4 @@
-// The rays that are asked: a camera's, by pixel, and those given one by one.
+// The rays of a query: a camera's, one per pixel, or explicit ones.
 
 import package::geometry::ray::{FARTHEST, Prepared, Root, prepare, root_from};
 import package::geometry::units::{is_extreme, is_finite_point, ordered, scaled_point};
@@ -8,21 +8,20 @@ import package::lib::buffers::{counts, rays};
 import package::lib::ieee::{add, mul};
 import package::lib::params::params;
 
-// Which pixel an invocation stands for: 128 of them make a block of 16 x 8 in Morton order.
-
+// Maps an invocation to a pixel: 128 invocations cover a block of 16 x 8 pixels in Morton order.
 fn pixel_of(local: u32, group: vec3<u32>) -> vec2<u32> {
     let x = (local & 1u) | ((local >> 1u) & 2u) | ((local >> 2u) & 4u) | ((local >> 3u) & 8u);
     let y = ((local >> 1u) & 1u) | ((local >> 2u) & 2u) | ((local >> 3u) & 4u);
     return vec2<u32>(group.x * 16u + x, group.y * 8u + y);
 }
 
-// A camera's rays: geom::Camera::ray.
+// Camera rays: geom::Camera::ray.
 
 fn along(corner: f32, across: f32, down: f32, x: f32, y: f32) -> f32 {
     return add(add(corner, mul(x, across)), mul(y, down));
 }
 
-// The direction through the middle of a pixel.
+// Returns the direction through the middle of a pixel.
 fn through_pixel(pixel: vec2<u32>) -> vec3<f32> {
     let x = add(f32(pixel.x), 0.5);
     let y = add(f32(pixel.y), 0.5);
@@ -33,31 +32,30 @@ fn through_pixel(pixel: vec2<u32>) -> vec3<f32> {
     );
 }
 
-// Where a camera's rays start, in scaled units.
-
+// Returns the origin of camera rays, in scaled units.
 fn eye() -> vec3<f32> { return params.scaled_eye; }
 
-// A camera's rays made ready.
-
+// Prepares a camera ray.
 fn camera_ray(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> Prepared {
     return prepare(origin, bitcast<vec3<u32>>(direction), 0u, 0x7f800000u, root);
 }
 
-// Whether a ray's line surely passes by the root's box, before anything is made ready: see "Rays that miss the root box" in docs/design/hits.md.
+// Returns whether a ray's line surely misses the root box, before the ray is prepared: see "Rays that miss the root box" in
+// docs/design/hits.md.
 fn passes_by(d: vec3<f32>, root: Root) -> bool {
     let c = (root.low + root.high) * 0.5;
     // 2^-16 * D and 2^-60.
     let h = (root.high - root.low) * 0.5 + vec3<f32>(1.52587890625e-5 * root.reach + 8.673617379884035e-19);
     let size = abs(d);
     let apart = abs(d.yzx * c.zxy - d.zxy * c.yzx);
-    // 2^-100: what a device flushes is less.
+    // 2^-100 exceeds any value that a device flushes.
     let near = size.yzx * h.zxy + size.zxy * h.yzx + vec3<f32>(7.888609052210118e-31);
-    // Products beyond range tell nothing.
+    // Products that overflow decide nothing.
     let tells = apart < vec3<f32>(3.0e38);
     return any(tells & (apart > near)) && root.reach < FARTHEST;
 }
 
-// Whether a pixel's ray surely hits nothing.
+// Returns whether a pixel's ray surely hits nothing.
 fn misses_root(direction: vec3<f32>, origin: vec3<f32>, root: Root) -> bool {
     return is_void_way(direction, origin) || passes_by(direction, root);
 }
@@ -67,7 +65,7 @@ fn is_void_way(direction: vec3<f32>, origin: vec3<f32>) -> bool {
     return is_zero || !is_finite_point(direction) || !is_finite_point(origin);
 }
 
-// Rays given one by one, two rows each: origin and t_min, direction and t_max.
+// Explicit rays, two rows each: origin and t_min, direction and t_max.
 
 fn given_ray(i: u32) -> Prepared {
     let a = rays[2u * i];
@@ -76,17 +74,17 @@ fn given_ray(i: u32) -> Prepared {
     return prepare(origin, b.xyz, a.w, b.w, root_from(origin));
 }
 
-// Whether a ray's rows can hit nothing: geom::Ray::is_valid.
+// Returns whether a ray's rows are invalid, so that it hits nothing: the opposite of geom::Ray::is_valid.
 fn is_void_ray(first: vec4<u32>, second: vec4<u32>) -> bool {
     let sizes = vec2<u32>(first.w, second.w) & vec2<u32>(0x7fffffffu);
     let is_interval = all(sizes <= vec2<u32>(0x7f800000u)) && ordered(first.w) < ordered(second.w);
     return is_void_way(bitcast<vec3<f32>>(second.xyz), bitcast<vec3<f32>>(first.xyz)) || !is_interval;
 }
 
-// Where it is told that a ray is left to `extreme_*`.
+// Word of `counts` that is 1 if a ray was left to `extreme_*`.
 const LEFT_AT: u32 = 16u;
 
-// Likewise, and those that are left to other kernels; an origin may be too far for the scene's scale.
+// Returns whether ray `i` misses here: it is invalid, or left to `extreme_*`. An origin may also be too far for the scene's scale.
 fn is_void(i: u32) -> bool {
     let first = rays[2u * i];
     if is_void_ray(first, rays[2u * i + 1u]) { return true; }
@@ -97,11 +95,11 @@ fn is_void(i: u32) -> bool {
     return is_left;
 }
 
-// Rays by number, for kernels that settle what others left open: a camera's, or given one by one where there is no picture.
+// Rays by index, for kernels that resolve what others left open: a camera's, or explicit ones if there is no picture.
 
 fn way_through(i: u32) -> vec3<f32> { return through_pixel(vec2<u32>(i % params.width, i / params.width)); }
 
-// The rows of a ray, and where it starts in scaled units.
+// The rows of a ray, and its origin in scaled units.
 struct Asked { first: vec4<u32>, second: vec4<u32>, origin: vec3<f32> }
 
 fn asked_of_pixel(i: u32) -> Asked {
@@ -118,7 +116,7 @@ fn asked(i: u32) -> Asked {
     return Asked(first, rays[2u * i + 1u], scaled_point(first.xyz));
 }
 
-// t_min and t_max.
+// Returns t_min and t_max.
 fn limits_of(i: u32) -> vec2<u32> {
     let ray = asked(i);
     return vec2<u32>(ray.first.w, ray.second.w);
@@ -129,7 +127,7 @@ fn ray_of(i: u32) -> Prepared {
     return prepare(ray.origin, ray.second.xyz, ray.first.w, ray.second.w, root_from(ray.origin));
 }
 
-// Sets the line in whole numbers.
+// Sets the exact line of ray `i`.
 fn set_line_of(i: u32) {
     let ray = asked(i);
     set_line(ray.first.xyz, ray.second.xyz, ray.first.w, ray.second.w, 0);

@@ -1,4 +1,4 @@
-// How far the coordinates of a key frame reach, where the host did not look: geom::Range, to the same bits.
+// Measures the coordinates of a key frame that the host has not measured. The results equal geom::Range bit for bit.
 
 import package::geometry::units::{scale_bits, starts_beyond};
 import package::lib::buffers::{counts, range};
@@ -6,50 +6,51 @@ import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read> earlier: array<u32>;
 
-// What lies in `range`. All sizes are bits of floats, which are in order as whole numbers.
+// Words of `range`. All sizes are bits of floats, which are ordered as integers.
 
-// Whether all rays are extreme, and whether those are that start near the origin.
+// Whether all rays are extreme, and whether rays that start near the origin are.
 const EXTREME: u32 = 0u;
 const TINY: u32 = 1u;
-// The largest finite coordinate, how many vertices are near the origin without being it, and workgroups that are done; 0 after
-// the last.
+// The largest finite coordinate, the number of vertices near the origin but not at it, and the number of finished workgroups.
+// The last workgroup resets them to 0.
 const LARGEST: u32 = 2u;
 const NEAR: u32 = 3u;
 const DONE: u32 = 4u;
-// The sizes of some vertices.
+// The sizes of sampled vertices.
 const SAMPLES: u32 = 8u;
 
-// Whether a ray that starts there, in scaled units, is extreme.
+// Returns whether a ray from `origin`, in scaled units, is extreme.
 @if(!measure_range)
 fn is_measured_extreme(origin: vec3<f32>) -> bool {
     return range[EXTREME] != 0u || starts_beyond(origin, range[TINY] != 0u);
 }
 
-// Whether other rays are than where nothing special is known.
+// Returns whether the measured range makes more rays extreme than their origins alone do.
 @if(extreme_rays)
 fn is_measured_unusual() -> bool { return (range[EXTREME] | range[TINY]) != 0u; }
 
-// Where `counts` has 2 if sizes differ so much that boxes are padded by their own distance, else 1: a hint for later submissions.
+// Word of `counts` that is 2 if sizes differ so much that boxes are padded by their own distance, else 1. A hint for later
+// submissions.
 const SPREAD_AT: u32 = 17u;
 const INFINITE: u32 = 0x7f800000u;
 // 1.0
 const ONE: u32 = 0x3f800000u;
-// Samples of an invocation of the last workgroup: 4096 in all.
+// Number of samples per invocation of the last workgroup: 4096 in all.
 const SHARE: u32 = 32u;
 
 var<workgroup> group_largest: atomic<u32>;
 var<workgroup> group_near: atomic<u32>;
 var<workgroup> groups_done: u32;
-// Samples that say anything, and those of them that are far smaller than the largest coordinate.
+// Number of valid samples, and number of samples that are far smaller than the largest coordinate.
 var<workgroup> telling: atomic<u32>;
 var<workgroup> small: atomic<u32>;
 
-// A power of two times a size in scaled units, in the scene's units.
+// Returns a size in scaled units, times 2^exponent, in scene units.
 fn in_scene(size: u32, exponent: i32) -> u32 { return bitcast<u32>(scale_bits(size, params.scale_exponent + exponent)); }
 
 fn finite_or_zero(size: u32) -> u32 { return select(0u, size, size < INFINITE); }
 
-// Takes a vertex into account.
+// Adds a vertex to the workgroup's results.
 fn measure(vertex: u32) {
     let at = 3u * vertex;
     let x = earlier[at] & 0x7fffffffu;
@@ -59,12 +60,12 @@ fn measure(vertex: u32) {
     atomicMax(&group_largest, max(finite_or_zero(x), max(finite_or_zero(y), finite_or_zero(z))));
     // 2^-32
     if size > 0u && size < in_scene(ONE, -32) { atomicAdd(&group_near, 1u); }
-    // One that says nothing counts as infinite.
+    // A sample at the origin is not valid and is stored as infinite.
     if vertex % params.first == 0u { atomicStore(&range[SAMPLES + vertex / params.first], select(INFINITE, size, size > 0u)); }
 }
 
-// Whether a coordinate is more than 2^10 times the lower quartile of the samples that say anything: as much more than more
-// samples than are below the quartile.
+// Returns whether the largest coordinate exceeds 2^10 times the lower quartile of the valid samples. It does if it exceeds 2^10
+// times the size of more than a quarter of the samples.
 fn is_spread(local: u32, largest: u32) -> bool {
     var own: array<u32, SHARE>;
     let count = (params.count + params.first - 1u) / params.first;
@@ -83,7 +84,7 @@ fn is_spread(local: u32, largest: u32) -> bool {
     return atomicLoad(&small) > atomicLoad(&telling) / 4u;
 }
 
-// What all vertices come to.
+// Writes the results for all vertices.
 fn judge(local: u32) {
     let largest = atomicLoad(&range[LARGEST]);
     let spread = is_spread(local, largest);
@@ -96,7 +97,7 @@ fn judge(local: u32) {
     atomicStore(&range[DONE], 0u);
 }
 
-// A vertex an invocation; the workgroup that is done last judges.
+// One vertex per invocation. The workgroup that finishes last writes the results.
 
 @compute @workgroup_size(128)
 fn measure_range(

@@ -1,4 +1,4 @@
-// A ray made ready to meet boxes and triangles, and the boxes it meets.
+// Prepared rays, and their box tests.
 
 import package::geometry::units::{flushed, scale_bits};
 import package::intersect::intersector::inverse_for;
@@ -6,7 +6,7 @@ import package::lib::buffers::nodes;
 import package::lib::ieee::{Divisor, add, divide_normal, divisor, mul, parts, sub};
 import package::lib::params::params;
 
-// The corners of the root's box from a ray's start, and the greatest of their coordinates: D of the root.
+// The corners of the root box relative to a ray's start, and the largest magnitude among their coordinates: D of the root.
 struct Root { low: vec3<f32>, high: vec3<f32>, reach: f32 }
 
 fn root_from(origin: vec3<f32>) -> Root {
@@ -21,7 +21,7 @@ fn root_from(origin: vec3<f32>) -> Root {
 // 2^80.
 const FARTHEST: f32 = 1.2089258196146292e24;
 
-// What every test of rays does with directions, and what it writes where nothing is hit.
+// Shared by all ray tests: directions pushed away from zero, signs, and the hit of a miss.
 
 fn push_from_zero(x: f32) -> f32 {
     let least = 0x21800000u; // 2^-60
@@ -33,26 +33,26 @@ fn pushed_from_zero(d: vec3<f32>) -> vec3<f32> { return vec3<f32>(push_from_zero
 
 fn are_negative(v: vec3<f32>) -> vec3<bool> { return (bitcast<vec3<u32>>(v) >> vec3<u32>(31u)) == vec3<u32>(1u); }
 
-// What is written for a ray that hits nothing.
+// The hit of a ray that hits nothing.
 const MISS: vec4<u32> = vec4<u32>(0x7f800000u, 0u, 0u, 0xffffffffu);
 
-// The least and the greatest of three.
+// The least and the greatest of three components.
 
 fn least_of(v: vec3<f32>) -> f32 { return min(min(v.x, v.y), v.z); }
 fn most_of(v: vec3<f32>) -> f32 { return max(max(v.x, v.y), v.z); }
 
-// A ray made ready, and the padded box test: see "Box test" in docs/design/hits.md.
+// A prepared ray, and the padded box test: see "Box test" in docs/design/hits.md.
 
 struct Prepared {
     origin: vec3<f32>,
     direction: vec3<f32>,
     t_min: f32,
     t_max: f32,
-    // 1 / d per axis, d pushed away from zero: as the device divides where no hit is decided by it.
+    // 1 / d per axis, with d pushed away from zero. The device's own reciprocal, where it decides no hit.
     inverse: vec3<f32>,
     // No box is padded by more than slack * |1 / d|: 17 * 2^-24 * D of the root.
     slack: f32,
-    // What near and far planes times the inverse need added, for loose_planes.
+    // Terms that loose_planes adds to the near and far planes times the inverse.
     to_near: vec3<f32>,
     to_far: vec3<f32>,
     // The axis of the largest |d|, and the shear along it.
@@ -63,23 +63,23 @@ struct Prepared {
     shear_x: f32,
     shear_y: f32,
     shear_z: f32,
-    // That padding along the axis. Infinite if D reaches 2^80.
+    // Padding along the main axis. Infinite if D reaches 2^80.
     pad: f32,
     // t in the ray's own units is t * 2^-exponent.
     exponent: i32,
 }
 
-// To (kx, ky, kz) order, kz being the axis.
+// Reorders components to (kx, ky, kz), where kz is the main axis.
 fn permute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.yzx, v.zxy, axis == 1u), v, axis == 2u);
 }
 
-// The axes in that order.
+// Returns the axes in that order.
 fn rows_along(axis: u32) -> vec3<u32> {
     return select(select(vec3<u32>(1u, 2u, 0u), vec3<u32>(2u, 0u, 1u), axis == 1u), vec3<u32>(0u, 1u, 2u), axis == 2u);
 }
 
-// And back.
+// Restores the original order.
 fn unpermute(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.zxy, v.yzx, axis == 1u), v, axis == 2u);
 }
@@ -90,18 +90,19 @@ fn main_axis(d: vec3<f32>) -> u32 {
     return select(2u, 1u, m.y >= m.z);
 }
 
-// A component over the main one, which keeps the sign of a zero.
+// Divides a component by the main one. A zero gets the sign of the main component.
 fn slope(component: f32, by: Divisor) -> f32 {
     let zero = bitcast<f32>(bitcast<u32>(by.value) & 0x80000000u);
     return select(divide_normal(component, by), zero, component == 0.0);
 }
 
-// The direction is finite and not zero. The origin is in scaled units; the direction and (t_min, t_max) are the ray's own, as bits.
+// Prepares a ray with a finite, non-zero direction. The origin is in scaled units. The direction, t_min and t_max are the ray's
+// own, as bits.
 fn prepare(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u32, root: Root) -> Prepared {
     return prepare_shifted(origin, direction, t_min, t_max, root, params.scale_exponent);
 }
 
-// Likewise, with the direction in scaled units.
+// Prepares a ray whose origin and direction are both in scaled units, for t in (0, 1).
 fn prepare_scaled(origin: vec3<f32>, direction: vec3<f32>, root: Root) -> Prepared {
     return prepare_shifted(origin, bitcast<vec3<u32>>(direction), 0u, 0x3f800000u, root, 0);
 }
@@ -134,25 +135,25 @@ fn prepare_shifted(origin: vec3<f32>, direction: vec3<u32>, t_min: u32, t_max: u
     return loosely(ray, reach);
 }
 
-// Adds what loose_planes needs: see "Inner boxes" in docs/design/hits.md.
+// Adds the terms that loose_planes needs: see "Inner boxes" in docs/design/hits.md.
 fn loosely(given: Prepared, reach: f32) -> Prepared {
     var ray = given;
-    // 32 * 2^-24 * D and 4 * 2^-24 * |o|; from beyond 2^80, D was cut and |o| has to do.
+    // 32 * 2^-24 * D and 4 * 2^-24 * |o|. From 2^80 on, D is cut, and |o| counts ten times as much instead.
     let of_origin = select(2.384185791015625e-7, 2.384185791015625e-6, reach >= FARTHEST);
     let pad = abs(ray.inverse) * (1.9073486328125e-6 * min(reach, FARTHEST) + of_origin * abs(ray.origin));
     let start = ray.origin * ray.inverse;
-    // Beyond 2^100 an axis tells nothing.
+    // From 2^100 on, an axis decides nothing.
     let tells = abs(start) < vec3<f32>(1.2676506002282294e30);
     ray.to_near = select(vec3<f32>(-8.507059173023462e37), -start - pad, tells);
     ray.to_far = select(vec3<f32>(8.507059173023462e37), pad - start, tells);
     return ray;
 }
 
-// x * 2^-e for the components of a direction, the largest of which lies in [1, 2) then; below 2^-37 they are zero.
+// Returns x * 2^-e for the components of a direction. The largest result is in [1, 2); results below 2^-37 are zero.
 fn components(direction: vec3<u32>, e: i32) -> vec3<f32> {
     if e > -80 {
         let exponents = vec3<i32>((direction >> vec3<u32>(23u)) & vec3<u32>(255u)) - e;
-        // What is subnormal is zero then.
+        // Subnormal components become zero.
         let scaled = bitcast<vec3<f32>>(direction - vec3<u32>(bitcast<u32>(e) << 23u));
         return select(scaled, vec3<f32>(0.0), exponents < vec3<i32>(90));
     }
@@ -167,10 +168,10 @@ fn component(bits: u32, e: i32) -> f32 {
 // Where a ray enters and leaves a box along each axis.
 struct Planes { near: vec3<f32>, far: vec3<f32> }
 
-// Entry no later and exit no earlier than slab finds for any box within: for nodes, which decide no
-// hit. The driver may fuse these operations as it likes.
+// Enters no later and leaves no earlier than `slab` finds for any box within. Used for nodes, which decide no hit. The driver
+// may fuse these operations.
 fn loose_planes(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
-    // Pictures by packets or rasterization are not traced at spread moments, and this branch costs them a tenth of their time.
+    // Packets and rasterization never trace at spread moments, and this branch would cost them a tenth of their time.
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_planes_apart(ray, low, high); }
     let negative = are_negative(ray.inverse);
@@ -178,7 +179,7 @@ fn loose_planes(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
     return Planes(near, select(high, low, negative) * ray.inverse + ray.to_far);
 }
 
-// The same for coordinates of very different sizes: padded by the box's own D, which is at least that of any box within.
+// The same for coordinates of very different sizes. Pads by the box's own D, which is at least that of any box within.
 fn loose_planes_apart(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> Planes {
     let negative = are_negative(ray.inverse);
     let to_low = low - ray.origin;
@@ -197,27 +198,27 @@ fn loose_slab(ray: Prepared, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 
-// Whether a node's box is met before `bound`; its corners are the first three words of two rows.
+// Returns whether a ray meets a node's box before `bound`. The corners are the first three words of each row.
 fn meets_box(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> bool {
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return s.x <= s.y && s.x <= bound && s.y >= ray.t_min;
 }
 
-// A point from the ray's start.
+// Returns a point relative to the ray's start.
 fn from_start(ray: Prepared, p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(sub(p.x, ray.origin.x), sub(p.y, ray.origin.y), sub(p.z, ray.origin.z));
 }
 
-// 1 / d per axis, rounded once.
+// Returns 1 / d per axis, rounded once.
 fn inverse_of(ray: Prepared) -> vec3<f32> {
     let k = permute(ray.direction, ray.axis);
     let x = divide_normal(1.0, divisor(push_from_zero(k.x)));
     let y = divide_normal(1.0, divisor(push_from_zero(k.y)));
-    // Along the main axis, which is far from zero, it is the shear's.
+    // Along the main axis, which is far from zero, the shear is the reciprocal.
     return unpermute(vec3<f32>(x, y, ray.shear_z), ray.axis);
 }
 
-// Entry and exit of the padded box; met if x <= y. Its own D pads it.
+// Returns entry and exit of the padded box, which is met if x <= y. The padding uses the box's own D.
 fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     let negative = are_negative(inverse);
     let near = from_start(ray, select(low, high, negative));
@@ -234,7 +235,7 @@ fn slab(ray: Prepared, inverse: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> v
     return vec2<f32>(max(n.x, max(n.y, n.z)), min(f.x, min(f.y, f.z)));
 }
 
-// t within the box's span; a NaN stays one. Below 2^-100 it is zero.
+// Clamps t to the box's span. A NaN is kept; a result below 2^-100 becomes zero.
 fn clamped(t: f32, span: vec2<f32>) -> f32 {
     let later = select(t, span.x, t < span.x);
     return flushed(select(later, span.y, later > span.y));

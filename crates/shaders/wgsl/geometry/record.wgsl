@@ -1,19 +1,19 @@
-// A triangle's record, as rays read it and as `preprocess` and its like write it.
+// Triangle records, as rays read them and as `preprocess*` writes them.
 
 import package::geometry::triangle::points_of;
 import package::geometry::units::scaled_point;
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// The triangle of a record that no ray can hit. With `woop` it stands for a number in the transform, which is not a number then.
+// Triangle index in a record that no ray can hit. A record of `woop` has a NaN there.
 const NO_TRIANGLE: u32 = 0xffffffffu;
 
-// Whether no ray can hit a leaf's triangle.
+// Returns whether no ray can hit a leaf's triangle.
 fn is_unhittable(leaf: u32) -> bool { return records[3u * leaf].w == NO_TRIANGLE; }
 
 struct Corners { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32 }
 
-// The corners of a leaf's triangle in scaled units.
+// Returns the corners of a leaf's triangle, in scaled units.
 @if(WOOP)
 fn corners_of(leaf: u32) -> Corners {
     let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
@@ -30,8 +30,8 @@ fn corners_of(leaf: u32) -> Corners {
     return Corners(vec3<f32>(x.x, y.x, z.x), vec3<f32>(x.y, y.y, z.y), vec3<f32>(x.z, y.z, z.z), first.w);
 }
 
-// As it is written: its corners in scaled units, a row an axis, so that who wants the axes in another order reads the
-// rows in that order. Each row ends with the triangle's index.
+// A record as it is written: corners in scaled units, one row per axis. A ray that needs the axes in another order reads the rows
+// in that order. Each row ends with the triangle's index.
 
 struct Record { first: vec4<u32>, second: vec4<u32>, third: vec4<u32> }
 
@@ -40,7 +40,7 @@ fn row(triangle: u32, a: f32, b: f32, c: f32) -> vec4<u32> {
     return vec4<u32>(bitcast<vec3<u32>>(vec3<f32>(a, b, c)), triangle);
 }
 
-// The record names the triangle itself.
+// The record already holds the triangle's index.
 @if(!WOOP)
 fn keep_index(leaf: u32, triangle: u32) {}
 
@@ -49,8 +49,8 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
     return Record(row(triangle, a.x, b.x, c.x), row(triangle, a.y, b.y, c.y), row(triangle, a.z, b.z, c.z));
 }
 
-// For `woop`: the rows of Woop's transform, and behind all rows the triangle's index.
-// The third row is the unit normal rather than the normal over its squared length, which loses small triangles.
+// For `woop`: the rows of Woop's transform. The triangle's index is stored after all rows.
+// The third row is the unit normal. The normal over its squared length would lose small triangles.
 
 @if(WOOP)
 fn keep_index(leaf: u32, triangle: u32) {
@@ -69,7 +69,7 @@ fn record_of(triangle: u32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> Record 
     let normal = cross(e1, e2);
     let size = abs(normal);
     let largest = max(size.x, max(size.y, size.z));
-    // Rounded away though not zero, or not finite: a record of zeros is never met.
+    // The normal underflowed although it is not zero, or is not finite. A ray never hits a record of zeros.
     if !(largest > 0.0 && largest < 1e38) { return Record(vec4<u32>(0u), vec4<u32>(0u), vec4<u32>(0u)); }
     let shape = normal / largest;
     let length = sqrt(dot(shape, shape));

@@ -1,20 +1,17 @@
-// A triangle's corners in the scene's units, and whether they span an area.
+// A triangle's corners in scene units, and the test for zero area.
 
 import package::lib::buffers::{positions, triangles};
 import package::lib::ieee::{add, mul, sub};
 
-// A vertex's position in the scene's units, as bits.
-
+// Returns a vertex's position in scene units, as bits.
 fn point_of(vertex: u32) -> vec3<u32> {
     return vec3<u32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
 }
 
-// One of a triangle's corners in the scene's units, as bits.
-
+// Returns one corner of a triangle in scene units, as bits.
 fn corner(triangle: u32, which: u32) -> vec3<u32> { return point_of(triangles[3u * triangle + which]); }
 
-// A triangle's corners in the scene's units, as bits.
-
+// Returns a triangle's corners in scene units, as bits.
 fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
     return array<vec3<u32>, 3>(
         point_of(triangles[3u * triangle]),
@@ -23,19 +20,20 @@ fn points_of(triangle: u32) -> array<vec3<u32>, 3> {
     );
 }
 
-// Whether corners make a triangle that rays can hit.
+// Tests of a triangle's corners: whether they are finite and span an area.
 
 fn is_finite(v: vec3<u32>) -> bool {
     return all((v & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
 }
 
-// Whether scaling made a zero of a coordinate that was none.
+// Returns whether scaling turned a non-zero coordinate into zero.
 fn lost_a_coordinate(before: vec3<u32>, after: vec3<f32>) -> bool {
     let was_zero = (before & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     return any((after == vec3<f32>(0.0)) != was_zero);
 }
 
-// Whether three finite corners are seen at once to span an area, as most are; also given in scaled units.
+// Returns whether a rounded test already shows that three finite corners span an area, as it does for most triangles. The corners
+// are passed in scene units and in scaled units.
 fn seen_to_have_area(
     given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>,
 ) -> bool {
@@ -43,21 +41,20 @@ fn seen_to_have_area(
     return !lost && has_area(a, b, c);
 }
 
-// Whether they span none.
+// Returns whether the corners span no area.
 fn is_flat(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     if seen_to_have_area(given_a, given_b, given_c, a, b, c) { return false; }
     return is_degenerate(given_a, given_b, given_c);
 }
 
-// Whether a triangle's area is exactly zero. In units of 2^-149 every coordinate is a whole number
-// below 2^277, and a component of the cross product one below 2^557: zero if it is zero modulo 36
-// primes, whose product is beyond 2^575. It is asked rarely and may be slow, but the kernels that ask
-// must keep their registers: so no long numbers.
+// The exact test for zero area. In units of 2^-149 every coordinate is an integer below 2^277, and a component of the cross
+// product is below 2^557. It is zero if it is zero modulo 36 primes, whose product exceeds 2^575. The test is rare and may be
+// slow, but the kernels that call it must keep their registers, so it uses no long integers.
 
 const PRIMES: u32 = 36u;
 const LARGEST_PRIME: u32 = 65521u;
 
-// Half the gaps between one prime and the next below, four bits each.
+// Half the gap between each prime and the next smaller one, four bits each.
 fn half_gaps(word: u32) -> u32 {
     switch word {
         case 0u: { return 0x2751f9b1u; }
@@ -68,7 +65,7 @@ fn half_gaps(word: u32) -> u32 {
     }
 }
 
-// A coordinate modulo a prime.
+// Returns a coordinate modulo a prime.
 fn residue(bits: u32, prime: u32) -> u32 {
     let exponent = (bits >> 23u) & 255u;
     var value = ((bits & 0x7fffffu) | select(0x800000u, 0u, exponent == 0u)) % prime;
@@ -84,7 +81,7 @@ fn residues(v: vec3<u32>, prime: u32) -> vec3<u32> {
     return vec3<u32>(residue(v.x, prime), residue(v.y, prime), residue(v.z, prime));
 }
 
-// Whether the cross product of two edges is zero modulo a prime.
+// Returns whether the cross product of two edges is zero modulo a prime.
 fn vanishes(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>, prime: u32) -> bool {
     let p = vec3<u32>(prime);
     let start = residues(a, prime);
@@ -93,9 +90,8 @@ fn vanishes(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>, prime: u32) -> bool {
     return all((e.yzx * f.zxy) % p == (e.zxy * f.yzx) % p);
 }
 
-// Whether one component of the cross product stands clear of its rounding
-// error (two differences, one product, one difference: 8 units of 2^-23 cover
-// them), and of underflow.
+// Returns whether a component of the cross product exceeds underflow and its rounding error: two differences, one product and one
+// difference, for which 8 units of 2^-23 suffice.
 fn stands_clear(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
     let p = mul(ei, fj);
     let q = mul(ej, fi);
@@ -103,7 +99,7 @@ fn stands_clear(ei: f32, ej: f32, fi: f32, fj: f32) -> bool {
     return size > 1e-30 && abs(sub(p, q)) > 9.5367431640625e-7 * size;
 }
 
-// Whether rounded arithmetic already shows an area; coordinates are zero or at least 2^-64.
+// Returns whether rounded arithmetic shows an area. Coordinates are zero or at least 2^-64.
 fn has_area(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     let e = vec3<f32>(sub(b.x, a.x), sub(b.y, a.y), sub(b.z, a.z));
     let f = vec3<f32>(sub(c.x, a.x), sub(c.y, a.y), sub(c.z, a.z));
@@ -111,7 +107,7 @@ fn has_area(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
         || stands_clear(e.z, e.x, f.z, f.x);
 }
 
-// Whether an active triangle has exactly no area; coordinates as bits.
+// Returns whether an active triangle has exactly zero area. Coordinates are passed as bits.
 fn is_degenerate(a: vec3<u32>, b: vec3<u32>, c: vec3<u32>) -> bool {
     var prime = LARGEST_PRIME;
     for (var i = 0u; i < PRIMES; i += 1u) {

@@ -1,21 +1,20 @@
-// Scene units to scaled units, and the sizes below which numbers count as zero:
-// see "Scale" and "Small numbers" in docs/design/hits.md. Powers of two are applied
-// to bits, since a device may flush subnormal operands.
+// Conversion from scene units to scaled units, and the sizes below which numbers count as zero: see "Scale" and "Small numbers" in
+// docs/design/hits.md. Powers of two are applied to bits, because a device may flush subnormal operands.
 
 import package::lib::ieee::{parts, round_quotient};
 import package::lib::params::params;
 
-// t in the ray's own units, as bits; a zero is a positive one.
+// Returns t in the ray's own units, as bits. A zero is positive.
 fn in_ray_units(t: f32, exponent: i32) -> u32 {
     let bits = bitcast<u32>(scale_bits(bitcast<u32>(t), -exponent));
     return select(bits, 0u, bits == 0x80000000u);
 }
 
-// x * 2^m, rounded once; subnormal numbers, infinities and NaNs as IEEE has them.
+// Returns x * 2^m, rounded once. Subnormal numbers, infinities and NaNs follow IEEE.
 fn scale_bits(bits: u32, m: i32) -> f32 {
     let magnitude = bits & 0x7fffffffu;
     let exponent = i32(magnitude >> 23u);
-    // Normal, and the result too.
+    // Operand and result are normal.
     if u32(exponent - 1) < 254u && u32(exponent + m - 1) < 254u {
         return bitcast<f32>(bitcast<u32>(bitcast<i32>(bits) + (m << 23u)));
     }
@@ -24,7 +23,7 @@ fn scale_bits(bits: u32, m: i32) -> f32 {
     return bitcast<f32>((bits & 0x80000000u) | round_quotient(p.mantissa << 1u, false, p.exponent + m));
 }
 
-// A coordinate in scaled units; below 2^-64 it is zero.
+// Returns a coordinate in scaled units. A result below 2^-64 becomes zero.
 fn scaled_coordinate(bits: u32) -> f32 {
     var x = bitcast<f32>(bits);
     if params.scale_exponent != 0 { x = scale_bits(bits, -params.scale_exponent); }
@@ -35,7 +34,7 @@ fn scaled_point(bits: vec3<u32>) -> vec3<f32> {
     return vec3<f32>(scaled_coordinate(bits.x), scaled_coordinate(bits.y), scaled_coordinate(bits.z));
 }
 
-// 2^-64
+// Replaces values below 2^-64 by zero.
 fn snapped(x: f32) -> f32 { return select(x, 0.0, abs(x) < 5.421010862427522e-20); }
 
 fn snapped3(v: vec3<f32>) -> vec3<f32> { return vec3<f32>(snapped(v.x), snapped(v.y), snapped(v.z)); }
@@ -44,24 +43,24 @@ fn is_finite_point(v: vec3<f32>) -> bool {
     return all((bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
 }
 
-// Products, weights and distances below 2^-100 are zero.
+// Replaces products, weights and distances below 2^-100 by zero.
 fn flushed(x: f32) -> f32 { return select(x, 0.0, abs(x) < 7.888609052210118e-31); }
 
-// Which rays are extreme: geom::Range.
+// Extreme rays: geom::Range.
 
-// By its start in scaled units, at a moment of which the host knows how far coordinates reach.
+// Decides by the ray's start, in scaled units, at moments whose range the host knows.
 fn is_extreme(origin: vec3<f32>) -> bool {
     return params.extreme == 1u || starts_beyond(origin, params.tiny != 0u);
 }
 
-// 2^40 and 2^-24; a NaN is extreme.
+// The bounds are 2^40 and 2^-24. A NaN is extreme.
 fn starts_beyond(origin: vec3<f32>, tiny: bool) -> bool {
     let size = abs(origin);
     let farthest = max(size.x, max(size.y, size.z));
     return !is_finite_point(origin) || farthest >= 1099511627776.0 || (tiny && farthest < 5.9604644775390625e-8);
 }
 
-// Floats in order as whole numbers, and back.
+// Maps floats to integers of the same order, and back.
 fn ordered(bits: u32) -> i32 {
     let size = bitcast<i32>(bits & 0x7fffffffu);
     return select(size, -size, (bits >> 31u) == 1u);
@@ -69,5 +68,5 @@ fn ordered(bits: u32) -> i32 {
 
 fn from_ordered(x: i32) -> u32 { return select(bitcast<u32>(x), bitcast<u32>(-x) | 0x80000000u, x < 0); }
 
-// 2^e within the range of normal floats.
+// Returns 2^e, clamped to the range of normal floats.
 fn power_of_two(e: i32) -> f32 { return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u); }

@@ -1,21 +1,22 @@
-// Rays that a search leaves open, each with a list of candidates: notes of the triangles that it may hit. A note takes three
-// words: a leaf, the next note, and what is known of the shadow if that leaf is hit (resolve_together.wgsl).
+// Rays that a search leaves open, each with a list of candidates: the triangles that it may hit. A candidate is stored as a note
+// of three words: a leaf, the next note, and whether the hit is in shadow if that leaf is hit (resolve_together.wgsl).
 //
-// `occluded` holds a word a ray, the list of open rays, and the notes; then the stacks of fallback.wgsl, and a list of open
-// shadows, for kernels that need both. `destination` says where the list begins that a search for any hit fills.
+// `occluded` holds one word per ray, the list of open rays, and the notes. Then follow the stacks of fallback.wgsl and, for
+// kernels that need both, a list of open shadow rays. The list that any-hit searches fill begins at `destination`.
 
 import package::lib::buffers::{counts, occluded};
 import package::lib::params::params;
 
-// An open ray has the number of its first note in place of an answer to any-hit queries, which is 0 or 1.
+// Index of the first note. In `occluded`, an open any-hit query has such an index in place of the answer 0 or 1.
 const FIRST_NOTE: u32 = 2u;
 const NO_NOTE: u32 = 0xffffffffu;
-// In place of the first note: there was no room for them all, or they say nothing.
+// In place of the first note: the notes did not fit or do not decide the ray.
 const TOO_MANY: u32 = 0xfffffffeu;
-// In place of the first weight in the hit of an open ray: no weight has such bits.
+// In place of the first weight of an open ray's hit. No weight has these bits.
 const OPEN: u32 = 0xffffffffu;
 
-// Words of `counts`: rays that are open, and notes; from the former on, rays that notes do not settle.
+// Words of `counts`: open rays, open shadow rays, and notes. HARD is the distance from the count of open rays to the count of
+// those that notes do not resolve.
 const OPEN_RAYS: u32 = 7u;
 const OPEN_SHADOWS: u32 = 8u;
 const NOTES: u32 = 9u;
@@ -23,10 +24,10 @@ const HARD: u32 = 3u;
 
 fn note_at(note: u32) -> u32 { return 2u * params.first + 3u * (note - FIRST_NOTE); }
 
-// Where it is noted whether the way from a note's leaf to the light is occluded: 0, 1, or TOO_MANY if nobody knows.
+// Returns the word that holds the shadow of a note's leaf: 0, 1, or TOO_MANY if it is unknown.
 fn shadow_of(note: u32) -> u32 { return note_at(note) + 2u; }
 
-// A note of a leaf, in no list yet, or TOO_MANY if there is no room.
+// Allocates a note of a leaf, in no list yet. Returns TOO_MANY if there is no space.
 fn new_note(leaf: u32) -> u32 {
     let place = atomicAdd(&counts[NOTES], 1u);
     if place >= params.notes { return TOO_MANY; }
@@ -35,16 +36,16 @@ fn new_note(leaf: u32) -> u32 {
     return place + FIRST_NOTE;
 }
 
-// Writes whether a ray meets anything, and counts it as word `count` of `counts` if it does.
+// Writes whether a ray hits anything. If it does, increments word `count` of `counts`.
 fn answer_any(i: u32, met: bool, count: u32) {
     occluded[i] = select(0u, 1u, met);
     if met { atomicAdd(&counts[count], 1u); }
 }
 
-// A list to go through: empty where there was no room.
+// Returns a list to iterate over: empty if its notes did not fit.
 fn listed(list: u32) -> u32 { return select(list, NO_NOTE, list == TOO_MANY); }
 
-// Adds a note to a ray's list.
+// Prepends a note to a ray's list.
 fn with_note(list: u32, leaf: u32) -> u32 {
     if list == TOO_MANY { return TOO_MANY; }
     let note = new_note(leaf);

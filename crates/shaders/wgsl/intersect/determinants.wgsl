@@ -1,4 +1,4 @@
-// Whether and where a ray meets a triangle, by four determinants in registers: what one invocation does for itself.
+// Ray-triangle intersection by four determinants of 192 bits in registers.
 
 import package::geometry::triangle::points_of;
 import package::intersect::line::{Crossing, is_within, line, units_of};
@@ -10,12 +10,12 @@ import package::lib::fixed::{
 };
 import package::lib::integers::{CROSSINGS, words};
 
-// Whether the triangle is met, or takes longer numbers to decide; about t, and t rounded once, as bits.
+// Whether the triangle is hit, whether it needs longer integers, and t: approximate, and rounded once, as bits.
 struct Decided { met: u32, hard: u32, leaf: u32, exponent: i32, about: About, t: u32 }
 
 struct Fixed { fits: bool, unit: i32, a: Vector64, b: Vector64, c: Vector64 }
 
-// A coordinate from the ray's start.
+// Returns a coordinate relative to the ray's start.
 fn fixed_from(x: u32, origin: u32, unit: i32) -> vec2<u32> {
     return sub_64(in_units(x, unit), in_units(origin, unit - line.shift));
 }
@@ -25,7 +25,8 @@ fn fixed_point(p: vec3<u32>, unit: i32) -> Vector64 {
     return Vector64(fixed_from(p.x, o.x, unit), fixed_from(p.y, o.y, unit), fixed_from(p.z, o.z, unit));
 }
 
-// Corners from the ray's start, if they and the direction have 60 bits at most, and the ray does not begin before it.
+// Returns the corners relative to the ray's start. Requires that they and the direction have at most 60 bits and that t_min is
+// not negative; else `fits` is false.
 fn fixed(points: array<vec3<u32>, 3>) -> Fixed {
     let units = units_of(points);
     if units.y - units.x + 25 > 60 || line.bits > 60 || line.t_min > 0x80000000u { return Fixed(); }
@@ -37,7 +38,7 @@ fn fixed_direction() -> Vector64 {
     return Vector64(in_units(d.x, line.unit), in_units(d.y, line.unit), in_units(d.z, line.unit));
 }
 
-// d . (c x b), d . (a x c), d . (b x a) and a . (c x b).
+// Returns d . (c x b), d . (a x c), d . (b x a) or a . (c x b).
 fn determinant(f: Fixed, side: u32) -> Whole192 {
     var x = fixed_direction();
     var p = f.c;
@@ -51,7 +52,7 @@ fn determinant(f: Fixed, side: u32) -> Whole192 {
 struct Four { u: Whole192, v: Whole192, w: Whole192, n: Whole192 }
 struct Concluded { made: Decided, d: Whole192, n: Whole192 }
 
-// D, N and what they say, from the four determinants.
+// Derives the denominator D, the numerator N and the decision from the four determinants.
 fn conclude(given: Decided, f: Four) -> Concluded {
     var c = Concluded(given, f.u, f.n);
     let signs = vec3<i32>(sign_192(f.u), sign_192(f.v), sign_192(f.w));
@@ -62,7 +63,7 @@ fn conclude(given: Decided, f: Four) -> Concluded {
         c.d = negated_192(c.d);
         c.n = negated_192(c.n);
     }
-    // In the triangle's plane, or behind the start.
+    // The ray is in the triangle's plane, or the triangle is behind its start.
     if all(signs == vec3<i32>(0)) || sign_192(c.n) <= 0 { return c; }
     c.made.about = quotient_about(about_192(c.n), about_192(c.d), c.made.exponent);
     c.made.t = rounded_192(c.n, c.d, c.made.exponent);
@@ -70,15 +71,15 @@ fn conclude(given: Decided, f: Four) -> Concluded {
     return c;
 }
 
-// Where a crossing's numbers lie, in one of two places.
+// Returns where a crossing's numbers are stored, in one of two slots.
 fn crossing_in(slot: u32, exponent: i32) -> Crossing {
     return Crossing(true, CROSSINGS + 56u * slot, CROSSINGS + 56u * slot + 28u, LIMBS, exponent);
 }
 
-// As many limbs as six words have.
+// Number of limbs of 192 bits.
 const LIMBS: u32 = 6u;
 
-// Puts a number that is not negative where those of any length lie.
+// Stores a non-negative number in the format of lib/integers.wgsl.
 fn put_192(at: u32, n: Whole192) {
     words[at] = 0u;
     words[at + 1u] = n.low.x;
@@ -89,33 +90,34 @@ fn put_192(at: u32, n: Whole192) {
     words[at + 6u] = n.high.z;
 }
 
-// Whether and where rays meet the triangles of their notes. A workgroup of 64 takes four
-// rays at a time and four notes of each; four invocations share a note, one for each of the determinants U, V, W and N.
+// Resolving candidate notes. A workgroup of 64 takes four rays at a time and four notes of each. Four invocations share a note:
+// one for each of the determinants U, V, W and N.
 
 const RAYS: u32 = 4u;
 
-// By invocation: a determinant. Then by note: D, V, W, and N, where the ray meets the triangle at t = N / D * 2^exponent. V and
-// W have either sign.
+// Holds one determinant per invocation at first, then D, V, W and N of each note. The ray hits the triangle at t = N / D *
+// 2^exponent. V and W may have either sign.
 var<workgroup> determinants: array<Whole192, 64>;
 var<workgroup> decided: array<Decided, 16>;
-// Open rays of this submission, and whether a ray of this round has more notes.
+// Number of open rays of this submission, and whether a ray of this round has more notes.
 var<workgroup> open_rays: u32;
 var<workgroup> has_more: u32;
 
-// Rays left open, the same for all of a workgroup, whose rounds begin.
+// Returns the number of open rays, the same for all invocations of a workgroup.
 fn begin_rounds(local: u32, word: u32) -> u32 {
     if local == 0u { open_rays = atomicLoad(&counts[word]); }
     return workgroupUniformLoad(&open_rays);
 }
 
-// The note so many places on.
+// Returns the note `places` after the first of a list.
 fn note_after(list: u32, places: u32) -> u32 {
     var note = list;
     for (var i = 0u; i < places && note != NO_NOTE; i += 1u) { note = occluded[note_at(note) + 1u]; }
     return note;
 }
 
-// Decides up to four notes of a ray whose line is set, from `list` on; what comes of them stands in `decided`. All of a workgroup call it.
+// Decides up to four notes of each ray, from `list` on, and stores the results in `decided`. The ray's line must be set. All
+// invocations of the workgroup must call it.
 fn decide_notes(list: u32, local: u32) {
     let note = note_after(list, (local / 4u) % 4u);
     var made = Decided();
@@ -142,10 +144,10 @@ fn decide_notes(list: u32, local: u32) {
     workgroupBarrier();
 }
 
-// What is left of a list, and whether nothing is left to any ray of the workgroup.
+// The rest of a list, and whether all lists of the workgroup are finished.
 struct Rest { list: u32, all_done: bool }
 
-// The notes after the next four. All of a workgroup call it.
+// Returns the notes after the next four. All invocations of the workgroup must call it.
 fn rest_of(list: u32, local: u32) -> Rest {
     if local == 0u { has_more = 0u; }
     workgroupBarrier();
@@ -155,7 +157,7 @@ fn rest_of(list: u32, local: u32) -> Rest {
     return Rest(next, workgroupUniformLoad(&has_more) == 0u);
 }
 
-// The four determinants of one triangle by one invocation alone.
+// Computes the four determinants of one triangle in a single invocation.
 fn decide_alone(leaf: u32, points: array<vec3<u32>, 3>) -> Concluded {
     let f = fixed(points);
     var made = Decided();

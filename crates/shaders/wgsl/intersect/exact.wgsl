@@ -1,4 +1,4 @@
-// The intersector `exact`: what is sure by rounded arithmetic.
+// The intersector `exact`: the part that rounded arithmetic decides.
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
@@ -11,13 +11,13 @@ import package::lib::buffers::{counts, occluded, rays};
 import package::lib::params::params;
 import package::traversal::traverse::find_any;
 
-// What a search for the exact closest hit keeps of the leaves it sees. Most rays are decided by it; the others it
-// leaves to the kernels `resolve_exact_*`, with notes of the triangles in question.
+// Closest-hit search. It decides most rays. The others are left to the kernels `resolve_exact_*`, with notes of their candidates.
 
-// No candidate begins so late.
+// Start of an interval that does not exist.
 const NEVER: f32 = 3.4028234663852886e38;
 
-// `bound` is the least high end of sure hits, `leaf` has it and begins at `low`; `other` is where the first of all others begins.
+// `bound` is the least upper end of all sure hits' intervals. `leaf` is the hit with that interval, which begins at `low`.
+// `other` is where the first interval of all other candidates begins.
 struct ExactFound { bound: f32, low: f32, other: f32, leaf: u32, notes: u32 }
 
 fn exact_nothing_found(ray: Prepared) -> ExactFound {
@@ -25,13 +25,13 @@ fn exact_nothing_found(ray: Prepared) -> ExactFound {
     return ExactFound(ray.t_max, NEVER, NEVER, NO_LEAF, NO_NOTE);
 }
 
-// The direction of a ray that is given or a pixel's, as bits.
+// Returns the direction of an explicit ray or of a pixel's ray, as bits.
 @if(trace_rays)
 fn exact_direction_of(i: u32) -> vec3<u32> { return rays[2u * i + 1u].xyz; }
 @else
 fn exact_direction_of(i: u32) -> vec3<u32> { return bitcast<vec3<u32>>(way_through(i)); }
 
-// Nodes entered beyond this need no visit.
+// Nodes with an entry beyond this are skipped.
 fn exact_limit(found: ExactFound) -> f32 { return found.bound; }
 
 fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> ExactFound {
@@ -40,14 +40,14 @@ fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> 
     if !(j.sure && j.high < found.bound) {
         return ExactFound(found.bound, found.low, min(found.other, j.low), found.leaf, with_note(found.notes, leaf));
     }
-    // The best so far begins no later than the new one ends.
+    // If the intervals overlap, the previous best hit stays a candidate.
     if found.leaf == NO_LEAF || found.low > j.high { return ExactFound(j.high, j.low, found.other, leaf, found.notes); }
     return ExactFound(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
 }
 
 // Rasterization: the hit of one triangle.
 
-// The least distance at which a ray may hit a leaf's triangle, or infinity.
+// Returns the least distance at which a ray may hit a leaf's triangle, or infinity.
 fn exact_begin_of(ray: Prepared, leaf: u32) -> f32 {
     set_view(ray);
     let j = judge(ray, corners_of(leaf));
@@ -56,7 +56,7 @@ fn exact_begin_of(ray: Prepared, leaf: u32) -> f32 {
     return select(0.0, j.low, j.low > 0.0);
 }
 
-// Finds nothing where the hit is not sure.
+// Returns the hit of a leaf's triangle if it is sure.
 fn exact_hit_on(ray: Prepared, leaf: u32) -> ExactFound {
     let nothing = exact_nothing_found(ray);
     let j = judge(ray, corners_of(leaf));
@@ -66,7 +66,7 @@ fn exact_hit_on(ray: Prepared, leaf: u32) -> ExactFound {
 
 fn exact_is_found(found: ExactFound) -> bool { return found.leaf != NO_LEAF; }
 
-// What is written for a ray: its hit, or what is known for whoever settles it.
+// Returns the hit to write for a ray, or the data for the kernel that resolves it.
 fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     if found.other < NEVER && found.other <= found.bound {
         var notes = found.notes;
@@ -80,17 +80,17 @@ fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     return reported.hit;
 }
 
-// Lists a ray. Nothing beyond `bound` is sought.
+// Appends a ray to the list of open rays. Hits beyond `bound` are not searched for.
 fn left_open(i: u32, bound: f32, list: u32) -> vec4<u32> {
     occluded[params.first + atomicAdd(&counts[OPEN_RAYS], 1u)] = i;
     return vec4<u32>(bitcast<u32>(bound), list, OPEN, 0u);
 }
 
-// Whether a hit is none yet.
+// Returns whether the ray was left open.
 fn exact_is_unresolved(hit: vec4<u32>) -> bool { return hit.z == OPEN; }
 
-// Whether a ray surely meets a leaf's triangle. Where none is surely met but some may be, the ray is left to the
-// kernels `resolve_exact_*`, with notes of the triangles in question.
+// Any-hit search. If no triangle is surely hit but some may be, the ray is left to the kernels `resolve_exact_*`, with notes of
+// those triangles.
 
 var<private> notes: u32 = NO_NOTE;
 
@@ -108,8 +108,8 @@ fn exact_ask_any(ray: Prepared, ignore: u32) -> bool {
     return find_any(ray, ignore);
 }
 
-// Writes whether a ray met anything, and counts it as word `count` of `counts`; lists it by `count + 5` from word
-// `destination` on, with its notes, if nobody knows yet.
+// Writes whether a ray hit anything. A hit increments word `count` of `counts`. An open ray is appended with its notes to the
+// list at word `destination`, whose length is word `count + 5`.
 fn exact_store_occluded(i: u32, met: bool, count: u32) {
     if met {
         occluded[i] = 1u;

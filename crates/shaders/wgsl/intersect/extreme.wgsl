@@ -1,4 +1,4 @@
-// What extreme rays hit: see "Extreme rays" in docs/design/hits.md.
+// Hits of extreme rays: see "Extreme rays" in docs/design/hits.md.
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
@@ -12,9 +12,10 @@ import package::lib::ieee::parts;
 import package::lib::params::params;
 import package::lib::integers::CROSSINGS;
 
-// What a line surely passes by, in floats of which the greatest is brought near 1: boxes and triangles of any size.
+// A conservative filter for boxes and triangles of any size, in floats scaled so that the largest is close to 1.
 
-// Exponent fields, 1 for subnormal numbers as well, of a point; 0 where all is zero.
+// Returns the largest of `given` and the exponent fields of a point's coordinates, plus `shift`. Zeros are ignored; subnormal
+// numbers have field 1.
 fn greatest_field(given: i32, point: vec3<u32>, shift: i32) -> i32 {
     var most = given;
     for (var i = 0u; i < 3u; i += 1u) {
@@ -28,16 +29,16 @@ fn scaled_by(point: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(point.x, exponent), scale_bits(point.y, exponent), scale_bits(point.z, exponent));
 }
 
-// No number has so small a field.
+// Less than every exponent field.
 const NO_FIELD: i32 = -1000;
 
-// The direction, its largest component in [1, 2), and the exponent that was taken away.
+// The direction scaled so that its largest component is in [1, 2), and the exponent of the scale.
 var<private> coarse_direction: vec3<f32>;
 var<private> coarse_exponent: i32;
-// 1 / d per axis, d pushed away from zero.
+// 1 / d per axis, with d pushed away from zero.
 var<private> coarse_inverse: vec3<f32>;
 
-// For the line that is set.
+// Prepares the filter for the line that is set.
 fn make_coarse() {
     coarse_exponent = greatest_field(NO_FIELD, line.direction, 0) - 127;
     if coarse_exponent == 1 - 127 {
@@ -48,8 +49,8 @@ fn make_coarse() {
     coarse_inverse = 1.0 / pushed_from_zero(coarse_direction);
 }
 
-// Whether the line may pass through a box in scaled units before `bound`, as bits, and not all before t_min. A plane at zero may
-// stand for a coordinate that counts as zero, below 2^-64.
+// Returns whether the line may hit a box, in scaled units, before `bound` (as bits) and not entirely before t_min. A plane at
+// zero may represent a coordinate below 2^-64, which counts as zero.
 fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     // An empty box.
     if low.x == 0x7f800000u { return false; }
@@ -57,7 +58,7 @@ fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     var field = greatest_field(NO_FIELD, line.origin, 0);
     field = greatest_field(greatest_field(field, low, k), high, k);
     let by = 127 - field;
-    // Not below 2^-100, where differences lose digits.
+    // At least 2^-100, below which differences lose digits.
     let widening = power_of_two(max(by + k - 64, -100));
     let small_low = (low & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
     let small_high = (high & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u);
@@ -73,14 +74,14 @@ fn may_pass(low: vec3<u32>, high: vec3<u32>, bound: u32) -> bool {
     let enters = max(n.x, max(n.y, n.z));
     let leaves = min(f.x, min(f.y, f.z));
     if !(enters <= leaves) { return false; }
-    // Limits in the same units, loosely.
+    // The limits in the same units, with a margin.
     let since = scale_bits(line.t_min, coarse_exponent + by);
     let until = scale_bits(bound, coarse_exponent + by);
     return leaves >= since - 1.0e-5 * abs(since) - 1.0e-30 && enters <= until + 1.0e-5 * abs(until) + 1.0e-30;
 }
 
-// On which side of an edge the line surely passes: each product carries at most seven roundings, and less than 2^-110 is lost
-// to what a device flushes.
+// Returns on which side of an edge the line surely passes, else 0. Each product carries at most seven roundings, and values that
+// a device flushes lose less than 2^-110.
 fn coarse_side(p: vec3<f32>, q: vec3<f32>) -> i32 {
     let d = coarse_direction;
     let plus = p.yzx * q.zxy;
@@ -106,21 +107,22 @@ fn surely_passes_by(points: array<vec3<u32>, 3>) -> bool {
     return min(u, min(v, w)) < 0 && max(u, max(v, w)) > 0;
 }
 
-// Extreme rays: what they hit, in whole numbers of any length. See "Extreme rays" in docs/design/hits.md. Who uses it declares
-// `nodes`, `records`, `triangles`, `positions` and `counts`.
+// Hits of extreme rays in integers of any length. Kernels that use this declare `nodes`, `records`, `triangles`, `positions` and
+// `counts`.
 
-// The first so far: as it stands, and its t rounded once.
+// The first hit so far, exact and with its t rounded once.
 var<private> best: Crossing;
 var<private> best_t: u32;
 var<private> best_triangle: u32;
 
-// The slot that the first so far does not take.
+// Returns the slot that the first hit so far does not use.
 fn spare_slot() -> u32 { return select(0u, 1u, best_triangle != NO_TRIANGLE && best.numerator == CROSSINGS); }
 
-// Whether the rule is that of `watertight`: an infinitely small move of the ray, and hits in the order of rounded t.
+// Returns whether the rule is that of `watertight`: the ray's start moves by an infinitely small amount, and rounded t orders
+// hits.
 fn rule_moves() -> bool { return params.rule == 1u; }
 
-// Offers a triangle; whether it is met within the limits.
+// Offers a triangle as a hit. Returns whether it is hit within the limits.
 fn offer_extreme(triangle: u32) -> bool {
     let points = points_of(triangle);
     if surely_passes_by(points) { return false; }
@@ -139,7 +141,7 @@ fn offer_extreme(triangle: u32) -> bool {
     return true;
 }
 
-// Goes down the tree for the line that is set, past triangle `ignore`; ends at the first that is met if `any` is.
+// Traverses the tree for the line that is set and ignores triangle `ignore`. Stops at the first hit if `any` is set.
 fn search_extreme(ignore: u32, any: bool) {
     best_triangle = NO_TRIANGLE;
     atomicAdd(&counts[7], 1u);
@@ -175,7 +177,7 @@ fn search_extreme(ignore: u32, any: bool) {
     }
 }
 
-// The closest hit along the line that is set; or any, of which only the triangle is told.
+// Returns the closest hit along the line that is set. If `any` is set, returns some hit with only its triangle.
 fn hit_extreme(any: bool) -> vec4<u32> {
     search_extreme(NO_TRIANGLE, any);
     if best_triangle == NO_TRIANGLE { return MISS; }
@@ -185,7 +187,7 @@ fn hit_extreme(any: bool) -> vec4<u32> {
     return vec4<u32>(best_t, weights, best_triangle);
 }
 
-// Whether the line that is set meets any triangle but one.
+// Returns whether the line that is set hits any triangle except `ignore`.
 fn any_extreme(ignore: u32) -> bool {
     search_extreme(ignore, true);
     return best_triangle != NO_TRIANGLE;

@@ -1,4 +1,4 @@
-// The kernels for extreme rays.
+// Kernels for extreme rays.
 
 import package::geometry::queries::{LEFT_AT, asked, is_void_ray, set_line_of};
 import package::geometry::ray::MISS;
@@ -13,8 +13,8 @@ import package::lib::exact::{soft_add, soft_multiply};
 import package::lib::params::{element, params};
 import package::lib::integers::{CROSSINGS, ONE, PRODUCTS, accumulate, clear, finish, sign_of_number};
 
-// From an extreme ray's hit to the light: the host's twin is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added
-// and multiplied as IEEE has it; the largest finite one stands in place of an infinite one.
+// Shadow rays of extreme rays. The host's counterpart is `shadow_ray` in cpu-ref/src/extreme.rs. All numbers are bits, added and
+// multiplied by IEEE rules, except that the largest finite number replaces infinity.
 
 fn saturated(x: u32) -> u32 { return select(x, (x & 0x80000000u) | 0x7f7fffffu, (x & 0x7fffffffu) >= 0x7f800000u); }
 
@@ -33,7 +33,7 @@ fn largest_of(given: u32, point: vec3<u32>) -> u32 {
 
 struct HitPoint { at: vec3<u32>, error: u32 }
 
-// Along the ray or within the triangle, whichever rounds less. 12 * 2^-24 is 0x35400000.
+// Computes the hit point along the ray or within the triangle, whichever rounds less. 12 * 2^-24 is 0x35400000.
 fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: array<vec3<u32>, 3>) -> HitPoint {
     var way: vec3<u32>;
     for (var i = 0u; i < 3u; i += 1u) { way[i] = times(hit.x, direction[i]); }
@@ -53,7 +53,7 @@ fn hit_point(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>, points: ar
     return HitPoint(p, times(0x35400000u, within));
 }
 
-// On which side of a triangle's plane a point lies.
+// Returns on which side of a triangle's plane a point is.
 fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     set_line(point, vec3<u32>(0x3f800000u, 0u, 0u), 0u, 0x7f800000u, 0);
     make_line();
@@ -62,7 +62,7 @@ fn side_of(points: array<vec3<u32>, 3>, point: vec3<u32>) -> i32 {
     return sign_of_number(PRODUCTS, placed.len.triple);
 }
 
-// The sign of a component of a triangle's normal.
+// Returns the sign of a component of a triangle's normal.
 fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
     var direction = vec3<u32>(0u);
     direction[axis] = 0x3f800000u;
@@ -78,7 +78,7 @@ fn normal_sign(points: array<vec3<u32>, 3>, axis: u32) -> i32 {
     return sign_of_number(CROSSINGS, placed.len.triple);
 }
 
-// Whether the light does not reach the hit of a ray. The light is in the scene's units.
+// Returns whether the hit of a ray is in shadow. The light is in scene units.
 fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>) -> bool {
     let points = points_of(hit.w);
     let light = bitcast<vec3<u32>>(params.light);
@@ -97,23 +97,23 @@ fn is_in_extreme_shadow(origin: vec3<u32>, direction: vec3<u32>, hit: vec4<u32>)
         way[i] = soft_add(bitcast<u32>(scale_bits(light[i], -1)), negative_of(bitcast<u32>(scale_bits(start[i], -1))));
     }
     if all((way & vec3<u32>(0x7fffffffu)) == vec3<u32>(0u)) { return false; }
-    // t within (0, 2): the direction is half the way.
+    // t is in (0, 2), because the direction is half the vector to the light.
     set_line(start, way, 0u, 0x40000000u, 0);
     return any_extreme(hit.w);
 }
 
-// Whether any ray may be left to these kernels. Of those given one by one, the search has told; of a camera's, the host has,
-// but for what only the range tells.
+// Returns whether any ray may be left to these kernels. For explicit rays, the search recorded that. For a camera's rays, the host
+// decided it, unless only the buffer `range` holds the answer.
 fn may_be_left() -> bool {
     if params.extreme == 1u || is_range_unusual() { return true; }
     if params.width > 0u { return params.extreme != 2u; }
     return atomicLoad(&counts[LEFT_AT]) > 0u;
 }
 
-// Whether a ray is left to these kernels: of a camera's all are.
+// Returns whether a ray is left to these kernels. All rays of a camera are.
 fn is_known_to_be_left(i: u32) -> bool { return params.width > 0u || is_extreme(asked(i).origin); }
 
-// Whether the search could not tell, since it knew of no range.
+// Returns whether the measured range makes rays extreme. The search ran without that range.
 @if(extreme_rays)
 fn is_range_unusual() -> bool { return params.extreme == 2u && is_measured_unusual(); }
 @else
@@ -124,15 +124,15 @@ fn is_left(i: u32) -> bool {
     if params.extreme == 2u { return is_measured_extreme(asked(i).origin); }
     return is_known_to_be_left(i);
 }
-// For shadows the host has looked.
+// For shadow rays, the host knows the range.
 @else
 fn is_left(i: u32) -> bool { return is_known_to_be_left(i); }
 
-// What those rays that are extreme hit: the closest, or of `rounds` 1 whether there is any. An answer has `rounds` words.
+// The closest hits of extreme rays, or whether there is any hit if `rounds` is 1. An answer has `rounds` words.
 
 @group(0) @binding(next) var<storage, read_write> answers: array<u32>;
 
-// Where the host did not know which rays are left, other kernels have answered all.
+// If the host did not know which rays are extreme, other kernels have already answered and counted all rays.
 fn discount_hit(i: u32) {
     let last = answers[params.rounds * (i + 1u) - 1u];
     let found = select(last != NO_TRIANGLE, last == 1u, params.rounds == 1u);
@@ -166,7 +166,7 @@ fn extreme_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workg
     }
 }
 
-// The shadows of the hits of those rays that are extreme.
+// The shadow rays of the hits of extreme rays.
 
 fn answer_shadow(i: u32) {
     occluded[i] = 0u;

@@ -1,4 +1,4 @@
-// Settles the rays whose notes do not tell: each goes down the tree again.
+// Resolves rays that candidate notes do not decide: each traverses the tree again.
 
 import package::geometry::layout::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
 import package::geometry::light::{ray_to_light, set_line_along, to_light};
@@ -15,15 +15,14 @@ import package::intersect::resolve_exact::{first, first_leaf, first_triangle, fr
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::params::params;
 
-// Another search for rays that notes do not tell of: down the tree, candidate by candidate, by one invocation a ray. Its stack
-// lies in `occluded` behind the notes.
+// One invocation per ray traverses the tree and decides each candidate. The stacks are in `occluded`, after the notes.
 
 const STACK: u32 = 64u;
 
 fn stack_at(place: u32) -> u32 { return 2u * params.first + 3u * params.notes + STACK * place; }
 
-// Settles every open ray whose turn is at this invocation's place; the kernel says how, by `fallback_ray`. One invocation in
-// sixteen has a place: so it is alone in its vector on software drivers.
+// Resolves the open rays assigned to this invocation's place. Each kernel has its own `fallback_ray`. One invocation in 16 has a
+// place, so it is alone in its vector on software drivers.
 fn fallback_open(local: u32, group: u32, word: u32) {
     let place = 4u * group + local / 16u;
     if local % 16u != 0u || place >= params.places || atomicLoad(&counts[word + HARD]) == 0u { return; }
@@ -38,7 +37,7 @@ fn may_meet(ray: Prepared, row: u32, bound: f32) -> bool {
     return meets_box(ray, nodes[row], nodes[row + 1u], bound);
 }
 
-// Where the list of open rays begins.
+// Returns where the list of open rays begins.
 @if(fallback_rays)
 fn list_at() -> u32 { return params.first; }
 @else
@@ -61,7 +60,7 @@ fn is_candidate(ray: Prepared, leaf: u32, bound: f32) -> bool {
     return judge(ray, corners).possible;
 }
 
-// Looks at a candidate; whether it is enough. Of closest hits none is.
+// Decides a candidate. Returns whether the search can stop. A closest-hit search never can.
 @if(fallback_rays)
 fn see(leaf: u32) -> bool {
     consider(leaf);
@@ -76,7 +75,7 @@ fn see(leaf: u32) -> bool {
     return is_met;
 }
 
-// Shows `see` every candidate, until one is enough.
+// Traverses the tree and calls `see` for every candidate until it returns true.
 fn walk(place: u32, ray: Prepared, bound: f32) {
     let stack = stack_at(place);
     var at = nodes[0].w;
@@ -104,9 +103,9 @@ fn walk(place: u32, ray: Prepared, bound: f32) {
     }
 }
 
-// Settles rays whose notes do not tell which of their candidates is first.
+// Closest-hit rays.
 
-// Settles a leaf's triangle by itself.
+// Decides a leaf's triangle and offers it as the first hit.
 fn consider(leaf: u32) {
     let triangle = records[3u * leaf].w;
     let points = points_of(triangle);
@@ -120,7 +119,7 @@ fn consider(leaf: u32) {
     if c.met { _ = offer(alone.made, triangle, c, false); }
 }
 
-// Writes the hit of the ray at a place, whose line is set.
+// Writes the hit of the ray at a place. The ray's line must be set.
 fn fallback_closest(place: u32, i: u32, ray: Prepared) {
     make_line();
     set_view(ray);
@@ -135,14 +134,14 @@ fn fallback_closest(place: u32, i: u32, ray: Prepared) {
     atomicAdd(&counts[2], 1u);
 }
 
-// Settles rays whose notes do not tell whether they meet anything.
+// Any-hit rays.
 
-// The triangle that a shadow's ray leaves.
+// The triangle where a shadow ray starts.
 var<private> left_out: u32;
 var<private> is_met: bool;
 
-// Writes whether the ray at a place, whose line is set, meets anything but triangle `ignore`, and counts it as word `count`
-// of `counts` if it does.
+// Writes whether the ray at a place hits anything except triangle `ignore`. If it does, increments word `count` of `counts`. The
+// ray's line must be set.
 fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
     left_out = ignore;
     make_line();
@@ -152,7 +151,7 @@ fn fallback_any(place: u32, i: u32, ray: Prepared, ignore: u32, count: u32) {
     answer_any(i, is_met, count);
 }
 
-// What settles the ray at a place.
+// Resolves the ray at a place.
 @if(fallback_rays)
 fn fallback_ray(place: u32, i: u32) {
     set_line_of(i);
@@ -170,7 +169,7 @@ fn fallback_ray(place: u32, i: u32) {
     fallback_any(place, i, ray_to_light(way), hits[i].w, 3u);
 }
 
-// The closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.
+// Closest hits of rays that `resolve_exact_rays` or `resolve_exact_together` left open.
 //
 // Variants: intersector(exact), arithmetic.
 @compute @workgroup_size(64)
@@ -178,7 +177,7 @@ fn fallback_rays(@builtin(local_invocation_index) local: u32, @builtin(workgroup
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
 }
 
-// Whether given rays that `resolve_exact_any_rays` left open meet anything.
+// Any-hit answers of explicit rays that `resolve_exact_any_rays` left open.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)
@@ -186,7 +185,7 @@ fn fallback_any_rays(@builtin(local_invocation_index) local: u32, @builtin(workg
     fallback_open(local, group.x + group.y * groups.x, OPEN_RAYS);
 }
 
-// The shadows that `resolve_exact_shadow_rays` or `shadow_left` left open.
+// Shadow rays that `resolve_exact_shadow_rays` or `shadow_left` left open.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)

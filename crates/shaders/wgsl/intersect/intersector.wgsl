@@ -1,4 +1,4 @@
-// The intersector that a kernel is made for, under names that all intersectors share.
+// Imports the intersector of a kernel under common names.
 
 import package::geometry::ray::Prepared;
 import package::lib::buffers::{counts, occluded};
@@ -49,14 +49,14 @@ import package::traversal::traverse::find_any;
 @if(WATERTIGHT || EXACT)
 @publish import package::intersect::sheared::{sheared_inverse_for as inverse_for};
 
-// Whether extreme rays miss here, since the kernels `extreme_*` answer them. Of textbook intersectors they are asked like all
-// others: nothing is promised of them.
+// Whether extreme rays are misses here, because the kernels `extreme_*` answer them. The textbook intersectors trace them like
+// all other rays, without guarantees.
 @if(WATERTIGHT || EXACT)
 const LEAVES_EXTREMES: bool = true;
 @else
 const LEAVES_EXTREMES: bool = false;
 
-// Writes whether a ray met anything, and counts it as word `count` of `counts`.
+// Writes whether a ray hit anything. If it did, increments word `count` of `counts`.
 @if(!EXACT)
 fn store_occluded(i: u32, met: bool, count: u32) {
     occluded[i] = select(0u, 1u, met);

@@ -1,4 +1,4 @@
-// Where a ray meets a triangle, in whole numbers: the crate `exact`.
+// Exact ray-triangle intersection in integers: the device version of the crate `exact`.
 
 import package::geometry::units::ordered;
 import package::lib::integers::{
@@ -6,19 +6,19 @@ import package::lib::integers::{
     compare_sizes, finish, mantissa_of, sign_of_number, unit_of, words,
 };
 
-// Corners are multiplied by 2^-shift before they meet the ray.
+// The ray's line. Corners are multiplied by 2^-shift before they are intersected.
 struct Line { origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32, unit: i32, bits: i32, len: u32 }
 
-// t = numerator / denominator * 2^exponent; the denominator is positive.
+// t = numerator / denominator * 2^exponent. The denominator is positive.
 struct Crossing { met: bool, numerator: u32, denominator: u32, len: u32, exponent: i32 }
 
 const NOT_MET: Crossing = Crossing(false, 0u, 0u, 0u, 0);
-// Above and below every exponent.
+// An empty range of units: above and below every exponent.
 const ALL_BITS: vec2<i32> = vec2<i32>(10000, -10000);
 
 var<private> line: Line;
 
-// The least and the greatest unit so far, with those of a point scaled by 2^shift.
+// Extends a range of units by those of a point scaled by 2^shift.
 fn with_units(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
     var wider = range;
     for (var i = 0u; i < 3u; i += 1u) {
@@ -30,17 +30,17 @@ fn with_units(range: vec2<i32>, point: vec3<u32>, shift: i32) -> vec2<i32> {
     return wider;
 }
 
-// Limbs that so many bits take.
+// Returns the number of limbs for `bits` bits.
 fn limbs(bits: i32) -> u32 { return u32(bits + 31) >> 5u; }
 
-// The line to be met, whose direction is not zero.
+// Sets the current line. The direction must not be zero.
 fn set_line(origin: vec3<u32>, direction: vec3<u32>, t_min: u32, t_max: u32, shift: i32) {
     let units = with_units(ALL_BITS, direction, 0);
     let bits = units.y - units.x + 24;
     line = Line(origin, direction, t_min, t_max, shift, units.x, bits, limbs(bits));
 }
 
-// Puts its direction where numbers of any length lie, for all functions but those above.
+// Converts the direction to integers of any length. Required by all functions below.
 fn make_line() {
     words[ONE] = 0u;
     words[ONE + 1u] = 1u;
@@ -53,14 +53,14 @@ fn make_line() {
     }
 }
 
-// The least and the greatest unit of a triangle's coordinates and the ray's start.
+// Returns the least and the greatest unit of a triangle's coordinates and the ray's start.
 fn units_of(points: array<vec3<u32>, 3>) -> vec2<i32> {
     var units = with_units(ALL_BITS, line.origin, line.shift);
     units = with_units(with_units(with_units(units, points[0], 0), points[1], 0), points[2], 0);
     return select(units, vec2<i32>(0), units.x > units.y);
 }
 
-// A coordinate from the ray's start, in units of 2^unit.
+// Stores a coordinate relative to the ray's start, in units of 2^unit.
 fn put(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
     clear(at, len);
     if (x & 0x7fffffffu) != 0u { add_shifted(at, len, mantissa_of(x), u32(unit_of(x) - unit), (x >> 31u) == 1u); }
@@ -72,7 +72,7 @@ fn put(at: u32, len: u32, x: u32, origin: u32, unit: i32) {
 
 struct Lengths { coordinate: u32, cross: u32, triple: u32 }
 
-// x . (p x q), of three vectors; three steps an axis.
+// Stores x . (p x q) of three vectors. Each axis takes three steps.
 fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
     clear(at, len.triple);
     for (var step = 0u; step < 9u; step += 1u) {
@@ -93,7 +93,7 @@ fn triple(at: u32, x: u32, x_len: u32, p: u32, q: u32, len: Lengths) {
     finish(at, len.triple);
 }
 
-// A triangle's corners from the ray's start, and how long numbers made of them are.
+// The lengths of numbers computed from a triangle's corners, and their unit.
 struct Placed { len: Lengths, unit: i32 }
 
 fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
@@ -107,7 +107,7 @@ fn put_corners(corners: array<vec3<u32>, 3>) -> Placed {
     return Placed(len, units.x);
 }
 
-// The corners that an edge leads from and to, of those put: of U, V and W, and of N, which is a . (c x b).
+// The two corners that U, V or W is computed from. N is a . (c x b).
 struct EdgeEnds { first: u32, second: u32 }
 
 fn ends_of(side: u32) -> EdgeEnds {
@@ -117,15 +117,15 @@ fn ends_of(side: u32) -> EdgeEnds {
     return EdgeEnds(select(select(c, a, side == 1u), b, side == 2u), select(select(b, c, side == 1u), a, side == 2u));
 }
 
-// U, V or W of the corners put, or N in place of a fourth.
+// Stores U, V or W of the stored corners, or N if `side` is 3.
 fn put_side(to: u32, side: u32, len: Lengths) {
     let ends = ends_of(side);
     let last = side == 3u;
     triple(to, select(DIRECTION, CORNERS, last), select(line.len, len.coordinate, last), ends.first, ends.second, len);
 }
 
-// The crossing of the line with a closed triangle at any t, kept in place `slot` of two; if `moves`, for the line after an
-// infinitely small move.
+// Computes the crossing of the line with a closed triangle, at any t, in one of two slots. If `moves` is set, the line's start is
+// first moved by an infinitely small amount.
 fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossing {
     let placed = put_corners(corners);
     let numbers = CROSSINGS + 56u * slot;
@@ -134,7 +134,7 @@ fn cross_exactly(corners: array<vec3<u32>, 3>, slot: u32, moves: bool) -> Crossi
     return made;
 }
 
-// U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
+// Computes U, V and W, whose signs decide and whose sum is the denominator; then N, the numerator.
 fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
     var positive = false;
     var negative = false;
@@ -159,8 +159,8 @@ fn cross_planes(made: Crossing, len: Lengths, moves: bool) -> bool {
     return sign_of_number(made.denominator, len.triple) != 0;
 }
 
-// On which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first sign of
-// the direction's product with the edge. 0 if the edge is along the line.
+// Returns on which side of an edge a line through it passes if its start is moved by (e, e^2, e^3): the first non-zero sign among
+// the components of the cross product of direction and edge. Returns 0 if the edge is parallel to the line.
 fn moved_sign(side: u32, len: Lengths) -> i32 {
     let ends = ends_of(side);
     for (var i = 0u; i < 3u; i += 1u) {
@@ -180,10 +180,10 @@ fn moved_sign(side: u32, len: Lengths) -> i32 {
     return 0;
 }
 
-// Whether a rounded t, as bits, lies within the ray's limits.
+// Returns whether a rounded t, as bits, is within the ray's limits.
 fn is_within(t: u32) -> bool { return ordered(t) > ordered(line.t_min) && ordered(t) < ordered(line.t_max); }
 
-// The order of two crossings along the line: -1, 0 or 1.
+// Returns the order of two crossings along the line: -1, 0 or 1.
 fn order_crossings(a: Crossing, b: Crossing) -> i32 {
     let sign_a = sign_of_number(a.numerator, a.len);
     let sign_b = sign_of_number(b.numerator, b.len);
@@ -194,7 +194,7 @@ fn order_crossings(a: Crossing, b: Crossing) -> i32 {
         clear(at, len);
         let first = i == 0u;
         let n = select(b.numerator, a.numerator, first);
-        // As if positive: the denominator is.
+        // Uses the magnitude. The denominator is positive.
         let flip = words[n];
         accumulate(at, len, n, select(b.len, a.len, first), select(a.denominator, b.denominator, first), select(a.len, b.len, first), flip);
     }

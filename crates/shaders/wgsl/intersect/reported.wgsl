@@ -1,4 +1,4 @@
-// Distance and weights of a hit of `exact`, each rounded once, where about 48 bits decide how: "What is reported" in
+// Rounds t and weights of a hit of `exact` once each, if about 48 bits suffice: "What is reported" in
 // docs/design/exact-arithmetic.md.
 
 import package::geometry::ray::{Prepared, most_of, permute};
@@ -10,19 +10,20 @@ import package::lib::twofold::{
 };
 import package::lib::params::params;
 
-// A hit as it is written, if it is `sure`.
+// A hit to write, valid if `sure`.
 struct Reported { hit: vec4<u32>, sure: bool }
 
-// 2^-44: bounds the error of an edge function, relative to the sizes of its two products.
+// 2^-44: bounds the error of an edge function, relative to the magnitudes of its two products.
 const EDGE: f32 = 5.684341886080802e-14;
 // 2^-66: bounds the error of a sheared coordinate, relative to the terms that cancel in it.
 const CANCELLED: f32 = 1.3552527156068805e-20;
-// 2^-60: bounds the same error where a coordinate of zero may stand for one below 2^-64.
+// 2^-60: bounds the same error where a coordinate of zero may represent one below 2^-64.
 const FLUSHED: f32 = 8.673617379884035e-19;
 // 2^-118: bounds the parts of an edge function that underflow.
 const UNDERFLOWN: f32 = 3.0092655e-36;
 
-// The three corners' x * dz - dx * z, where x and z are exact. All sums are exact but for that of the smallest parts.
+// Returns x * dz - dx * z for three corners, where x and z are exact. All sums are exact except that of the least significant
+// parts.
 fn exactly_sheared(x: Twofold, z: Twofold, dx: f32, dz: f32) -> Twofold {
     let by_x = vec3<f32>(dz);
     let by_z = vec3<f32>(-dx);
@@ -40,7 +41,7 @@ fn exactly_sheared(x: Twofold, z: Twofold, dx: f32, dz: f32) -> Twofold {
     return ordered_sum(sum.high, add_each(sum.low, least));
 }
 
-// The edge functions U, V and W, and the sums of their products' sizes.
+// The edge functions U, V and W, and for each the sum of the magnitudes of its products.
 struct ExactEdges { value: Twofold, sizes: vec3<f32> }
 
 fn exact_edges(x: Twofold, y: Twofold) -> ExactEdges {
@@ -49,13 +50,13 @@ fn exact_edges(x: Twofold, y: Twofold) -> ExactEdges {
     return ExactEdges(sum_of(p, negative_of(q)), abs(p.high) + abs(q.high));
 }
 
-// The sum of the three numbers, in all three places.
+// Returns the sum of the three numbers in all three components.
 fn total_of(a: Twofold) -> Twofold {
     let two = sum_of(Twofold(a.high.xxx, a.low.xxx), Twofold(a.high.yyy, a.low.yyy));
     return sum_of(two, Twofold(a.high.zzz, a.low.zzz));
 }
 
-// A quotient of floats, and whether it is the exact one rounded once.
+// A quotient, and whether it is the exact one rounded once.
 struct Rounded { value: f32, sure: bool }
 
 // Divides n by d, both sums of two floats. `error` bounds the error of the quotient before its own roundings.
@@ -71,7 +72,7 @@ fn round_once(n: vec2<f32>, d: vec2<f32>, error: f32) -> Rounded {
     let doubt = error + 1.1368683772161603e-13 * abs(value);
     let low = add(value, sub(beyond, doubt));
     let high = add(value, add(beyond, doubt));
-    // 2^-75, beneath which parts underflow, and 2^100.
+    // 2^-75, below which parts underflow, and 2^100.
     let size = abs(n.x);
     let is_usual = size > 2.6469779601696886e-23 && size < 1.2676506002282294e30;
     return Rounded(value, is_usual && low == high);
@@ -81,12 +82,12 @@ fn has_zero(v: vec3<f32>) -> bool { return any(v == vec3<f32>(0.0)); }
 
 fn exactly_from(corners: vec3<f32>, start: f32) -> Twofold { return exact_sum(corners, vec3<f32>(-start)); }
 
-// The prepared direction with its small components, which filters take as zero.
+// Returns the prepared direction including small components, which filters take as zero.
 fn unflushed(given: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(scale_bits(given.x, exponent), scale_bits(given.y, exponent), scale_bits(given.z, exponent));
 }
 
-// Rounds the hit of a triangle that is surely hit, by a ray whose direction is `given`.
+// Rounds the hit of a triangle that is surely hit by a ray with the direction `given`.
 fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let k = turned_corners(ray, leaf);
     let x = exactly_from(k.x, ray.start.x);
@@ -125,7 +126,7 @@ fn surely_reported(ray: Prepared, leaf: u32, given: vec3<u32>) -> Reported {
     let v = round_once(vec2<f32>(weights.high.z, weights.low.z), whole, (errors.z + error * share.y) * inverse);
     let bits = in_ray_units(t.value, ray.exponent);
     let hit = vec4<u32>(bits, bitcast<u32>(u.value), bitcast<u32>(v.value), k.triangle);
-    // Bounds hold where det is clear of its error. A subnormal t would be rounded twice.
+    // The bounds hold if det is far above its error. A subnormal t would be rounded twice.
     let is_clear = 512.0 * error < size && ((bits >> 23u) & 255u) - 1u < 254u;
     return Reported(hit, is_clear && t.sure && u.sure && v.sure);
 }

@@ -1,4 +1,4 @@
-// Settles the rays that intersector `exact` left open, by their notes: many workgroups share the list of rays.
+// Resolves the rays that intersector `exact` left open, by their candidate notes. All workgroups share the list of rays.
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{set_line_along, to_light};
@@ -14,16 +14,16 @@ import package::lib::fixed::{About, Whole192, compare_about, rounded_192, size_1
 import package::lib::params::params;
 import package::lib::integers::CROSSINGS;
 
-// The first of a ray's candidates so far, as they come one by one.
+// The first hit among a ray's candidates so far.
 
-// Of the candidates so far: where it is met, and about how far away, if that is known.
+// Where the ray hits it, and an approximate distance if known.
 var<private> first: Crossing;
 var<private> first_about: About;
 var<private> first_told: bool;
 var<private> first_leaf: u32;
 var<private> first_triangle: u32;
 
-// The slot that the first so far does not take.
+// Returns the slot that the first hit so far does not use.
 fn free_slot() -> u32 { return select(0u, 1u, first_leaf != NO_LEAF && first.numerator == CROSSINGS); }
 
 fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
@@ -33,8 +33,8 @@ fn put_crossing(exponent: i32, n: Whole192, d: Whole192) -> Crossing {
     return c;
 }
 
-// Keeps a triangle that is met at `c` if that is before all others: least t, then least index. `told` is whether
-// it is known about where. Returns whether it was kept.
+// Keeps a triangle that is hit at `c` if it precedes all others: least t, then least index. `told` is set if an approximate
+// distance is known. Returns whether it was kept.
 fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) -> bool {
     if first_leaf != NO_LEAF {
         var order = 0;
@@ -50,15 +50,15 @@ fn offer(made: Decided, triangle: u32, c: Crossing, told: bool) -> bool {
     return true;
 }
 
-// Settles which of a ray's candidates is first, by its notes.
+// Closest hits by notes.
 
-// In place of a leaf: notes do not tell.
+// In place of a leaf: the notes do not decide.
 const UNTOLD: u32 = 0xfffffffeu;
 
-// The first so far as it is written, with t and both weights rounded once.
+// The first hit so far, as it is written: t and both weights are rounded once.
 var<private> first_hit: vec4<u32>;
 
-// Looks over four notes that are decided, the first of which stands in place `at`; whether they all tell.
+// Offers the hits of four notes, from place `at` on. Returns false if a note needs longer integers.
 fn offer_decided(at: u32) -> bool {
     for (var k = at; k < at + 4u; k += 1u) {
         let made = decided[k];
@@ -76,7 +76,8 @@ fn offer_decided(at: u32) -> bool {
     return true;
 }
 
-// The leaf of the first of a ray's notes, for the ray's first invocation, or UNTOLD. All of a workgroup call it.
+// Returns the leaf of a ray's first hit, or UNTOLD. Only the ray's first invocation receives it. All invocations of the workgroup
+// must call it.
 fn first_of_notes(list: u32, local: u32) -> u32 {
     first_leaf = NO_LEAF;
     var tells = true;
@@ -89,7 +90,7 @@ fn first_of_notes(list: u32, local: u32) -> u32 {
     return select(UNTOLD, first_leaf, tells);
 }
 
-// Writes the hit of one ray if its notes tell it.
+// Writes the hit of one ray if its notes decide it.
 fn resolve_exact_closest(i: u32, told: u32) {
     if told == UNTOLD || hits[i].y == TOO_MANY {
         atomicAdd(&counts[OPEN_RAYS + HARD], 1u);
@@ -103,7 +104,7 @@ fn resolve_exact_closest(i: u32, told: u32) {
     atomicAdd(&counts[2], 1u);
 }
 
-// A list of open hits, shared by workgroups.
+// The list of rays with open closest hits, shared by workgroups.
 
 fn resolve_exact_hits(local: u32, number: u32, sharers: u32) {
     let open = begin_rounds(local, OPEN_RAYS);
@@ -121,9 +122,9 @@ fn resolve_exact_hits(local: u32, number: u32, sharers: u32) {
     }
 }
 
-// Settles whether a ray meets anything, by its notes.
+// Any-hit queries by notes.
 
-// What the notes of a ray say, for the ray's first invocation. All of a workgroup call it.
+// The result of a ray's notes, for the ray's first invocation. All invocations of the workgroup must call `said_by_notes`.
 struct Said { met: bool, hard: bool }
 
 fn said_by_notes(list: u32, local: u32) -> Said {
@@ -142,7 +143,7 @@ fn said_by_notes(list: u32, local: u32) -> Said {
     return said;
 }
 
-// Writes whether one ray, whose line is set, meets anything, and counts it as word `count` of `counts` if it does; if its notes tell it.
+// Writes whether one ray, whose line is set, hits anything, if its notes decide it. A hit increments word `count` of `counts`.
 fn resolve_exact_any(i: u32, count: u32, said: Said) {
     if !said.met && (said.hard || occluded[i] == TOO_MANY) {
         atomicAdd(&counts[count + 5u + HARD], 1u);
@@ -157,9 +158,9 @@ fn set_line_asked(i: u32) { set_line_of(i); }
 @else
 fn set_line_asked(i: u32) { set_line_along(to_light(hits[i], asked(i).origin)); }
 
-// A list of open any-hit queries, shared by workgroups.
+// The list of open any-hit queries, shared by workgroups.
 //
-// What is met is counted as word `count` of `counts`, what was left open as word `count + 5`.
+// Word `count` of `counts` counts hits. Word `count + 5` is the number of open queries.
 fn resolve_exact_queries(local: u32, number: u32, sharers: u32, count: u32) {
     let open = begin_rounds(local, count + 5u);
     for (var first = RAYS * number; first < open; first += RAYS * sharers) {
@@ -176,7 +177,7 @@ fn resolve_exact_queries(local: u32, number: u32, sharers: u32, count: u32) {
     }
 }
 
-// Whether given rays that `any_rays` left open meet anything.
+// Any-hit answers of explicit rays that `any_rays` left open.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)
@@ -185,7 +186,7 @@ fn resolve_exact_any_rays(@builtin(local_invocation_index) local: u32, @builtin(
     resolve_exact_queries(local, number, groups.x * groups.y, 2u);
 }
 
-// The shadows that `shadow_rays` left open.
+// Shadow rays that `shadow_rays` left open.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)
@@ -194,7 +195,7 @@ fn resolve_exact_shadow_rays(@builtin(local_invocation_index) local: u32, @built
     resolve_exact_queries(local, number, groups.x * groups.y, 3u);
 }
 
-// The closest hits that `trace_camera` or `trace_rays` left open: as many invocations as there may be share the list.
+// Closest hits that `trace_camera` or `trace_rays` left open. A fixed number of workgroups shares the list.
 //
 // Variants: intersector(exact).
 @compute @workgroup_size(64)

@@ -1,4 +1,4 @@
-// Settles what `trace_and_shadow_camera` left open: hits and shadows at once, then the shadows that are left.
+// Resolves the rays that `trace_and_shadow_camera` left open: hits and shadow rays at once, then the remaining shadow rays.
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::light::{ToLight, ray_to_light, set_line_along, to_light};
@@ -17,12 +17,13 @@ import package::intersect::resolve_exact::{
 import package::lib::buffers::{counts, hits, nodes, occluded, records};
 import package::lib::params::params;
 
-// Whether one ray meets anything, sought by all of a workgroup of 64: each takes a node in turn. Where rays are few, each waits
-// for memory at every node: so they took less than half the time that an invocation alone takes (an H200, some hundred rays).
+// Any-hit search for one ray by a workgroup of 64, in which each invocation takes one node at a time. With few rays, an
+// invocation waits for memory at every node. On an H200 with some hundred rays this takes less than half the time of one
+// invocation per ray.
 
-// In place of the first note: a triangle is surely met.
+// In place of the first note: a triangle is surely hit.
 const MET: u32 = 0xfffffffdu;
-// Nodes that wait, and how many there is room for.
+// Capacity for waiting nodes.
 const ROOM: u32 = 1024u;
 
 var<workgroup> waiting: array<u32, ROOM>;
@@ -30,9 +31,9 @@ var<workgroup> waiting_count: atomic<u32>;
 var<workgroup> first_note: atomic<u32>;
 var<workgroup> note_count: atomic<u32>;
 var<workgroup> surely_met: atomic<u32>;
-// Of this round: how many nodes wait, and whether the search is over.
+// Of this round: number of waiting nodes, and whether the search has ended.
 var<workgroup> standing_of_round: vec2<u32>;
-// What came of the search.
+// Result of the search.
 var<workgroup> outcome: u32;
 
 fn wait(node: u32) { waiting[atomicAdd(&waiting_count, 1u)] = node; }
@@ -50,7 +51,7 @@ fn see_together(ray: Prepared, leaf: u32, ignore: u32) {
     if j.sure { atomicStore(&surely_met, 1u); } else if j.possible { record_candidate_together(leaf); }
 }
 
-// A leaf's triangles, or children to wait.
+// Tests a leaf's triangles, or queues a node's children.
 fn visit(ray: Prepared, node: u32, ignore: u32) {
     if (node & LEAF) == 0u {
         let row = children_of(node);
@@ -63,7 +64,7 @@ fn visit(ray: Prepared, node: u32, ignore: u32) {
     if others != NONE { see_together(ray, first_of(others), ignore); }
 }
 
-// Goes to all boxes of a level at once, which saves the rounds down to it.
+// Tests all boxes of one level at once, which saves the rounds for the levels above.
 fn begin_search(traced: bool, ray: Prepared, local: u32) {
     if local == 0u {
         atomicStore(&waiting_count, 0u);
@@ -79,7 +80,7 @@ fn begin_search(traced: bool, ray: Prepared, local: u32) {
     }
 }
 
-// How many nodes wait, and whether to end: 1 if there is an answer, 2 if there will be none.
+// Returns the number of waiting nodes and the state of the search: 1 if it has ended, 2 if it gave up for lack of space.
 fn stand_of_round(local: u32) -> vec2<u32> {
     if local == 0u {
         let waits = atomicLoad(&waiting_count);
@@ -89,7 +90,8 @@ fn stand_of_round(local: u32) -> vec2<u32> {
     return workgroupUniformLoad(&standing_of_round);
 }
 
-// NO_NOTE if nothing is met, MET, TOO_MANY, or the first of the notes of those that may be. All of a workgroup call it.
+// Returns NO_NOTE if nothing is hit, MET, TOO_MANY, or the first note of the triangles that may be hit. All invocations of the
+// workgroup must call it.
 fn search_together(traced: bool, ray: Prepared, ignore: u32, local: u32) -> u32 {
     set_view(ray);
     begin_search(traced, ray, local);
@@ -117,18 +119,18 @@ fn outcome_of(ray: Prepared, gave_up: bool) -> u32 {
     return select(atomicLoad(&first_note), TOO_MANY, gave_up || lost);
 }
 
-// What is known of the shadows of an open hit's candidates, before it is known which of them is the hit.
+// Shadows of an open hit's candidates, computed before the hit is resolved.
 
-// Candidates of a ray that are looked at, the first of its notes, and workgroups that take one each at a time.
+// Number of candidates per ray that are considered, and of workgroups that share a ray's candidates.
 const CANDIDATES: u32 = 8u;
 const ABREAST: u32 = 4u;
-// Of more rays than these, to seek the shadows of all candidates takes longer than to wait for the hits (an H200).
+// With more open rays, tracing shadow rays for all candidates takes longer than waiting for the hits (an H200).
 const MOST_RAYS: u32 = 512u;
 
-// What a search and its notes say of a way to the light.
+// Result of a search along a segment to the light, and of its notes.
 struct Sought { found: u32, said: Said }
 
-// All of a workgroup call it.
+// All invocations of the workgroup must call it.
 fn seek_along(way: ToLight, ignore: u32, local: u32) -> Sought {
     var sought = Sought(search_together(way.traced, ray_to_light(way), ignore, local), Said());
     if sought.found != MET && sought.found != NO_NOTE {
@@ -138,13 +140,13 @@ fn seek_along(way: ToLight, ignore: u32, local: u32) -> Sought {
     return sought;
 }
 
-// What a search and its notes say of whether anything is met: 0, 1 or TOO_MANY.
+// Returns the result of a search and its notes: 0, 1 or TOO_MANY.
 fn known(sought: Sought) -> u32 {
     if sought.found == MET || sought.said.met { return 1u; }
     return select(0u, TOO_MANY, sought.found == TOO_MANY || sought.said.hard);
 }
 
-// The shadow of an open ray's hit, now that it is settled: 0, 1, or TOO_MANY if it is yet to be sought.
+// Returns the shadow of an open ray's hit, after the hit was resolved: 0, 1, or TOO_MANY if it is not known yet.
 fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
     if hit.w == 0xffffffffu { return 0u; }
     var note = listed(occluded[i]);
@@ -155,11 +157,12 @@ fn known_shadow(i: u32, hit: vec4<u32>) -> u32 {
     return TOO_MANY;
 }
 
-// All that `trace_and_shadow_camera` left open, at once: workgroups share the hits, as many share the shadows, and where open
-// hits are few all others seek the shadows that they will have, a workgroup a candidate, so as not to wait for the hits.
+// Resolves all rays that `trace_and_shadow_camera` left open. One group of workgroups shares the hits, a second one the shadow
+// rays. If open hits are few, the other workgroups trace the shadow rays of their candidates, so that these need not wait for the
+// hits.
 
-// Whether the way from a candidate to the light is occluded, as its note will say. It stays unknown where about 48 bits
-// do not decide how the hit is rounded. Those bits are meaningful for any candidate that turns out to be the hit.
+// Stores in a candidate's note whether its segment to the light is occluded. This stays unknown if about 48 bits do not decide
+// how the hit is rounded. The result is only valid if the candidate turns out to be the hit.
 fn seek_shadow(i: u32, note: u32, local: u32) {
     let reported = surely_reported(ray_of(i), occluded[note_at(note)], bitcast<vec3<u32>>(way_through(i)));
     if !reported.sure { return; }
@@ -195,10 +198,10 @@ fn resolve_exact_together(@builtin(local_invocation_index) local: u32, @builtin(
     }
 }
 
-// The shadows of the hits that `trace_and_shadow_camera` left open, now that they are settled: what `resolve_exact_together`
-// found of those that were candidates; of others, sought by a workgroup a ray.
+// Shadow rays of hits that `trace_and_shadow_camera` left open, after the hits were resolved. Takes the results that
+// `resolve_exact_together` stored with candidates. The other shadow rays are traced by one workgroup each.
 
-// Writes what a search found, or lists the ray as open.
+// Writes the result of a search, or appends the ray to the list of open shadow rays.
 fn keep(i: u32, sought: Sought) {
     let found = sought.found;
     if found == MET || found == NO_NOTE {

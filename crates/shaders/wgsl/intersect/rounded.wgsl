@@ -1,4 +1,4 @@
-// Where a ray meets a triangle, from whole numbers of any length to floats: the method `rounded` of the crate `exact`.
+// Rounds exact intersections to floats: the device version of the method `rounded` of the crate `exact`.
 
 import package::intersect::line::{Crossing, NOT_MET, cross_exactly, is_within, put_corners, put_side};
 import package::lib::ieee::round_quotient;
@@ -6,19 +6,19 @@ import package::lib::integers::{
     CROSSINGS, ONE, PRODUCT, PRODUCTS, accumulate, bit_length, bits_from, clear, compare_sizes, finish, words,
 };
 
-// The crossing of the line with a closed triangle, kept in place `slot` of two. Its rounded t is within the ray's limits.
+// Computes the crossing of the line with a closed triangle in one of two slots. Its rounded t must be within the ray's limits.
 fn meet_exactly(corners: array<vec3<u32>, 3>, slot: u32) -> Crossing {
     let made = cross_exactly(corners, slot, false);
     if !made.met || !is_within(rounded(made)) { return NOT_MET; }
     return made;
 }
 
-// A crossing's t, rounded once to a float, as bits. A zero is positive.
+// Returns a crossing's t, rounded once to a float, as bits. A zero is positive.
 fn rounded(c: Crossing) -> u32 {
     let bits_n = bit_length(c.numerator, c.len);
     if bits_n == 0 { return 0u; }
     let up = bits_n - bit_length(c.denominator, c.len);
-    // Both brought to one length, bit by bit: 26 bits of the quotient.
+    // Aligns both to the same length. Long division yields 26 bits of the quotient.
     let len = c.len + 1u;
     let a = PRODUCTS;
     let b = PRODUCTS + PRODUCT;
@@ -56,7 +56,7 @@ fn double_up(at: u32, len: u32) {
     }
 }
 
-// The weights of the second and the third corner, each rounded once. The line passes through the triangle.
+// Returns the weights of the second and third corner, each rounded once. The line must pass through the triangle.
 fn weights_of(points: array<vec3<u32>, 3>) -> vec2<u32> {
     let placed = put_corners(points);
     let len = placed.len;

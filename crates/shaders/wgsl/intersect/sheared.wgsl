@@ -1,4 +1,4 @@
-// A triangle sheared along a ray (Woop, Benthin, Wald 2013), and where it is crossed: see docs/design/hits.md.
+// Sheared triangles (Woop, Benthin, Wald 2013) and their intersection: see docs/design/hits.md.
 
 import package::geometry::ray::{
     Prepared, are_negative, clamped, inverse_of, least_of, most_of, pushed_from_zero, slab, unpermute,
@@ -8,16 +8,16 @@ import package::lib::buffers::records;
 import package::lib::ieee::{add, mul, sub};
 import package::lib::params::params;
 
-// A hit at t / det with weights v / det and w / det, divided only where it matters.
+// A hit at t / det with weights v / det and w / det. The division is deferred until it matters.
 struct Candidate { t: f32, v: f32, w: f32, det: f32 }
 
-// A triangle's corners along a ray's axes (kx, ky, kz), the coordinates of all three along one axis together.
+// A triangle's corners in the ray's axis order (kx, ky, kz), grouped by axis.
 struct Turned { x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, triangle: u32 }
 
-// x, y, the depth, and the distance along the axis that it comes from.
+// Sheared x and y, the depth, and the distance along the main axis that the depth is computed from.
 struct Sheared { x: f32, y: f32, z: f32, along: f32 }
 
-// No selects: the record's rows are read in the ray's order.
+// Needs no selects, because the rows of the record are read in the ray's order.
 fn turned_corners(ray: Prepared, leaf: u32) -> Turned {
     let x = records[3u * leaf + ray.rows.x];
     let y = records[3u * leaf + ray.rows.y];
@@ -34,7 +34,7 @@ fn edge(p: Sheared, q: Sheared) -> f32 {
     return sub(mul(p.x, q.y), mul(p.y, q.x));
 }
 
-// Distance and weights of a hit, from its edge functions and depths.
+// Computes distance and weights of a hit from its edge functions and depths.
 fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     let det = add(add(u, v), w);
     let size = bitcast<u32>(det) & 0x7fffffffu;
@@ -45,14 +45,16 @@ fn solve(u: f32, v: f32, w: f32, az: f32, bz: f32, cz: f32) -> Candidate {
     return Candidate(t, v, w, det);
 }
 
-// Between its nearest and its farthest corner a triangle is met, if at all: less and more the padding. Anywhere, from beyond 2^80.
+// Returns the interval in which a triangle can be hit: from its nearest to its farthest corner, extended by the padding. If D
+// reaches 2^80, the interval is infinite.
 fn span_of_depths(ray: Prepared, a: f32, b: f32, c: f32) -> vec2<f32> { return padded_span(ray.pad, a, b, c); }
 
 fn padded_span(pad: f32, a: f32, b: f32, c: f32) -> vec2<f32> {
     return vec2<f32>(sub(min(a, min(b, c)), pad), add(max(a, max(b, c)), pad));
 }
 
-// At least the padding of the triangle's own box along the axis. Corners are as far away as sheared ones and their depths.
+// Returns at least the padding of the triangle's own box along the main axis. A corner is at most as far away as its sheared
+// coordinates plus its depth.
 fn loose_own_pad(ray: Prepared, e: Edges) -> f32 {
     let across = max(max(abs(e.a.x), abs(e.a.y)), max(max(abs(e.b.x), abs(e.b.y)), max(abs(e.c.x), abs(e.c.y))));
     let along = max(abs(e.a.along), max(abs(e.b.along), abs(e.c.along)));
@@ -60,7 +62,7 @@ fn loose_own_pad(ray: Prepared, e: Edges) -> f32 {
     return 1.1920928955078125e-6 * (across + along) * abs(ray.shear_z);
 }
 
-// A triangle's sheared corners, and its edge functions.
+// A triangle's sheared corners and edge functions.
 struct Edges { a: Sheared, b: Sheared, c: Sheared, u: f32, v: f32, w: f32 }
 
 fn edges_of(ray: Prepared, k: Turned) -> Edges {
@@ -70,14 +72,14 @@ fn edges_of(ray: Prepared, k: Turned) -> Edges {
     return Edges(a, b, c, edge(c, b), edge(a, c), edge(b, a));
 }
 
-// Where a triangle is crossed that is hit, whatever its signs.
+// Returns where a triangle is hit. The signs of the edge functions are not tested.
 fn crossing(e: Edges) -> Candidate {
     return solve(flushed(e.u), flushed(e.v), flushed(e.w), e.a.z, e.b.z, e.c.z);
 }
 
-// A triangle's own box, asked without dividing where that is enough: see "Own boxes" in docs/design/hits.md.
+// The test of a triangle's own box, without a division where that suffices: see "Own boxes" in docs/design/hits.md.
 
-// Boxes decide hits where one is kept, at most.
+// The device's own reciprocal suffices: boxes decide hits only where a hit is kept.
 fn sheared_inverse_for(ray: Prepared) -> vec3<f32> { return 1.0 / pushed_from_zero(ray.direction); }
 
 struct Box { low: vec3<f32>, high: vec3<f32> }
@@ -88,7 +90,7 @@ fn own_box(ray: Prepared, k: Turned) -> Box {
     return Box(unpermute(low, ray.axis), unpermute(high, ray.axis));
 }
 
-// Whether t surely lies within a padded box, so that slab need not be asked.
+// Returns whether t is surely within the padded box, so that `slab` is not needed.
 fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     let negative = are_negative(ray.inverse);
     let near = select(own.low, own.high, negative) - ray.origin;
@@ -97,13 +99,13 @@ fn loose_within(ray: Prepared, own: Box, t: f32) -> bool {
     let pad = 2.53319740295410156e-7 * most_of(max(abs(near), abs(far))) * abs(ray.inverse);
     let n = near * ray.inverse - pad;
     let f = far * ray.inverse + pad;
-    // 2^100: beyond it products may be infinite.
+    // 2^100: from there on, products may be infinite.
     return abs(t) < 1.2676506002282294e30 && t >= max(n.x, max(n.y, n.z)) && t <= min(f.x, min(f.y, f.z));
 }
 
 fn own_span(ray: Prepared, own: Box) -> vec2<f32> { return slab(ray, inverse_of(ray), own.low, own.high); }
 
-// t within a triangle's own box, so that no tree can change it; infinite if the ray passes by that.
+// Clamps t to the triangle's own box, so that the hit does not depend on the tree. Returns infinity if the ray misses the box.
 fn within_own(ray: Prepared, k: Turned, t: f32) -> f32 {
     let own = own_box(ray, k);
     if loose_within(ray, own, t) { return flushed(t); }

@@ -6,9 +6,9 @@ import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
 import package::lib::params::params;
 
-// What textbook tests share: a meeting is clamped to the triangle's own box, so that no tree can change it.
+// Shared by both: t is clamped to the triangle's own box, so that the hit does not depend on the tree.
 
-// Boxes decide hits, at each triangle that may be one.
+// The exact reciprocal: boxes decide hits at each candidate triangle.
 fn textbook_inverse_for(ray: Prepared) -> vec3<f32> { return inverse_of(ray); }
 
 struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
@@ -20,10 +20,10 @@ fn within_box(ray: Prepared, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
     return Meeting(own.x <= own.y, clamped(t, own), u, v, k.triangle);
 }
 
-// Möller, Trumbore 1997, without culling and without its epsilon: it leaks near edges.
-// In the device's own arithmetic, which may fuse and divide as it likes.
+// Möller, Trumbore 1997, without culling and without its epsilon. It leaks near edges.
+// Uses the device's own arithmetic, which may fuse operations and divide inexactly.
 
-// Where the ray meets the leaf's triangle within its own box.
+// Returns where the ray hits the leaf's triangle within its own box.
 @if(!WOOP)
 fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let k = corners_of(leaf);
@@ -35,15 +35,15 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let u = dot(s, p) * inverse;
     let q = cross(s, e1);
     let v = dot(ray.direction, q) * inverse;
-    // A determinant of zero makes u or v infinite or not a number: no hit.
+    // A determinant of zero makes u or v infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
     return within_box(ray, k, dot(e2, q) * inverse, u, v);
 }
 
-// Woop 2004: an affine transform makes each triangle the unit triangle. It leaks near edges.
-// In the device's own arithmetic, which may fuse and divide as it likes.
+// Woop 2004: an affine transform maps each triangle to the unit triangle. It leaks near edges.
+// Uses the device's own arithmetic, which may fuse operations and divide inexactly.
 
-// Where the ray meets the leaf's triangle within its own box.
+// Returns where the ray hits the leaf's triangle within its own box.
 @if(WOOP)
 fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let to_u = bitcast<vec4<f32>>(records[3u * leaf]);
@@ -53,21 +53,21 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let t = -dot(to_height, origin) / dot(to_height.xyz, ray.direction);
     let u = fma(t, dot(to_u.xyz, ray.direction), dot(to_u, origin));
     let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
-    // A ray along the plane has a t that is infinite or not a number, and then u and v too: no hit.
+    // If the ray is parallel to the plane, t, u and v are infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
     return within_box(ray, corners_of(leaf), t, u, v);
 }
 
-// What a search for the closest hit keeps of the leaves it sees: a textbook test's best.
+// Closest-hit search: the best hit so far.
 
 struct TextbookFound { t: f32, u: f32, v: f32, triangle: u32 }
 
 fn textbook_nothing_found(ray: Prepared) -> TextbookFound { return TextbookFound(ray.t_max, 0.0, 0.0, 0xffffffffu); }
 
-// Nodes entered beyond this need no visit.
+// Nodes with an entry beyond this are skipped.
 fn textbook_limit(found: TextbookFound) -> f32 { return found.t; }
 
-// Tests the leaf's triangle and keeps it if it is the least by t, then by index.
+// Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
 fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound) -> TextbookFound {
     let m = meet_leaf(ray, leaf);
     let inside = m.hit && m.t > ray.t_min && m.t < ray.t_max;
@@ -76,7 +76,7 @@ fn textbook_intersect_leaf_closest(ray: Prepared, leaf: u32, best: TextbookFound
     return best;
 }
 
-// What is written for a ray, t in the ray's own units.
+// Returns the hit to write for a ray, with t in the ray's own units.
 fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
     if best.triangle == 0xffffffffu { return MISS; }
     atomicAdd(&counts[2], 1u);
@@ -84,12 +84,12 @@ fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
     return vec4<u32>(t, bitcast<u32>(best.u), bitcast<u32>(best.v), best.triangle);
 }
 
-// Every hit stands.
+// No hit is left open.
 fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
 
 // Rasterization: the hit of one triangle.
 
-// The distance at which a ray hits a leaf's triangle, or infinity.
+// Returns the distance at which a ray hits a leaf's triangle, or infinity.
 fn textbook_begin_of(ray: Prepared, leaf: u32) -> f32 { return textbook_hit_on(ray, leaf).t; }
 
 fn textbook_hit_on(ray: Prepared, leaf: u32) -> TextbookFound {
@@ -98,7 +98,7 @@ fn textbook_hit_on(ray: Prepared, leaf: u32) -> TextbookFound {
 
 fn textbook_is_found(best: TextbookFound) -> bool { return best.triangle != 0xffffffffu; }
 
-// Whether a textbook test meets a leaf's triangle.
+// Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn textbook_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let m = meet_leaf(ray, leaf);

@@ -13,7 +13,7 @@ import package::lib::params::params;
 
 // Woop, Benthin, Wald 2013, with exact signs and symbolic ties: see docs/design/hits.md.
 
-// The sign of p.x * q.y - p.y * q.x, exactly; where that is zero, as if the ray were moved by (e, e^2).
+// Returns the exact sign of p.x * q.y - p.y * q.x. If that is zero, returns the sign after the ray is moved by (e, e^2).
 fn edge_sign(value: f32, p: Sheared, q: Sheared) -> i32 {
     let magnitude = bitcast<u32>(value) & 0x7fffffffu;
     if magnitude >= 0x0d800000u && magnitude < 0x7f800000u {
@@ -29,15 +29,15 @@ fn surely_passes(e: Edges) -> bool {
     return min(e.u, min(e.v, e.w)) < 0.0 && max(e.u, max(e.v, e.w)) > 0.0;
 }
 
-// Whether the edge functions' signs are those of the exact ones.
+// Returns whether the edge functions' signs are those of the exact ones.
 fn signs_stand(e: Edges) -> bool {
     let least = min(abs(e.u), min(abs(e.v), abs(e.w)));
     let sum = bitcast<u32>(add(add(e.u, e.v), e.w)) & 0x7fffffffu;
-    // 2^-100: what is smaller may have lost its sign to flushing. Minima may hide a NaN, a sum does not.
+    // 2^-100: smaller values may have lost their sign to flushing. Minima may hide a NaN; a sum does not.
     return least >= 7.888609052210118e-31 && sum < 0x7f000000u;
 }
 
-// At least the padding of the triangle's own box along the axis: of the root's, where sizes differ little.
+// Returns at least the padding of the triangle's own box along the main axis: that of the root box, except at spread moments.
 fn pad_of(ray: Prepared, e: Edges) -> f32 {
     @if(!(trace_packets || trace_packets_by_subgroups || resolve))
     if params.spread == 1u { return loose_own_pad(ray, e); }
@@ -46,10 +46,11 @@ fn pad_of(ray: Prepared, e: Edges) -> f32 {
 
 fn span_of(pad: f32, e: Edges) -> vec2<f32> { return padded_span(pad, e.a.z, e.b.z, e.c.z); }
 
-// Whether a span that begins at `low` surely lies behind t_min. 2^-100: a t below that is zero.
+// Returns whether a span that begins at `low` is surely beyond t_min. A t below 2^-100 is zero.
 fn begins_within(ray: Prepared, low: f32) -> bool { return low > max(ray.t_min, 7.888609052210118e-31); }
 
-// Where the ray meets a triangle that it does not surely pass by, within its own box; infinite if nowhere.
+// Returns where the ray hits a triangle within its own box, or infinity. The caller must have excluded triangles that the ray
+// surely misses.
 fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
     if !signs_stand(e) {
         let side = edge_sign(e.u, e.c, e.b);
@@ -59,18 +60,18 @@ fn distance_to(ray: Prepared, corners: Turned, e: Edges) -> f32 {
     return within_own(ray, corners, divide(c.t, c.det));
 }
 
-// What a search for the closest hit keeps of the leaves it sees. Most hits are told apart by how near and how far their
-// triangles' corners are; only where that does not tell which comes first, distances are computed.
+// Closest-hit search. The nearest and farthest depths of two triangles usually decide which hit comes first. Distances are
+// computed only where they do not.
 
-// The t of the best so far lies in low ..= high.
+// The t of the best hit so far is in low ..= high.
 struct WatertightFound { low: f32, high: f32, leaf: u32 }
 
 fn watertight_nothing_found(ray: Prepared) -> WatertightFound { return WatertightFound(ray.t_max, ray.t_max, NO_LEAF); }
 
-// Nodes entered beyond this need no visit.
+// Nodes with an entry beyond this are skipped.
 fn watertight_limit(found: WatertightFound) -> f32 { return found.high; }
 
-// Keeps the leaf's triangle if it is the least by t, then by index.
+// Tests the leaf's triangle. Keeps it if it precedes the best hit by t, then by index.
 fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: WatertightFound) -> WatertightFound {
     let corners = turned_corners(ray, leaf);
     let e = edges_of(ray, corners);
@@ -78,7 +79,7 @@ fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: Watertight
     let pad = pad_of(ray, e);
     let span = span_of(pad, e);
     if span.x > found.high || span.y <= ray.t_min { return found; }
-    // Corners far apart would let the search go on for long behind the hit. 8192 pads are 0.008 D.
+    // A long interval would let the search continue far beyond the hit. 8192 pads are 0.008 D.
     let is_thin = span.y - span.x < max(0.125 * span.y, 8192.0 * pad);
     if signs_stand(e) && begins_within(ray, span.x) && is_thin && span.y < found.low { return WatertightFound(span.x, span.y, leaf); }
     let t = distance_to(ray, corners, e);
@@ -88,13 +89,13 @@ fn watertight_intersect_leaf_closest(ray: Prepared, leaf: u32, found: Watertight
     return watertight_earlier(t, leaf, distance_to(ray, others, edges_of(ray, others)), found.leaf);
 }
 
-// Of two hits the one that is less by t, then by index.
+// Returns the hit that comes first, by t, then by index.
 fn watertight_earlier(t: f32, leaf: u32, other_t: f32, other: u32) -> WatertightFound {
     if t < other_t || (t == other_t && records[3u * leaf].w < records[3u * other].w) { return WatertightFound(t, t, leaf); }
     return WatertightFound(other_t, other_t, other);
 }
 
-// What is written for a ray, t in the ray's own units.
+// Returns the hit to write for a ray, with t in the ray's own units.
 fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32> {
     if found.leaf == NO_LEAF { return MISS; }
     @if(!MODULE) atomicAdd(&counts[2], 1u);
@@ -106,10 +107,10 @@ fn watertight_hit_of(i: u32, ray: Prepared, found: WatertightFound) -> vec4<u32>
     return vec4<u32>(in_ray_units(t, ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
-// Every hit stands.
+// No hit is left open.
 fn watertight_is_unresolved(hit: vec4<u32>) -> bool { return false; }
 
-// Whether the watertight test meets a leaf's triangle.
+// Any-hit search: returns whether the ray hits a leaf's triangle.
 
 fn watertight_intersect_leaf_any(ray: Prepared, leaf: u32, ignore: u32) -> bool {
     let corners = turned_corners(ray, leaf);

@@ -1,4 +1,4 @@
-// What every other kernel relies on, on operands chosen to break it.
+// The self-test: runs the arithmetic that all other kernels rely on, with operands chosen to expose faults.
 
 import package::lib::exact::sign_of_difference;
 import package::lib::ieee::{add, divide, mul, sub};
@@ -7,14 +7,14 @@ import package::lib::params::{element, params};
 @group(0) @binding(1) var<storage, read> operands: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read_write> results: array<vec4<u32>>;
 
-// In the device's own arithmetic, as the textbook intersectors use it.
+// Uses the device's own arithmetic, as the textbook intersectors do.
 fn loose_quotient_and_sum(x: vec4<f32>) -> vec2<f32> { return vec2<f32>(x.x / x.y, dot(x.xz, x.yw)); }
 
-// What rounding takes from a product, on devices that round a fused product and sum once.
+// Rounding error of the product, on devices whose fused multiply-add rounds once.
 fn lost_by_rounding(a: f32, b: f32) -> f32 { return fma(a, b, -mul(a, b)); }
 
-// Counts the iterations of a loop that ought to take 100,000. Mesa before 23.1 ends an invocation's loops after 65,535, and only
-// what stands in memory is sure then.
+// Runs a loop of 100,000 iterations and counts them in memory. Mesa before 23.1 ends an invocation's loops after 65,535
+// iterations; afterwards only values in memory are reliable.
 fn count_turns(i: u32) {
     for (var turn = params.zero; turn < 100000u; turn += 1u) { results[2u * i + 1u].z += 1u; }
 }

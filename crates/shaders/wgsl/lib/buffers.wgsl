@@ -1,55 +1,55 @@
-// The buffers that more than one file reads or writes. Hosts find them by name; the build numbers those that a kernel uses.
-// An entry point's name is a condition: a buffer that a kernel only reads is declared so for it.
+// Buffers that more than one file uses. The host binds them by name; the build numbers those that a kernel uses.
+// An entry point's name is a condition: a buffer is declared read-only for kernels that only read it.
 
-// The tree: two rows a node, the box's lower corner and what traversal calls the node, then its upper corner.
+// The tree, two rows per node: lower corner of the box and the node's traversal reference, then the upper corner.
 @if(cluster || refit || refit_treelets || preprocess || preprocess_treelets || preprocess_treelets_of_keys)
 @group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> nodes: array<vec4<u32>>;
 
-// Three rows a triangle, in leaf order: see geometry/record.wgsl.
+// Triangle records, three rows each, in leaf order: see geometry/record.wgsl.
 @if(preprocess || preprocess_treelets || preprocess_treelets_of_keys)
 @group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;
 
-// For each ray t and two weights as bits, and the triangle that it hits.
+// Per ray: t and two weights as bits, and the index of the triangle hit.
 @if(shadow_rays || shadow_left || resolve_exact_shadow_rays || fallback_shadow_rays || extreme_shadow_rays || shade)
 @group(0) @binding(next) var<storage, read> hits: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> hits: array<vec4<u32>>;
 
-// For each ray 1 if it meets anything; of intersector `exact` also notes: see intersect/candidates.wgsl.
+// Per ray: 1 if it hits anything. With intersector `exact` also candidate notes: see intersect/candidates.wgsl.
 @if(shade)
 @group(0) @binding(next) var<storage, read> occluded: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> occluded: array<u32>;
 
-// What is counted: see Counts in src/params.rs. The sums of areas among them are f32.
+// Counters: see Counts in src/params.rs. The sums of areas among them are f32.
 @if(refit_treelets || sum_costs)
 @group(0) @binding(next) var<storage, read_write> counts: array<u32>;
 @else
 @group(0) @binding(next) var<storage, read_write> counts: array<atomic<u32>>;
 
-// Rays given one by one, two rows each: origin and t_min, direction and t_max.
+// Explicit rays, two rows each: origin and t_min, direction and t_max.
 @group(0) @binding(next) var<storage, read> rays: array<vec4<u32>>;
 
-// How far coordinates reach, where the host does not know: see geometry/range.wgsl.
+// Range of the coordinates, measured on the device where the host does not know it: see geometry/range.wgsl.
 @if(measure_range)
 @group(0) @binding(next) var<storage, read_write> range: array<atomic<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> range: array<u32>;
 
-// Three vertices a triangle.
+// Three vertex indices per triangle.
 @group(0) @binding(next) var<storage, read> triangles: array<u32>;
 
-// Three coordinates a vertex, in the scene's units.
+// Three coordinates per vertex, in scene units.
 @group(0) @binding(next) var<storage, read> positions: array<u32>;
 
-// The tree's record as the host gives it.
+// The tree's topology, as the host uploads it.
 @group(0) @binding(next) var<storage, read> topology: array<u32>;
 
-// Sums of areas, one a workgroup; of treelets see build/treelet_refit.wgsl.
+// Sums of areas, one per workgroup. For treelets see build/treelet_refit.wgsl.
 @if(sum_costs)
 @group(0) @binding(next) var<storage, read> costs: array<vec4<f32>>;
 @elif(gather_corners)
@@ -59,7 +59,7 @@
 @else
 @group(0) @binding(next) var<storage, read_write> costs: array<f32>;
 
-// What triangles and boxes cover of the picture: see visibility/outline.wgsl and visibility/cover.wgsl.
+// Screen-space coverage of triangles and boxes: see visibility/outline.wgsl and visibility/cover.wgsl.
 @if(project || cover_small || cover_large)
 @group(0) @binding(next) var<storage, read_write> covers: array<vec4<u32>>;
 @else

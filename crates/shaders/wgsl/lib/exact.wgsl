@@ -1,12 +1,12 @@
-// Products and sums of floats in integers: their exact signs, and what IEEE makes of subnormal numbers.
+// Integer arithmetic on floats: exact signs of products and sums, and IEEE results for subnormal numbers.
 
 import package::lib::ieee::{parts, round_quotient};
 
-// Signs that rounding cannot spoil, in integer arithmetic.
+// Exact signs, unaffected by rounding.
 
 struct Wide { hi: u32, lo: u32 }
 
-// The exact product of two 24-bit numbers.
+// Returns the exact product of two 24-bit numbers.
 fn multiply_24(a: u32, b: u32) -> Wide {
     let a1 = a >> 12u;
     let a0 = a & 0xfffu;
@@ -18,7 +18,7 @@ fn multiply_24(a: u32, b: u32) -> Wide {
     return Wide(high, low & 0xffffffu);
 }
 
-// Compares |a * b| with |c * d|, all finite: -1, 0 or 1.
+// Compares |a * b| with |c * d| for finite operands. Returns -1, 0 or 1.
 fn compare_products(a: f32, b: f32, c: f32, d: f32) -> i32 {
     let xa = bitcast<u32>(a) & 0x7fffffffu;
     let xb = bitcast<u32>(b) & 0x7fffffffu;
@@ -37,7 +37,7 @@ fn compare_products(a: f32, b: f32, c: f32, d: f32) -> i32 {
     var right = multiply_24(pc.mantissa, pd.mantissa);
     var left_exponent = pa.exponent + pb.exponent;
     var right_exponent = pc.exponent + pd.exponent;
-    // Both products lie in [2^46, 2^48): bring them to [2^47, 2^48).
+    // Both products are in [2^46, 2^48): normalize them to [2^47, 2^48).
     if left.hi < 0x800000u {
         left = double(left);
         left_exponent -= 1;
@@ -59,11 +59,11 @@ fn double(w: Wide) -> Wide {
     return Wide((w.hi << 1u) | (w.lo >> 23u), (w.lo << 1u) & 0xffffffu);
 }
 
-// The exact sign of a * b - c * d, all finite.
+// Returns the exact sign of a * b - c * d for finite operands.
 fn sign_of_difference(a: f32, b: f32, c: f32, d: f32) -> i32 {
     let left_negative = ((bitcast<u32>(a) ^ bitcast<u32>(b)) >> 31u) == 1u;
     let right_negative = ((bitcast<u32>(c) ^ bitcast<u32>(d)) >> 31u) == 1u;
-    // By bits: a device may flush subnormals when it compares.
+    // Compares bits, because a device may flush subnormals in float comparisons.
     let zero_left = (bitcast<u32>(a) << 1u) == 0u || (bitcast<u32>(b) << 1u) == 0u;
     let zero_right = (bitcast<u32>(c) << 1u) == 0u || (bitcast<u32>(d) << 1u) == 0u;
     let left_sign = select(select(1, -1, left_negative), 0, zero_left);
@@ -74,8 +74,7 @@ fn sign_of_difference(a: f32, b: f32, c: f32, d: f32) -> i32 {
     return left_sign * compare_products(a, b, c, d);
 }
 
-// Sums and products with subnormal numbers as IEEE has them, in integer
-// arithmetic: for the rare operands that a device may flush. Finite operands only.
+// IEEE sums and products in integer arithmetic, for the rare operands that a device may flush. Operands must be finite.
 
 fn soft_multiply(a: u32, b: u32) -> u32 {
     let sign = (a ^ b) & 0x80000000u;
@@ -98,7 +97,7 @@ fn soft_add(a: u32, b: u32) -> u32 {
     let small = select(b, a, swap);
     if (big & 0x7fffffffu) == 0u { return big & small; }
     let e = field(big);
-    // Six bits below the last place, the lowest of them for all that fell off.
+    // Keeps six bits below the last place. The lowest one is sticky: it also records the bits shifted out.
     let m = mantissa(big) << 6u;
     let shift = e - field(small);
     let n = mantissa(small) << 6u;
@@ -110,7 +109,7 @@ fn soft_add(a: u32, b: u32) -> u32 {
     return (big & 0x80000000u) | round_sum(sum, i32(e));
 }
 
-// sum * 2^(e - 156), rounded to nearest even, as bits without sign.
+// Rounds sum * 2^(e - 156) to nearest even. Returns the bits without sign.
 fn round_sum(sum: u32, e: i32) -> u32 {
     let top = 31 - i32(countLeadingZeros(sum));
     let drop = max(top - 23, 7 - e);
@@ -123,7 +122,7 @@ fn round_sum(sum: u32, e: i32) -> u32 {
     return min(kept + select(0u, 1u, up) + (u32(exponent - 1) << 23u), 0x7f800000u);
 }
 
-// The exponent's field, 1 for subnormal numbers as well.
+// Returns the exponent field; 1 for subnormal numbers too.
 fn field(bits: u32) -> u32 { return max((bits >> 23u) & 255u, 1u); }
 
 fn mantissa(bits: u32) -> u32 {

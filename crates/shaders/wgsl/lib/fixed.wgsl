@@ -1,14 +1,14 @@
-// Whole numbers of 64, 128 and 192 bits, in two's complement and in registers: enough for the coordinates of nearly
-// every triangle and ray (lab notes of others: 42 to 45 bits for real models).
+// Integers of 64, 128 and 192 bits in two's complement, held in registers. They suffice for the coordinates of nearly all
+// triangles and rays: real models need 42 to 45 bits.
 
 import package::lib::ieee::round_quotient;
 import package::lib::integers::{add_32, mantissa_of, multiply_32, unit_of};
 
-// The least words first.
+// Least significant words first.
 struct Whole192 { low: vec3<u32>, high: vec3<u32> }
 struct Vector64 { x: vec2<u32>, y: vec2<u32>, z: vec2<u32> }
 
-// a * b + c + d, which fits in 64 bits.
+// Returns a * b + c + d, which fits in 64 bits.
 fn multiply_add(a: u32, b: u32, c: u32, d: u32) -> vec2<u32> {
     let p = multiply_32(a, b);
     let one = add_32(p.x, c);
@@ -25,7 +25,7 @@ fn negated_64(a: vec2<u32>) -> vec2<u32> { return add_64(~a, vec2<u32>(1u, 0u));
 
 fn sub_64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> { return add_64(a, negated_64(b)); }
 
-// All ones if a number whose highest word this is is negative.
+// Returns all ones if the number with the highest word `high` is negative, else 0.
 fn sign_mask(high: u32) -> u32 { return 0u - (high >> 31u); }
 
 fn multiply_64(a: vec2<u32>, b: vec2<u32>) -> vec4<u32> {
@@ -33,7 +33,7 @@ fn multiply_64(a: vec2<u32>, b: vec2<u32>) -> vec4<u32> {
     let q = multiply_add(a.x, b.y, p.y, 0u);
     let r = multiply_add(a.y, b.x, q.x, 0u);
     let s = multiply_add(a.y, b.y, q.y, r.y);
-    // A negative factor stands for itself plus 2^64.
+    // As an unsigned word pair, a negative factor is too large by 2^64.
     let excess = add_64(b & vec2<u32>(sign_mask(a.y)), a & vec2<u32>(sign_mask(b.y)));
     let high = sub_64(s, excess);
     return vec4<u32>(p.x, r.x, high.x, high.y);
@@ -90,7 +90,7 @@ fn sign_192(a: Whole192) -> i32 {
     return 0;
 }
 
-// x . (p x q). Of coordinates below 2^60 it is below 2^183. A loop, since instructions have to be fetched too.
+// Returns x . (p x q). For coordinates below 2^60 the result is below 2^183. A loop keeps the instruction count low.
 fn triple_192(given_x: Vector64, given_p: Vector64, given_q: Vector64) -> Whole192 {
     var x = given_x;
     var p = given_p;
@@ -105,7 +105,7 @@ fn triple_192(given_x: Vector64, given_p: Vector64, given_q: Vector64) -> Whole1
     return sum;
 }
 
-// A finite number in units of 2^unit, which divide it and do not exceed its own by 2^38.
+// Converts a finite number to a multiple of 2^unit. `unit` is at most the number's own unit and at least that minus 38.
 fn in_units(bits: u32, unit: i32) -> vec2<u32> {
     let mantissa = mantissa_of(bits);
     if mantissa == 0u { return vec2<u32>(0u); }
@@ -117,7 +117,7 @@ fn in_units(bits: u32, unit: i32) -> vec2<u32> {
     return size;
 }
 
-// About a positive number: mantissa * 2^exponent, the mantissa in [1, 2), off by less than 2^-23 of it.
+// Approximates a positive number by mantissa * 2^exponent. The mantissa is in [1, 2); the relative error is below 2^-23.
 struct About { mantissa: f32, exponent: i32 }
 
 fn about_192(n: Whole192) -> About {
@@ -135,7 +135,7 @@ fn about_192(n: Whole192) -> About {
     return About(f32(((high << shift) | rest) >> 8u) * 1.1920928955078125e-7, place + 31 - i32(shift));
 }
 
-// a / b * 2^exponent, off by less than 2^-20 of it.
+// Returns a / b * 2^exponent, with a relative error below 2^-20.
 fn quotient_about(a: About, b: About, exponent: i32) -> About {
     let m = a.mantissa / b.mantissa;
     let e = a.exponent - b.exponent + exponent;
@@ -143,18 +143,18 @@ fn quotient_about(a: About, b: About, exponent: i32) -> About {
     return About(min(m, 1.99999988), e);
 }
 
-// -1 or 1 where two differ enough to tell, else 0.
+// Compares two approximations. Returns -1 or 1 if they differ by more than their errors, else 0.
 fn compare_about(a: About, b: About) -> i32 {
     let apart = a.exponent - b.exponent;
     if abs(apart) > 1 { return sign(apart); }
     let x = select(a.mantissa, 2.0 * a.mantissa, apart == 1);
     let y = select(b.mantissa, 2.0 * b.mantissa, apart == -1);
-    // Near each other they are at most 2 and a little, and each off by 2^-20 of that at most.
+    // Mantissas close to each other are at most slightly above 2, and each has a relative error of at most 2^-20.
     if abs(x - y) < 7.62939453125e-6 { return 0; }
     return select(-1, 1, x > y);
 }
 
-// n * 2^by, without what exceeds 192 bits.
+// Returns n * 2^by modulo 2^192.
 fn shifted_192(n: Whole192, by: u32) -> Whole192 {
     var w = n;
     for (var i = 0u; i < (by >> 5u); i += 1u) {
@@ -168,7 +168,7 @@ fn shifted_192(n: Whole192, by: u32) -> Whole192 {
     return Whole192(low, (w.high << up) | (vec3<u32>(w.low.z, w.high.xy) >> down));
 }
 
-// n * k for a positive n, without what exceeds 192 bits.
+// Returns n * k modulo 2^192, for a positive n.
 fn times_192(n: Whole192, k: u32) -> Whole192 {
     let p0 = multiply_add(n.low.x, k, 0u, 0u);
     let p1 = multiply_add(n.low.y, k, p0.y, 0u);
@@ -188,18 +188,18 @@ fn size_192(a: Whole192) -> Whole192 {
     return a;
 }
 
-// n / d * 2^exponent, rounded once to a float, as bits. Both are below 2^186; n is not negative, and d is positive.
+// Rounds n / d * 2^exponent once to a float and returns its bits. Both are below 2^186; n is not negative, d is positive.
 fn rounded_192(n: Whole192, d: Whole192, exponent: i32) -> u32 {
     if sign_192(n) == 0 { return 0u; }
     let about_n = about_192(n);
     let about_d = about_192(d);
-    // The first bit of both in one place, which leaves six bits for the rest of the division.
+    // Aligns the leading bits of both. Six bits remain for the rest of the division.
     let a = shifted_192(n, u32(185 - about_n.exponent));
     let b = shifted_192(d, u32(185 - about_d.exponent));
     let below = is_negative_192(sub_192(a, b));
     let by = select(24u, 25u, below);
     let whole = shifted_192(a, by);
-    // Off by less than 16, which the rest tells.
+    // The estimate is off by less than 16. The remainder corrects it.
     var value = u32(about_n.mantissa / about_d.mantissa * select(16777216.0, 33554432.0, below));
     var rest = sub_192(whole, times_192(b, value));
     let step = i32(floor(f32(bitcast<i32>(rest.high.z)) / f32(b.high.z)));

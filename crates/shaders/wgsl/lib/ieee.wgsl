@@ -1,9 +1,8 @@
-// IEEE arithmetic whatever a device makes of it: single operations, and division that is rounded correctly.
+// IEEE arithmetic that does not depend on the device: single operations, and correctly rounded division.
 
 import package::lib::params::params;
 
-// Single IEEE operations. The build decorates each with NoContraction, so that
-// no driver may fuse or regroup them.
+// Single IEEE operations. The build decorates them with NoContraction, so that no driver fuses or regroups them.
 
 @if(!OPAQUE)
 fn add(a: f32, b: f32) -> f32 { return a + b; }
@@ -14,9 +13,8 @@ fn sub(a: f32, b: f32) -> f32 { return a - b; }
 @if(!OPAQUE)
 fn mul(a: f32, b: f32) -> f32 { return a * b; }
 
-// Single IEEE operations for translators that cannot promise NoContraction:
-// each result passes through an integer xor with a zero that the compiler
-// cannot know, so that nothing can be fused or regrouped across it.
+// Single IEEE operations for shader translators that cannot guarantee NoContraction. Each result passes through an integer
+// xor with a zero that the compiler does not know, so nothing can be fused or regrouped across it.
 
 @if(OPAQUE)
 fn opaque_zero(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) ^ params.zero); }
@@ -30,12 +28,12 @@ fn sub(a: f32, b: f32) -> f32 { return opaque_zero(a - b); }
 @if(OPAQUE)
 fn mul(a: f32, b: f32) -> f32 { return opaque_zero(a * b); }
 
-// Correctly rounded division, whatever the device's own division does: its
-// inverse of the divisor gives only a guess, and the exact remainder puts it right. Zeros, infinities, NaNs and subnormals as IEEE has them.
+// Correctly rounded division that does not rely on the device's division: its reciprocal only gives a guess, which the exact
+// remainder corrects. Zeros, infinities, NaNs and subnormals follow IEEE.
 
 struct Parts { mantissa: u32, exponent: i32 }
 
-// A finite, non-zero number as mantissa * 2^(exponent - 150), mantissa in [2^23, 2^24).
+// A finite, non-zero number as mantissa * 2^(exponent - 150), with the mantissa in [2^23, 2^24).
 fn parts(bits: u32) -> Parts {
     let exponent = i32((bits >> 23u) & 255u);
     let fraction = bits & 0x7fffffu;
@@ -46,7 +44,7 @@ fn parts(bits: u32) -> Parts {
     return Parts(fraction << shift, 1 - i32(shift));
 }
 
-// A number to divide by, several times perhaps: its upper and its lower twelve bits, and a guess at its inverse.
+// A divisor prepared for one or more divisions: its upper and lower 12 bits, and an approximate reciprocal.
 struct Divisor { value: f32, high: f32, low: f32, inverse: f32 }
 
 fn upper_half(x: f32) -> f32 { return bitcast<f32>(bitcast<u32>(x) & 0xfffff000u); }
@@ -61,13 +59,13 @@ fn divide(a: f32, b: f32) -> f32 { return divide_by(a, divisor(b)); }
 fn divide_by(a: f32, by: Divisor) -> f32 {
     let ea = (bitcast<u32>(a) >> 23u) & 255u;
     let eb = (bitcast<u32>(by.value) >> 23u) & 255u;
-    // Between 2^-60 and 2^61.
+    // Both operands are between 2^-60 and 2^61.
     if ea - 67u <= 120u && eb - 67u <= 120u { return divide_normal(a, by); }
     return divide_rarely(bitcast<u32>(a), bitcast<u32>(by.value));
 }
 
-// Where both numbers are within that range. The guess is put right once, so that the quotient is one of the two numbers
-// that a / b lies between; an exact rest tells which, for no quotient lies half way between two numbers.
+// Divides operands between 2^-60 and 2^61. After one correction, the quotient is one of the two floats next to a / b. A second exact
+// remainder selects between them, since no quotient is half way between two floats.
 fn divide_normal(a: f32, by: Divisor) -> f32 {
     let guess = mul(a, by.inverse);
     let q = add(guess, mul(rest_of_division(a, guess, by), by.inverse));
@@ -79,12 +77,12 @@ fn divide_normal(a: f32, by: Divisor) -> f32 {
 
 struct Quotient { value: u32, sticky: bool }
 
-// The quotient of a * 2^shift and b in whole numbers, in [2^24, 2^25), from a guess at 1 / b
-// that is off by a few units in the last place.
+// Returns the integer quotient of a * 2^shift and b, in [2^24, 2^25). The reciprocal that it starts from is off by a few units
+// in the last place.
 fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
     let inverse = 1.0 / f32(b);
     var value = u32(f32(a) * inverse * select(16777216.0, 33554432.0, shift == 25u));
-    // |remainder| stays far below 2^31, so wrapping arithmetic gives it exactly.
+    // |remainder| is far below 2^31, so wrapping arithmetic is exact.
     var remainder = bitcast<i32>((a << shift) - value * b);
     let divisor = i32(b);
     let step = i32(f32(remainder) * inverse);
@@ -96,7 +94,7 @@ fn quotient_of(a: u32, shift: u32, b: u32) -> Quotient {
     return Quotient(value, remainder != 0);
 }
 
-// Where an operand or the quotient is zero, subnormal, infinite or a NaN, or may be.
+// Divides where an operand or the quotient is, or may be, zero, subnormal, infinite or NaN.
 fn divide_rarely(ua: u32, ub: u32) -> f32 {
     let sign = (ua ^ ub) & 0x80000000u;
     let xa = ua & 0x7fffffffu;
@@ -112,7 +110,7 @@ fn divide_rarely(ua: u32, ub: u32) -> f32 {
     return bitcast<f32>(sign | round_quotient(q.value, q.sticky, exponent));
 }
 
-// A 25-bit quotient with a sticky rest, rounded to nearest even, as bits without sign.
+// Rounds a 25-bit quotient with a sticky bit to nearest even. Returns the bits without sign.
 fn round_quotient(quotient: u32, sticky: bool, exponent: i32) -> u32 {
     if exponent >= 255 {
         return 0x7f800000u;
@@ -140,13 +138,12 @@ fn divide_special(sign: u32, xa: u32, xb: u32) -> f32 {
     return bitcast<f32>(sign | select(0u, inf, infinite));
 }
 
-// What a quotient leaves: a - q * b, exact if q is a / b but for a place or less, on devices that round a fused product and
-// sum once.
+// Remainder a - q * b, on devices whose fused multiply-add rounds once. It is exact if q is within one place of a / b.
 
 @if(FUSED)
 fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 { return fma(-q, by.value, a); }
 
-// What a quotient leaves: a - q * b. Products of halves are exact, and so is each difference if q is a / b but for a place or less (Dekker 1971).
+// Remainder a - q * b. Products of halves are exact, and so is each difference if q is within one place of a / b (Dekker 1971).
 @else
 fn rest_of_division(a: f32, q: f32, by: Divisor) -> f32 {
     let high = upper_half(q);

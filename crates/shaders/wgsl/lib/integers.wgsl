@@ -1,21 +1,21 @@
-// Whole numbers as long as any f32 can ask for, in limbs of 32 bits.
+// Integers long enough for any f32 input, in limbs of 32 bits.
 //
-// A number is a word for its sign (1 if negative), then its magnitude, the least limb first. While it is being
-// added up it has no sign word yet and is a two's complement of the length in use. That length is counted from the
-// exponents at hand, so that ordinary numbers take few limbs; the room suffices for all.
+// A number is a sign word (1 if negative) followed by its magnitude, least significant limb first. While it accumulates, it is a
+// two's complement of the length in use and its sign word is unused. The length is derived from the actual exponents, so that
+// ordinary numbers take few limbs. The storage suffices for all numbers.
 //
-// How long they get: coordinates from the ray's start are differences of multiples of one unit. Of two f32 they are
-// below 2^278 units; of a shadow's start and an unscaled corner below 2^281 (the start lies within the scene's scaled
-// size, at most 2^4, or 2^32 where the scale is 1, and in its own last place a scene's coordinate scaled by 2^-126 has
-// 2^-275). With B bits, a difference of two products has 2B + 1, and a sum of three products of it with
-// another coordinate, or with a direction of at most 277 bits, 3B + 3; the sum of three such 2 more, and a sign: 849 bits,
-// 27 limbs. Two of those multiplied take 54.
+// Bound on the length: a coordinate relative to the ray's start is a difference of multiples of one unit. The difference of two
+// f32 is below 2^278 units. That of a shadow ray's start and an unscaled corner is below 2^281: the start is at most 2^4 in
+// scaled units, or 2^32 where the scale is 1, and a coordinate scaled by 2^-126 has a last place of 2^-275.
+// If coordinates have B bits, a difference of two products has 2B + 1. A sum of three products of such a difference with a
+// coordinate, or with a direction of at most 277 bits, has 3B + 3. The sum of three such sums has 2 more, plus a sign bit: 849
+// bits, or 27 limbs. A product of two such numbers has 54 limbs.
 
 const COORDINATE: u32 = 10u;
 const CORNERS: u32 = 0u;
 const DIRECTION: u32 = 90u;
 const CROSS: u32 = 120u;
-// Two crossings' numerators and denominators, 28 words each.
+// Numerators and denominators of two crossings, 28 words each.
 const CROSSINGS: u32 = 140u;
 const ONE: u32 = 254u;
 const PRODUCTS: u32 = 256u;
@@ -27,7 +27,7 @@ fn clear(at: u32, len: u32) {
     for (var i = 0u; i <= len; i += 1u) { words[at + i] = 0u; }
 }
 
-// In SPIR-V one instruction: see build/harden.rs.
+// Returns the 64-bit product, low word first. The build turns it into one SPIR-V instruction: see build/harden.rs.
 fn multiply_32(a: u32, b: u32) -> vec2<u32> {
     let low = (a & 0xffffu) * (b & 0xffffu);
     let one = (a >> 16u) * (b & 0xffffu) + (low >> 16u);
@@ -35,13 +35,13 @@ fn multiply_32(a: u32, b: u32) -> vec2<u32> {
     return vec2<u32>((two << 16u) | (low & 0xffffu), (a >> 16u) * (b >> 16u) + (one >> 16u) + (two >> 16u));
 }
 
-// The sum and what it carries.
+// Returns the sum and the carry.
 fn add_32(a: u32, b: u32) -> vec2<u32> {
     let sum = a + b;
     return vec2<u32>(sum, select(0u, 1u, sum < a));
 }
 
-// Adds a * b, or subtracts it: not(not(x) + y) is x - y, so the one loop does both.
+// Adds or subtracts a * b. Since not(not(x) + y) is x - y, one loop does both.
 fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u32) {
     let mask = 0u - (words[a] ^ words[b] ^ flip);
     for (var i = 0u; i < a_len; i += 1u) {
@@ -60,7 +60,7 @@ fn accumulate(at: u32, len: u32, a: u32, a_len: u32, b: u32, b_len: u32, flip: u
     }
 }
 
-// Adds a mantissa times 2^shift, or subtracts it.
+// Adds or subtracts mantissa * 2^shift.
 fn add_shifted(at: u32, len: u32, mantissa: u32, shift: u32, negative: bool) {
     let mask = select(0u, 0xffffffffu, negative);
     let within = shift & 31u;
@@ -75,7 +75,7 @@ fn add_shifted(at: u32, len: u32, mantissa: u32, shift: u32, negative: bool) {
     }
 }
 
-// From a two's complement to sign and magnitude.
+// Converts a two's complement to sign and magnitude.
 fn finish(at: u32, len: u32) {
     let negative = (words[at + len] >> 31u) == 1u;
     words[at] = select(0u, 1u, negative);
@@ -88,7 +88,7 @@ fn finish(at: u32, len: u32) {
     }
 }
 
-// Bits of the magnitude; 0 for zero.
+// Returns the number of bits of the magnitude; 0 for zero.
 fn bit_length(at: u32, len: u32) -> i32 {
     for (var i = len; i > 0u; i -= 1u) {
         let x = words[at + i];
@@ -102,7 +102,7 @@ fn sign_of_number(at: u32, len: u32) -> i32 {
     return select(1, -1, words[at] == 1u);
 }
 
-// 32 bits of the magnitude from bit `low` on, which may lie below the first.
+// Returns 32 bits of the magnitude from bit `low` on. `low` may be negative.
 fn bits_from(at: u32, len: u32, low: i32) -> u32 {
     if low <= -32 || low >= 32 * i32(len) { return 0u; }
     if low < 0 { return words[at + 1u] << u32(-low); }
@@ -113,7 +113,7 @@ fn bits_from(at: u32, len: u32, low: i32) -> u32 {
     return bits;
 }
 
-// Compares |a| * 2^a_exponent with |b| * 2^b_exponent: -1, 0 or 1.
+// Compares |a| * 2^a_exponent with |b| * 2^b_exponent. Returns -1, 0 or 1.
 fn compare_sizes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_exponent: i32) -> i32 {
     let bits_a = bit_length(a, a_len);
     let bits_b = bit_length(b, b_len);
@@ -122,7 +122,7 @@ fn compare_sizes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_expo
         let size_b = select(bits_b + b_exponent, -100000, bits_b == 0);
         return sign(size_a - size_b);
     }
-    // The first bits of both have one weight.
+    // The leading bits of both have the same weight.
     for (var down = 32; down < max(bits_a, bits_b) + 32; down += 32) {
         let x = bits_from(a, a_len, bits_a - down);
         let y = bits_from(b, b_len, bits_b - down);
@@ -131,7 +131,7 @@ fn compare_sizes(a: u32, a_len: u32, a_exponent: i32, b: u32, b_len: u32, b_expo
     return 0;
 }
 
-// A finite number is mantissa_of * 2^unit_of, as it is written.
+// A finite number is mantissa_of * 2^unit_of.
 fn unit_of(bits: u32) -> i32 { return max(i32((bits >> 23u) & 255u), 1) - 150; }
 
 fn mantissa_of(bits: u32) -> u32 {

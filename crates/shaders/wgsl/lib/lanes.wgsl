@@ -1,7 +1,8 @@
-// What 32 invocations that search together tell each other. Condition SUBGROUPS holds for entry points `*_by_subgroups`.
+// Communication between 32 invocations that search together: a subgroup for the entry points `*_by_subgroups` (condition
+// SUBGROUPS), else a workgroup.
 
-// What 32 invocations that search together tell each other: they are a workgroup. No loops, since some drivers end those early,
-// each vector of invocations by itself, and who then waited for the others would wait for ever.
+// The versions for a workgroup. They contain no loops: some drivers end long loops early, one vector of invocations at a time.
+// The other invocations would then wait at the barrier forever.
 
 @if(!SUBGROUPS)
 var<workgroup> told: array<vec4<u32>, 8>;
@@ -34,7 +35,7 @@ fn of_lane(x: u32, other: u32, lane: u32) -> u32 {
     return found;
 }
 
-// Bit k of lane i becomes bit i of lane k.
+// Transposes a 32 x 32 bit matrix: bit k of lane i becomes bit i of lane k.
 @if(!SUBGROUPS)
 fn transposed(x: u32, lane: u32) -> u32 {
     tell(x, lane);
@@ -44,14 +45,14 @@ fn transposed(x: u32, lane: u32) -> u32 {
     return found;
 }
 
-// Bit `k` of four neighbours.
+// Returns bit `k` of four neighbouring lanes.
 @if(!SUBGROUPS)
 fn bits_of(neighbours: u32, k: u32) -> u32 {
     let bits = ((told[neighbours] >> vec4<u32>(k)) & vec4<u32>(1u)) << vec4<u32>(0u, 1u, 2u, 3u);
     return (bits.x | bits.y | bits.z | bits.w) << (4u * neighbours);
 }
 
-// The sum of those up to one's own.
+// Returns the inclusive prefix sum.
 @if(!SUBGROUPS)
 fn sum_up_to(x: u32, lane: u32) -> u32 {
     tell(x, lane);
@@ -61,7 +62,7 @@ fn sum_up_to(x: u32, lane: u32) -> u32 {
     return sum;
 }
 
-// Of four neighbours, those up to one's own.
+// Returns the part of the inclusive prefix sum that four neighbouring lanes contribute.
 @if(!SUBGROUPS)
 fn sum_of_four(neighbours: u32, lane: u32) -> u32 {
     let is_up_to = vec4<u32>(4u * neighbours) + vec4<u32>(0u, 1u, 2u, 3u) <= vec4<u32>(lane);
@@ -69,7 +70,7 @@ fn sum_of_four(neighbours: u32, lane: u32) -> u32 {
     return x.x + x.y + x.z + x.w;
 }
 
-// Of the first 31 numbers, which do not fall, how many are no greater than k.
+// Returns how many of the first 31 values are at most k. The values must be in ascending order.
 @if(!SUBGROUPS)
 fn count_up_to(k: u32, x: u32, lane: u32) -> u32 {
     tell(x, lane);
@@ -84,7 +85,7 @@ fn step_up(count: u32, half: u32, k: u32) -> u32 {
     return count + select(0u, half, told[i >> 2u][i & 3u] <= k);
 }
 
-// What 32 invocations that search together tell each other: they are a subgroup.
+// The versions for a subgroup.
 
 @if(SUBGROUPS)
 fn least_of_all(x: u32, lane: u32) -> u32 { return subgroupMin(x); }
@@ -98,7 +99,7 @@ fn any_of_all(x: bool, lane: u32) -> bool { return subgroupAny(x); }
 @if(SUBGROUPS)
 fn of_lane(x: u32, other: u32, lane: u32) -> u32 { return subgroupShuffle(x, other); }
 
-// Bit k of lane i becomes bit i of lane k (Warren, Hacker's Delight, "Transposing a bit matrix").
+// Transposes a 32 x 32 bit matrix: bit k of lane i becomes bit i of lane k (Warren, Hacker's Delight, "Transposing a bit matrix").
 @if(SUBGROUPS)
 fn transposed(x: u32, lane: u32) -> u32 {
     var t = swapped(x, 16u, 0x0000ffffu, lane);
@@ -115,11 +116,11 @@ fn swapped(x: u32, distance: u32, mask: u32, lane: u32) -> u32 {
     return select(lower, (x & ~mask) | ((other >> distance) & mask), (lane & distance) != 0u);
 }
 
-// The sum of those up to one's own.
+// Returns the inclusive prefix sum.
 @if(SUBGROUPS)
 fn sum_up_to(x: u32, lane: u32) -> u32 { return subgroupInclusiveAdd(x); }
 
-// Of the first 31 numbers, which do not fall, how many are no greater than k.
+// Returns how many of the first 31 values are at most k. The values must be in ascending order.
 @if(SUBGROUPS)
 fn count_up_to(k: u32, x: u32, lane: u32) -> u32 {
     var count = 0u;

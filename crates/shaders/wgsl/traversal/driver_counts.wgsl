@@ -1,4 +1,4 @@
-// The kernels beside those of a ray-tracing pipeline: what its tree is made from, and what is counted.
+// Compute kernels that support the ray-tracing pipeline: they prepare triangles for the driver's tree, and count.
 
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
@@ -7,9 +7,9 @@ import package::lib::params::{element, params};
 
 @group(0) @binding(next) var<storage, read_write> cleansed: array<u32>;
 
-// Triangles as a driver's tree takes them, three vertices each: one with a corner that is not finite is drawn
-// together to a point (`eye`), where no ray hits it. Drivers know inactive triangles too, but a tree cannot be updated
-// when they change, and one driver (Mesa 25.0) loses others beside them.
+// Writes triangles for the driver's tree, three vertices each. A triangle with a corner that is not finite collapses to a point
+// (`eye`), where no ray hits it. Drivers also support inactive triangles, but a tree cannot be updated when they change, and one
+// driver (Mesa 25.0) then loses other triangles too.
 
 fn put_point(at: u32, v: vec3<u32>) {
     cleansed[at] = v.x;
@@ -31,7 +31,7 @@ fn cleanse(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     put_point(9u * triangle + 6u, select(point, c, hittable));
 }
 
-// How many triangles are inactive and how many degenerate, which a driver does not tell.
+// Counts inactive and degenerate triangles, which a driver does not report.
 
 @compute @workgroup_size(128)
 fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -47,13 +47,13 @@ fn count_triangles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wo
     }
 }
 
-// Answers to rays, so many words each.
+// Answers to rays, `rounds` words each.
 @group(0) @binding(next) var<storage, read> answers: array<u32>;
 
 var<workgroup> sum: atomic<u32>;
 
-// How many rays were answered by anything but a miss: one atomic addition a workgroup, so that the trace itself need not
-// count. An answer has `rounds` words, the word `shift` of it is `goal` for a miss, and `first` names the count.
+// Counts the rays whose answer is not a miss, with one atomic addition per workgroup, so that the trace itself need not count.
+// Word `shift` of an answer's `rounds` words is `goal` for a miss. `first` is the word of `counts`.
 
 @compute @workgroup_size(128)
 fn count_answers(

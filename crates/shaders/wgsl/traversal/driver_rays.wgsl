@@ -1,7 +1,7 @@
 // Rays through the driver's own tree: the stages of a ray-tracing pipeline.
 //
-// The crate `wesl` knows neither the address spaces of payloads nor some inputs of stages: attributes stand for them here, and
-// the build puts them in (build/rays.rs).
+// The crate `wesl` does not know the address spaces of payloads and some stage inputs. Attributes are placeholders for them,
+// which the build replaces (build/rays.rs).
 
 import package::geometry::light::to_light;
 import package::geometry::queries::through_pixel;
@@ -11,8 +11,7 @@ import package::lib::params::params;
 
 @group(0) @binding(next) var scene: acceleration_structure;
 
-// What a ray met. Shadow rays and those that seek anything never run a hit's shader: whatever stands in `triangle`
-// stays there unless the ray misses.
+// Result of a ray. Shadow rays and any-hit rays run no closest-hit shader, so `triangle` keeps its value unless the ray misses.
 struct Payload { t: f32, u: f32, v: f32, triangle: u32 }
 
 const NOTHING: u32 = 0xffffffffu;
@@ -21,7 +20,7 @@ const NOTHING: u32 = 0xffffffffu;
 var<private> found: Payload;
 @incoming
 var<private> incoming: Payload;
-// The build makes of it what the driver hands to a hit's shader.
+// The build turns this into the hit attributes of the driver.
 var<private> barycentrics: vec2<f32>;
 
 @closest_hit @incoming_payload(incoming)
@@ -58,7 +57,7 @@ fn unscaled(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(scale_bits(bits.x, k), scale_bits(bits.y, k), scale_bits(bits.z, k));
 }
 
-// `eye` is where the ray came from, in the scene's units, as bits.
+// Returns 1 if the hit is in shadow. `eye` is the start of the ray that hit, in scene units, as bits.
 fn shade(hit: vec4<u32>, eye: vec3<u32>) -> u32 {
     if hit.w == NOTHING { return 0u; }
     let ray = to_light(hit, scaled_point(eye));
@@ -90,7 +89,7 @@ fn camera_shadow(@ray_invocation_id id: vec3<u32>) {
 
 struct Given { origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32, traced: bool }
 
-// The host marks rays that can hit nothing by a direction of zero. No driver traces behind a ray's origin.
+// The host marks rays that can hit nothing by a direction of zero. Drivers do not trace behind a ray's origin.
 fn given(i: u32) -> Given {
     let a = bitcast<vec4<f32>>(rays[2u * i]);
     let b = bitcast<vec4<f32>>(rays[2u * i + 1u]);

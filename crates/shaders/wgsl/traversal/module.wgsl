@@ -1,4 +1,4 @@
-// Single rays for shaders of others: what crates/abvh gives them as text, in which all other names are escaped.
+// Single rays for shaders of a program. crates/abvh returns this file as text in which all other names are escaped.
 
 import package::geometry::queries::is_void_ray;
 import package::geometry::range::is_measured_extreme;
@@ -8,22 +8,22 @@ import package::intersect::intersector::{ask_any, hit_of};
 import package::lib::params::params;
 import package::traversal::traverse::find_closest;
 
-// Where a ray meets the scene: the distance in lengths of its direction, the weights of the triangle's second and third
-// vertex, and the triangle's number among those of all meshes. Of a miss the distance is infinite.
+// The hit of a ray: the distance in lengths of its direction, the weights of the triangle's second and third vertex, and the
+// triangle's index among those of all meshes. The distance of a miss is infinite.
 struct AbvhHit { t: f32, u: f32, v: f32, triangle: u32 }
 
-// In place of a triangle: nothing is hit.
+// In place of a triangle: the ray hits nothing.
 const ABVH_MISS: u32 = 0xffffffffu;
-// Likewise: the ray is extreme, and answered by the library's queries alone.
+// In place of a triangle: the ray is extreme. Only the library's queries answer it.
 const ABVH_EXTREME: u32 = 0xfffffffeu;
 
-// Whether exact arithmetic has to answer, which is not here.
+// Returns whether the ray needs exact arithmetic, which this module does not contain.
 fn abvh_is_extreme(origin: vec3<f32>) -> bool {
     if params.extreme == 2u { return is_measured_extreme(origin); }
     return is_extreme(origin);
 }
 
-// The closest hit for t between t_min and t_max, both excluded.
+// Returns the closest hit for t between t_min and t_max, both excluded.
 fn abvh_closest(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> AbvhHit {
     let first = vec4<u32>(bitcast<vec3<u32>>(origin), bitcast<u32>(t_min));
     let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));
@@ -37,7 +37,7 @@ fn abvh_closest(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32)
     return AbvhHit(bitcast<f32>(hit.x), bitcast<f32>(hit.y), bitcast<f32>(hit.z), hit.w);
 }
 
-// Whether there is any hit: 1 if so, 0 if not, or ABVH_EXTREME.
+// Returns 1 if there is any hit, 0 if not, or ABVH_EXTREME.
 fn abvh_any(origin: vec3<f32>, t_min: f32, direction: vec3<f32>, t_max: f32) -> u32 {
     let first = vec4<u32>(bitcast<vec3<u32>>(origin), bitcast<u32>(t_min));
     let second = vec4<u32>(bitcast<vec3<u32>>(direction), bitcast<u32>(t_max));

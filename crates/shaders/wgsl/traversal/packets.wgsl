@@ -1,4 +1,4 @@
-// The kernels that trace packets of rays.
+// Kernels that trace packets of rays.
 
 import package::geometry::queries::{camera_ray, eye, is_void_way, through_pixel};
 import package::geometry::ray::{Prepared, root_from};
@@ -9,27 +9,27 @@ import package::lib::params::params;
 import package::traversal::finish::{finish_miss, finish_ray};
 import package::visibility::outline::{BLOCK, BOUNDLESS};
 
-// A packet of 8 x 4 pixels, whose rays, an invocation each, go down the wide tree together: see docs/design/packets.md.
-// What is covered decides who is asked, never what is hit. All 32 invocations call these functions together.
+// A packet covers 8 x 4 pixels. Its rays, one per invocation, traverse the wide tree together: see docs/design/packets.md.
+// Coverage decides which triangles are tested, never which one is hit. All 32 invocations must call these functions together.
 
-// In place of a lane that leads nowhere any more; beyond all depths.
+// In place of a lane that was already visited. Greater than all depths.
 const DONE: u32 = 0xffffffffu;
-// Behind everything.
+// Greater than every finite depth.
 const FARTHEST_DEPTH: u32 = 0x7f800000u;
 
-// Whether what is covered meets the packet before a depth, as bits.
+// Returns whether a projected box or triangle overlaps the packet and begins before a depth, as bits.
 fn meets_tile(c: vec4<u32>, corner: vec2<u32>, depth: u32) -> bool {
     let first = c.xy & vec2<u32>(0xffffu);
     let last = c.xy >> vec2<u32>(16u);
     return all(first <= corner + vec2<u32>(7u, 3u)) && all(last >= corner) && c.z <= depth;
 }
 
-// A lane's place in the order in which they are visited: how near it begins, and in the lowest five bits which it is.
+// Returns the key by which lanes are visited: the nearest depth, with the lane's index in the lowest five bits.
 fn place_of(c: vec4<u32>, is_there: bool, corner: vec2<u32>, depth: u32, lane: u32) -> u32 {
     return select(DONE, (c.z & 0x7fffffe0u) | lane, is_there && meets_tile(c, corner, depth));
 }
 
-// The packet's pixels within what is covered, a bit each, row by row.
+// Returns the packet's pixels within a projected rectangle, one bit each, row by row.
 fn pixels_within(c: vec4<u32>, corner: vec2<u32>) -> u32 {
     let first = max(c.xy & vec2<u32>(0xffffu), corner) - corner;
     let last = min((c.xy >> vec2<u32>(16u)) - corner, vec2<u32>(7u, 3u));
@@ -37,14 +37,14 @@ fn pixels_within(c: vec4<u32>, corner: vec2<u32>) -> u32 {
     return columns & (0xffffffffu << (8u * first.y)) & (0xffffffffu >> (24u - 8u * last.y));
 }
 
-// Those between a triangle's lines: see `RowBound` in project.wgsl.
+// Returns the packet's pixels between a triangle's lines: see `RowBound` in project.wgsl.
 fn pixels_between(c: vec4<u32>, lines: vec4<u32>, corner: vec2<u32>) -> u32 {
     let down = bitcast<i32>(corner.y - (c.y & 0xffffu));
     let left = bitcast<i32>(corner.x << 8u);
     let slope = vec3<i32>(bitcast<i32>(lines.z << 16u), bitcast<i32>(lines.z), bitcast<i32>(lines.w << 16u)) >> vec3<u32>(16u);
     let at = vec3<i32>(bitcast<i32>(lines.x), bitcast<i32>(lines.y), bitcast<i32>(c.w)) + slope * down - left;
     let side = bitcast<i32>(lines.w) >> 16u;
-    // The third line stands on one of the sides.
+    // The third line bounds either side.
     var begin = vec2<i32>(at.x, select(-BOUNDLESS, at.z, side == -1));
     var end = vec2<i32>(at.y, select(BOUNDLESS, at.z, side == 1));
     let begin_slope = vec2<i32>(slope.x, select(0, slope.z, side == -1));
@@ -60,21 +60,21 @@ fn pixels_between(c: vec4<u32>, lines: vec4<u32>, corner: vec2<u32>) -> u32 {
     return pixels;
 }
 
-// The packet's pixels that a triangle may cover before a depth.
+// Returns the packet's pixels that a triangle may cover before a depth.
 fn pixels_of(leaf: u32, corner: vec2<u32>, depth: u32) -> u32 {
     let c = covers[params.wide_lanes + 2u * leaf];
     if !meets_tile(c, corner, depth) { return 0u; }
     return pixels_within(c, corner) & pixels_between(c, covers[params.wide_lanes + 2u * leaf + 1u], corner);
 }
 
-// What a ray's t is in depths of the picture; infinite where that cannot be told.
+// Returns the factor from a ray's t to depths of the picture; infinity if it is out of range.
 fn depth_a_unit(ray: Prepared) -> f32 {
     let shift = params.depth_exponent - params.scale_exponent - ray.exponent;
     if shift < 0 || shift > 100 { return bitcast<f32>(0x7f800000u | params.zero); }
     return bitcast<f32>(u32(127 + shift) << 23u);
 }
 
-// Where a search stands: at a wide node; where the lane of this invocation leads, and its place among the others.
+// State of a search: a wide node, and for this invocation's lane its child and the key by which lanes are visited.
 struct Lanes { node: u32, goal: u32, place: u32 }
 
 fn row_of_lane(node: u32, lane: u32) -> u32 { return (node >> 6u) + min(lane, (node & 63u) - 1u); }
@@ -84,11 +84,11 @@ fn lanes_of(node: u32, corner: vec2<u32>, depth: u32, lane: u32) -> Lanes {
     return Lanes(node, child.w, place_of(child, lane < (node & 63u), corner, depth, lane));
 }
 
-// Closest hits, from the root's lanes on; rays that are not `sought` find nothing.
+// Searches closest hits from the root's lanes on. Rays that are not `sought` find nothing.
 fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: Prepared) -> Found {
     let depth_of_t = depth_a_unit(ray);
     var best = nothing_found(ray);
-    // Where the search goes on above: places of lanes, and nodes.
+    // Stack of the nodes above, with the keys of their remaining lanes.
     var places: array<u32, 16>;
     var nodes_above: array<u32, 16>;
     var level = 0u;
@@ -128,16 +128,16 @@ fn find_together(root: Lanes, corner: vec2<u32>, lane: u32, sought: bool, ray: P
     return best;
 }
 
-// Which pixel of a packet an invocation stands for.
+// Maps an invocation to a pixel of its packet.
 fn pixel_in(lane: u32) -> vec2<u32> { return vec2<u32>(lane & 7u, lane >> 3u); }
 
-// What `trace_and_shadow_camera` does, for a packet.
+// Does the same as `trace_and_shadow_camera`, for a packet.
 fn trace_tile(packet: vec2<u32>, lane: u32) {
     let corner = packet * vec2<u32>(8u, 4u);
     let pixel = corner + pixel_in(lane);
     let is_there = pixel.x < params.width && pixel.y < params.height;
     let i = pixel.y * params.width + pixel.x;
-    // Tells most packets that see nothing, before their rays are made.
+    // Excludes most packets that see nothing, before their rays are generated.
     let root = lanes_of(params.wide_root, corner, FARTHEST_DEPTH, lane);
     if !any_of_all(root.place != DONE, lane) {
         if is_there { finish_miss(i); }
@@ -151,7 +151,7 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
     if is_there { finish_ray(i, ray, found, origin); }
 }
 
-// Closest hits of a camera's rays and their shadows, packet by packet: a workgroup each.
+// Closest hits of a camera's rays and their shadow rays, packet by packet. Each workgroup is a packet.
 //
 // Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(32)
@@ -159,7 +159,8 @@ fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_
     trace_tile(group.xy, lane);
 }
 
-// Closest hits of a camera's rays and their shadows, packet by packet: a subgroup of 32 each, four of them two by two.
+// Closest hits of a camera's rays and their shadow rays, packet by packet. Each subgroup of 32 is a packet, and a
+// workgroup has four.
 //
 // Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(128)

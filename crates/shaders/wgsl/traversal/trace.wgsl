@@ -1,4 +1,4 @@
-// The kernels that trace rays one by one.
+// Kernels that trace rays one by one.
 
 import package::geometry::light::{is_occluded, to_light};
 import package::geometry::queries::{camera_ray, eye, given_ray, is_void, misses_root, pixel_of, through_pixel};
@@ -10,7 +10,7 @@ import package::lib::params::{element, params};
 import package::traversal::finish::{finish_miss, finish_ray};
 import package::traversal::traverse::find_closest;
 
-// The closest hit of each pixel's ray, made here.
+// Closest hits of camera rays, which the kernel generates.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -29,7 +29,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
     hits[i] = hit_of(i, ray, find_closest(ray));
 }
 
-// The closest hit of each given ray.
+// Closest hits of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -44,7 +44,7 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     hits[i] = hit_of(i, ray, find_closest(ray));
 }
 
-// Whether each given ray meets anything.
+// Any-hit answers of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -56,8 +56,8 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     store_occluded(i, met, 2u);
 }
 
-// The closest hit of each pixel's ray, made here, and its shadow. Both in one go, which takes three quarters of the time
-// that two kernels took on some scenes: warps that are done with the one go on to the other.
+// Closest hits of camera rays, which the kernel generates, and their shadow rays. In some scenes this takes three quarters of the
+// time of two kernels: warps that have finished their closest hits continue with shadow rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)
@@ -76,7 +76,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     finish_ray(i, ray, find_closest(ray), origin);
 }
 
-// The shadow of each given ray's hit.
+// Shadow rays of the hits of explicit rays.
 //
 // Variants: intersector, layout, arithmetic.
 @compute @workgroup_size(128)

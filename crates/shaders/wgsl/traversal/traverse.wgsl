@@ -1,13 +1,13 @@
-// Searches down the tree: for the closest hit, and for any.
+// Traversal of the tree for the closest hit and for any hit.
 
 import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::ray::{Prepared, loose_planes, loose_slab};
 import package::intersect::intersector::{Found, intersect_leaf_any, intersect_leaf_closest, limit, nothing_found};
 import package::lib::buffers::nodes;
 
-// Where rays that look ahead (t_min is not negative) meet a node's box before `bound`; met if x <= y. As whole numbers: floats
-// that are not negative compare as their bits do, and what is negative lies behind the ray in either order. Devices tell the
-// greatest of three whole numbers in one go (an H200: rays 4 % faster).
+// Returns where a ray enters and leaves a node's box before `bound`. The box is met if x <= y. Requires that t_min is not negative.
+// Compares bits as integers: non-negative floats compare as their bits do, and negative values are behind the ray in either order.
+// Devices find the greatest of three integers in one instruction (an H200: rays 4 % faster).
 
 @if(!(trace_rays || any_rays || MODULE))
 fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<i32> {
@@ -20,16 +20,16 @@ fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> 
     );
 }
 
-// Where rays that may look behind them meet a node's box before `bound`; met if x <= y.
+// The same for rays whose t_min may be negative.
 @else
 fn slab_interval(ray: Prepared, low: vec4<u32>, high: vec4<u32>, bound: f32) -> vec2<f32> {
     let s = loose_slab(ray, bitcast<vec3<f32>>(low.xyz), bitcast<vec3<f32>>(high.xyz));
     return vec2<f32>(max(s.x, ray.t_min), min(s.y, bound));
 }
 
-// Closest hit; the intersector says what it keeps of the leaves it sees.
+// Closest hit. The intersector defines what is kept of each leaf.
 
-// Goes a node down; if both children are met, the farther waits.
+// Descends one node. If both children are met, pushes the farther one.
 fn traverse_node(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
     let row = children_of(at);
     let l0 = nodes[row];
@@ -47,8 +47,8 @@ fn traverse_node(ray: Prepared, at: u32, best: f32, stack: ptr<function, array<u
     return select(select(NONE, r0.w, meets_r), l0.w, meets_l);
 }
 
-// One loop, each turn of which takes two nodes and a triangle at most. Turns of one kind of work
-// each (Aila, Laine 2009: "if-if") were a tenth slower, and descending to a leaf slower still.
+// Each iteration of this one loop visits at most two nodes and one triangle. Iterations of one kind of work each (Aila, Laine
+// 2009: "if-if") were a tenth slower. Descending to a leaf before any triangle test was slower still.
 fn find_closest(ray: Prepared) -> Found {
     var best = nothing_found(ray);
     var stack: array<u32, 64>;
@@ -76,17 +76,17 @@ fn find_closest(ray: Prepared) -> Found {
     return best;
 }
 
-// Each turn of a search for any hit goes three nodes down at most, and tests both triangles of a leaf: see docs/design/visibility-buffer.md.
+// An iteration of the any-hit search visits up to three nodes and both triangles of a leaf: see docs/design/visibility-buffer.md.
 @if(resolve)
 const BY_PAIRS: bool = true;
 
-// Each turn of a search for any hit goes two nodes down at most, and tests one triangle.
+// An iteration of the any-hit search visits up to two nodes and one triangle.
 @else
 const BY_PAIRS: bool = false;
 
-// Whether a ray meets anything but one triangle: the first hit ends the search.
+// Any-hit search, which ends at the first hit of a triangle other than `ignore`.
 
-// Goes a node down; if both children are met, the second waits.
+// Descends one node. If both children are met, pushes the second one.
 fn push_children(ray: Prepared, at: u32, stack: ptr<function, array<u32, 64>>, depth: ptr<function, u32>) -> u32 {
     let row = children_of(at);
     let l0 = nodes[row];

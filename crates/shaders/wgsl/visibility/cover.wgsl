@@ -1,30 +1,30 @@
-// Rasterization, first step: which pixels each triangle may cover, in tiles. See docs/design/visibility-buffer.md.
+// Rasterization, first step: writes the pixels that each triangle may cover, as tiles. See docs/design/visibility-buffer.md.
 
 import package::geometry::queries::eye;
 import package::lib::buffers::{counts, covers};
 import package::lib::params::{element, params};
 import package::visibility::outline::{Outline, cover_reach, loose_stamp, outline_of, without_edges};
 
-// What the buffer `covers` holds for rasterization, in rows of 16 bytes: first leaves of triangles that were too large for `cover_small`, one a
-// row; then tiles: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and which of those it may cover, a bit each,
-// row by row.
+// The buffer `covers` during rasterization, in rows of 16 bytes. First one row per triangle that was too large for `cover_small`:
+// its leaf. Then the tiles: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and a bit for each pixel that the
+// triangle may cover, row by row.
 
-// How many triangles may be too large.
+// Capacity for large triangles.
 const LISTED: u32 = 4096u;
 const SIDES: vec2<i32> = vec2<i32>(8, 4);
-// Where tiles, large triangles and tests are counted, and whether rasterization left some hits untold.
+// Words of `counts`: tiles, large triangles, tests, and whether rasterization was incomplete.
 const TILE_COUNT: u32 = 12u;
 const LARGE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;
 const UNTOLD_AT: u32 = 15u;
 
-// How many numbers the visibility buffer has for each pixel.
+// Elements of the visibility buffer per pixel.
 @if(WATERTIGHT)
 const KEPT: u32 = 1u;
 @else
 const KEPT: u32 = 2u;
 
-// How a workgroup keeps tiles and counts their tests.
+// Storage of a workgroup's tiles, and the count of their tests.
 
 var<workgroup> made: atomic<u32>;
 var<workgroup> tests_of_all: atomic<u32>;
@@ -34,7 +34,7 @@ fn keep_tile(at: u32, leaf: u32, corner: vec2<i32>, pixels: u32) {
     covers[LISTED + at] = vec4<u32>(leaf, u32(corner.x) | (u32(corner.y) << 16u), pixels, 0u);
 }
 
-// Where tiles of a workgroup begin, and where those of an invocation do.
+// Where the tiles of a workgroup begin, and those of an invocation.
 struct Place { first: u32, own: u32 }
 
 fn place_stamps(own: u32, tests: u32, local: u32) -> Place {
@@ -57,17 +57,17 @@ fn place_stamps(own: u32, tests: u32, local: u32) -> Place {
     return Place(first, first + at);
 }
 
-// Which pixels each triangle may cover, in tiles: see docs/design/visibility-buffer.md.
+// Small triangles, one per invocation: see docs/design/visibility-buffer.md.
 
-// How many tiles of a triangle one invocation makes, at most.
+// Largest number of tiles that one invocation writes for a triangle.
 const MOST: i32 = 32;
 
-// How many tiles an outline takes, and about how many tests; the pixels of a single one, which is kept only if it has any.
+// Number of tiles of an outline, approximate number of tests, and the pixels of a single tile. An empty single tile is not kept.
 struct Own { tiles: u32, tests: u32, pixels: u32 }
 
 const NO_TILES: Own = Own(0u, 0u, 0u);
 
-// Of an outline that takes too many, none, but it is listed.
+// Returns no tiles for an outline with more than MOST tiles, and appends it to the list of large ones.
 fn own_of(o: Outline, leaf: u32) -> Own {
     if any(o.first > o.last) { return NO_TILES; }
     let size = o.last - o.first + 1;
@@ -105,12 +105,12 @@ fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invo
     if own.tiles == 1u { keep_tile(at, leaf, o.first, own.pixels); } else { keep_several(o, leaf, at); }
 }
 
-// The same of triangles that were too large for one invocation: each is shared by as many workgroups as there are for it.
+// Large triangles, over which the workgroups are distributed evenly.
 
-// Pixels that a workgroup's tiles span, along both axes of the picture.
+// Number of pixels that a workgroup's tiles span, along both axes of the picture.
 const STRIDE: vec2<i32> = vec2<i32>(128, 32);
 
-// Tiles of a large triangle that one of those who share it makes.
+// Writes the tiles of a large triangle that one of `sharers` workgroups is responsible for.
 fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     let origin = eye();
     let o = outline_of(leaf, origin, cover_reach(origin));
@@ -120,7 +120,7 @@ fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
         var pixels = 0u;
         if all(corner <= o.last) { pixels = loose_stamp(o, corner); }
         let place = place_stamps(min(pixels, 1u), countOneBits(pixels), local);
-        // Then nobody need go on.
+        // The tiles do not fit, so rasterization is incomplete anyway.
         if place.first > params.notes { break; }
         if pixels != 0u && place.own < params.notes { keep_tile(place.own, leaf, corner, pixels); }
     }

@@ -1,26 +1,27 @@
-// What a triangle covers of the picture.
+// Coverage of the picture by a triangle.
 
 import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
 import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// What the buffer `covers` holds, in rows of 16 bytes that begin alike: first and last column, first and last row (16 bits each),
-// and how near the thing begins, as a float's bits. First come the lanes of the wide tree, a row each, which ends with where the lane leads;
-// from row `wide_lanes` on triangles in leaf order, two rows each: the first ends with where the third of its lines begins, the
-// second has the others and all slopes (see `RowBound` in project.wgsl).
+// The buffer `covers` for packets, in rows of 16 bytes. All first rows begin with the first and last column, the first and last
+// row (16 bits each), and the nearest depth as a float's bits. First come the lanes of the wide tree, one row each, which ends
+// with the child that the lane refers to. From row `wide_lanes` on follow the triangles in leaf order, two rows each. Their first
+// row ends with the offset of the third line; the second row has the other offsets and all slopes (see `RowBound` in
+// project.wgsl).
 
-// First behind last: covers nothing.
+// The first pixel is after the last: nothing is covered.
 const NOWHERE: u32 = 0x0000ffffu;
 const EVERYWHERE: u32 = 0xffff0000u;
 
 const BLOCK: u32 = 0x80000000u;
-// What a line that is none bounds, in 256ths of a pixel.
+// Offset of an absent line, in 256ths of a pixel.
 const BOUNDLESS: i32 = 0x20000000;
 
-// Where points are seen in the picture, and how far off that may be.
+// Projection of points to the picture, with error bounds.
 
-// How far a coordinate in the picture may be off, a unit of what it is made of: see docs/design/packets.md. 16 * 2^-24.
+// The error of a picture coordinate relative to its terms: see docs/design/packets.md. 16 * 2^-24.
 @if(WATERTIGHT || EXACT)
 const DOUBT: f32 = 9.5367431640625e-7;
 
@@ -28,15 +29,15 @@ const DOUBT: f32 = 9.5367431640625e-7;
 @else
 const DOUBT: f32 = 2.1457672119140625e-6;
 
-// Places farther out than this many pixels are not bounded.
+// Beyond this many pixels, coverage is not computed.
 const OUTER: f32 = 16384.0;
 
-// D of the root, and at least 2^-38, beside which coordinates that count as zero are small.
+// Returns D of the root, at least 2^-38. Compared with that, coordinates that count as zero are negligible.
 fn cover_reach(origin: vec3<f32>) -> f32 { return max(root_from(origin).reach, 3.637978807091713e-12); }
 
 fn size_of(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
-// Where points are seen along one axis of the picture, and how far each may be off.
+// Projected coordinates along one axis of the picture, and their error bounds.
 struct Places { at: vec3<f32>, doubt: vec3<f32> }
 
 fn loose_places(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inverse: vec3<f32>, reach: f32) -> Places {
@@ -47,11 +48,11 @@ fn loose_places(axis: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, inver
 
 fn is_near(p: Places) -> bool { return most_of(abs(p.at)) < OUTER && most_of(p.doubt) < 1.0; }
 
-// Nearer than this depths may be off by more than a 64th.
+// Returns the depth below which the error of a depth may exceed a 64th.
 fn too_near(reach: f32) -> f32 { return 64.0 * DOUBT * reach * size_of(params.depth); }
 
-// Whether things surely lie beyond one side of the picture, which is told also of what reaches behind the eye: it is seen nowhere
-// there, and of a column times its depth the sign tells on which side it is. Of a triangle by its corners.
+// Returns whether a triangle is surely beyond one side of the picture. This also holds if it reaches behind the eye: no point
+// there is visible, and in front of the eye the sign of column times depth determines the side.
 fn is_triangle_beside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32>, reach: f32) -> bool {
     let across = params.column.x * x + params.column.y * y + params.column.z * z;
     let down = params.row.x * x + params.row.y * y + params.row.z * z;
@@ -59,7 +60,7 @@ fn is_triangle_beside(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, depths: vec3<f32
         || are_beside(vec2<f32>(least_of(down - f32(params.height) * depths), most_of(down)), params.row, params.height, reach);
 }
 
-// Of a box by its least and greatest corner.
+// The same for a box with these corners.
 fn is_box_beside(low: vec3<f32>, high: vec3<f32>, reach: f32) -> bool {
     return is_box_beside_along(low, high, params.column, params.width, reach) || is_box_beside_along(low, high, params.row, params.height, reach);
 }
@@ -71,31 +72,31 @@ fn is_box_beside_along(low: vec3<f32>, high: vec3<f32>, axis: vec3<f32>, size: u
     return are_beside(vec2<f32>(least.x + least.y + least.z, most.x + most.y + most.z), axis, size, reach);
 }
 
-// By the least of what is seen less the picture's size, and the greatest of what is seen, both times depth.
+// Decides by two bounds, both times depth: the least projected coordinate minus the picture's size, and the greatest one.
 fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, reach: f32) -> bool {
     let doubt = DOUBT * reach * (size_of(axis) + f32(size) * size_of(params.depth));
     return reach < FARTHEST && (least_and_most.x > doubt || least_and_most.y < -doubt);
 }
 
-// The least depth at which something of this depth may begin; not behind the eye.
+// Returns the nearest depth of something whose computed depth is `depth`; at least 0.
 fn begins_at(depth: f32, reach: f32) -> f32 {
     let least = depth - DOUBT * reach * size_of(params.depth);
     return select(0.0, least, least > 0.0);
 }
 
-// The first and the last pixel whose middle may lie within.
+// Returns the first and last pixel whose ray may pass between two coordinates.
 fn loose_pixel_span(least: f32, most: f32) -> u32 {
     let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
     let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
     return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
 }
 
-// What a box covers of the picture: columns, rows, and the bits of the least depth at which it begins.
+// The part of the picture that a box covers: columns, rows, and the bits of its nearest depth.
 struct BoxCover { columns: u32, rows: u32, begin: u32 }
 
 const COVERS_NOTHING: BoxCover = BoxCover(NOWHERE, NOWHERE, 0u);
 
-// Takes the box's least and greatest corner from the eye: along x, four corners lie on either side.
+// Projects a box by its corners, one pair along x at a time. `low` and `high` are relative to the eye.
 fn box_cover(low: vec3<f32>, high: vec3<f32>, reach: f32) -> BoxCover {
     var nearest = 3.0e38;
     var farthest = -3.0e38;
@@ -125,18 +126,17 @@ fn box_cover(low: vec3<f32>, high: vec3<f32>, reach: f32) -> BoxCover {
     return BoxCover(all, all, begin);
 }
 
-// What the own box of a leaf's triangle covers. Textbook tests may accept any ray that meets it.
+// Projects the own box of a leaf's triangle. Textbook tests may accept any ray that meets this box.
 fn own_box_cover(leaf: u32, origin: vec3<f32>, reach: f32) -> BoxCover {
     if is_unhittable(leaf) { return COVERS_NOTHING; }
     let k = corners_of(leaf);
     return box_cover(min(min(k.a, k.b), k.c) - origin, max(max(k.a, k.b), k.c) - origin, reach);
 }
 
-// A triangle as it is seen in the picture, a little larger: see docs/design/visibility-buffer.md.
+// A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
 
-// Its rectangle of pixels, whose first lies behind its last if it covers none. Its edges bound each row of pixels: in the first
-// row at `at`, and `slope` more each row; those on side -1 where covered pixels begin, those on side 1 where they end. About so
-// many pixels of the rectangle are covered.
+// The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row, plus
+// `slope` per row. On side -1 covered pixels begin there, on side 1 they end. `covered` is the approximate number of covered pixels.
 struct Outline { first: vec2<i32>, last: vec2<i32>, at: vec3<f32>, slope: vec3<f32>, side: vec3<f32>, covered: f32 }
 
 fn without_edges(first: vec2<i32>, last: vec2<i32>) -> Outline {
@@ -150,8 +150,8 @@ fn loose_last(p: Places, size: u32) -> i32 {
     return i32(clamp(floor(most_of(p.at + p.doubt) + params.pixel_margin), -1.0, f32(size) - 1.0));
 }
 
-// Corners that move by the doubt, and pixels by the margin, move what is within by no more than both. Rows tell nothing of edges
-// that are nearly level, nor does an area that may be none of how a triangle turns.
+// Moving the corners by their error bounds and the pixels by the margin moves the interior by at most the sum. Edges that are
+// nearly level do not bound rows. If the area may be zero, the orientation is unknown and no edge is used.
 fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     var o = given;
     let x = across.at;
@@ -174,7 +174,7 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     return o;
 }
 
-// The rectangle of the triangle's own box.
+// Returns the rectangle of the triangle's own box.
 @if(MOLLER_TRUMBORE || WOOP)
 fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     let c = own_box_cover(leaf, origin, reach);
@@ -205,7 +205,7 @@ fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     return loose_edges(o, across, down);
 }
 
-// The pixels of 8 x 4 that may be covered, a bit each, row by row.
+// Returns the pixels of an 8 x 4 tile that may be covered, one bit each, row by row.
 fn loose_stamp(o: Outline, corner: vec2<i32>) -> u32 {
     var pixels = 0u;
     for (var row = 0; row < 4; row += 1) {

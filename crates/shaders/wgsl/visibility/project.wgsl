@@ -1,4 +1,4 @@
-// What each triangle covers of the picture, and each box of the wide tree: see docs/design/packets.md.
+// Projects each triangle, and each box of the wide tree, to the pixels that it covers: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
 import package::geometry::ray::{FARTHEST, least_of, most_of};
@@ -10,19 +10,19 @@ import package::visibility::outline::{
     loose_pixel_span, loose_places, own_box_cover, too_near,
 };
 
-// A bound of each row of pixels, in 256ths of a pixel: `at` in row `first`, and more each row. Its side is -1 where the
-// covered pixels begin behind it, 1 where they end before it, 0 if it is none.
+// A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
+// (side -1) or end before it (side 1). Side 0 is no bound.
 struct RowBound { at: i32, slope: i32, side: i32 }
 
 fn loose_line(p: vec2<f32>, q: vec2<f32>, turn: f32, first: f32, margin: f32) -> RowBound {
     let d = q - p;
     let slope = d.x / d.y;
-    // Rows tell nothing of lines that are nearly level.
+    // Lines that are nearly level do not bound rows.
     if !(abs(slope) < 100.0) { return RowBound(0, 0, 0); }
     let at = p.x + slope * (first - p.y);
     let apart = margin * (abs(slope) + 1.0) + 2.0e-6 * (abs(slope * (first - p.y)) + abs(p.x));
     if turn * d.y > 0.0 { return RowBound(i32(ceil(256.0 * (at + apart))), i32(ceil(256.0 * slope)), 1); }
-    // 255 more, so that whole pixels are rounded up.
+    // Adds 255 so that the later shift rounds up to whole pixels.
     return RowBound(i32(floor(256.0 * (at - apart))) + 255, i32(floor(256.0 * slope)), -1);
 }
 
@@ -42,7 +42,7 @@ fn with_line(given: RowBounds, line: RowBound) -> RowBounds {
     return lines;
 }
 
-// A triangle's edges as lines, if it is sure which way it turns.
+// Returns a triangle's edges as lines, if its orientation is certain.
 fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     let a = vec2<f32>(x.at.x, y.at.x);
     let b = vec2<f32>(x.at.y, y.at.y);
@@ -51,7 +51,7 @@ fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
     let size = abs(b - a) + abs(c - b) + abs(a - c);
     var lines = no_lines();
-    // 2^-21: coordinates are rounded too.
+    // 2^-21, because coordinates are rounded too.
     if !(abs(area) > 2.5 * (doubt + 4.76837158203125e-7 * (most_of(abs(x.at)) + most_of(abs(y.at)))) * (size.x + size.y)) { return lines; }
     let turn = sign(area);
     let margin = doubt + params.pixel_margin;
@@ -60,7 +60,7 @@ fn loose_lines(x: Places, y: Places, first: f32) -> RowBounds {
     return with_line(lines, loose_line(c, a, turn, first, margin));
 }
 
-// Words 16 bits each.
+// Packs two words of 16 bits each.
 fn both(low: i32, high: i32) -> u32 { return (bitcast<u32>(low) & 0xffffu) | (bitcast<u32>(high) << 16u); }
 
 fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBounds) {
@@ -72,7 +72,7 @@ fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBoun
     );
 }
 
-// By the own box, without edges.
+// Projects the own box, without edges.
 @if(MOLLER_TRUMBORE || WOOP)
 fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     let c = own_box_cover(leaf, origin, reach);
@@ -111,7 +111,7 @@ fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
     let low = bitcast<vec3<f32>>(nodes[row].xyz);
     let high = bitcast<vec3<f32>>(nodes[row + 1u].xyz);
     var c = COVERS_NOTHING;
-    // An empty box has nothing below it that a ray can hit.
+    // An empty subtree contains no triangle that a ray can hit.
     if low.x <= high.x { c = box_cover(low - origin, high - origin, reach); }
     covers[lane] = vec4<u32>(c.columns, c.rows, c.begin, goal);
 }

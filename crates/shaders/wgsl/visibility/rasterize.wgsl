@@ -11,43 +11,41 @@ import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
 import package::lib::params::{element, params};
 import package::visibility::cover::{KEPT, LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
 
-// For each pixel with `watertight`, t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. With the
-// other intersectors, two numbers for each pixel: the least and the second least of such t above their leaves. One more number tells
-// whether rasterization found all hits: all ones if so.
+// Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
+// intersectors keep the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read_write> visibility: array<atomic<u64>>;
 
-// Empties the visibility buffer, two words of 64 bits an invocation: see docs/design/visibility-buffer.md.
-
+// Clears the visibility buffer, two words of 64 bits per invocation: see docs/design/visibility-buffer.md.
 @compute @workgroup_size(128)
 fn clear_visibility(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
     if i < params.count { visibility[i] = vec4<u32>(0xffffffffu); }
 }
 
-// Which triangle each pixel's ray hits first, tile by tile: 32 invocations take a tile each and share the tests of all evenly,
-// and call these functions together. See docs/design/visibility-buffer.md.
+// First hits of pixels, tile by tile. 32 invocations take one tile each and share all their tests evenly, so all 32 must call
+// these functions together. See docs/design/visibility-buffer.md.
 
-// How many tiles there are; none if each ray is to go down the tree.
+// Number of tiles; 0 if `resolve` has to trace every ray.
 var<workgroup> stamp_count: u32;
 
 struct RestOfBits { bits: u32, skip: u32, at: u32 }
 
-// In the lower half of the bits, if more of them are set than are to be skipped; else in the upper half.
+// Continues in the lower half of the bits if more than `skip` bits are set there, else in the upper half.
 fn halve(r: RestOfBits, half: u32) -> RestOfBits {
     let lower = countOneBits(r.bits & ((1u << half) - 1u));
     if r.skip < lower { return r; }
     return RestOfBits(r.bits >> half, r.skip - lower, r.at + half);
 }
 
-// Where the bit is that so many others are set before.
+// Returns the index of the set bit that has `n` set bits below it.
 fn nth_bit(bits: u32, n: u32) -> u32 {
     return halve(halve(halve(halve(halve(RestOfBits(bits, n, 0u), 16u), 8u), 4u), 2u), 1u).at;
 }
 
-// Keeps the hit of a pixel's ray, if it is the least by t, then by index.
+// Tests a pixel's ray and keeps its hit if it precedes the best one by t, then by index.
 @if(WATERTIGHT)
 fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     let ray = camera_ray(through_pixel(pixel), eye(), root);
@@ -60,8 +58,8 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
 }
 
-// Keeps the hit of a pixel's ray, if it is one of the first two. Of two numbers that meet, the greater goes on to second place. So every
-// number but the least comes there once.
+// Tests a pixel's ray and keeps its hit if it is one of the first two. Each atomic minimum passes the greater of both elements on to
+// the second place. So every element but the least arrives there.
 @else
 fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     let ray = camera_ray(through_pixel(pixel), eye(), root);
@@ -88,7 +86,7 @@ fn test_tiles(s: vec4<u32>, root: Root, lane: u32) {
     }
 }
 
-// Of all tiles, those of one team of so many.
+// Tests the tiles of one of `teams` teams.
 fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
     let root = root_from(eye());
     for (var first = 32u * team; first < count; first += 32u * teams) {
@@ -98,12 +96,12 @@ fn test_share(team: u32, teams: u32, count: u32, lane: u32) {
     }
 }
 
-// Whether all tiles were kept, and there are so few tests that they take less than to go down the tree.
+// Returns whether all tiles were stored and the tests take less time than traversal would.
 fn tell_all(tiles: u32, pixels: u32) -> bool {
     return tiles <= params.notes && atomicLoad(&counts[LARGE_COUNT]) <= LISTED && atomicLoad(&counts[TEST_COUNT]) <= 2u * pixels;
 }
 
-// The same for all of a workgroup.
+// Returns the number of tiles to test, the same for all invocations of a workgroup.
 fn count_stamps(local: u32, group: u32) -> u32 {
     if local == 0u {
         let tiles = atomicLoad(&counts[TILE_COUNT]);
@@ -118,7 +116,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
     return workgroupUniformLoad(&stamp_count);
 }
 
-// First hits triangle by triangle: a workgroup is a team.
+// First hits, triangle by triangle. Each workgroup is a team.
 //
 // Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(32)
@@ -126,7 +124,7 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
     test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
 }
 
-// First hits triangle by triangle: a subgroup is a team.
+// First hits, triangle by triangle. Each subgroup is a team.
 //
 // Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(128)

@@ -1,4 +1,4 @@
-// Rasterization, last step: hits and shadows by the visibility buffer.
+// Rasterization, last step: hits and shadows from the visibility buffer.
 
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{from_triangle, is_occluded, scaled};
@@ -20,9 +20,8 @@ import package::visibility::cover::KEPT;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
-// What each pixel's ray hits, by the visibility buffer, and its shadow: see docs/design/visibility-buffer.md. Where that does not tell
-// all, each ray goes down the tree, as in `trace_and_shadow_camera`.
-
+// Writes each pixel's hit from the visibility buffer, and traces its shadow ray: see docs/design/visibility-buffer.md. If the
+// buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
 
 fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
@@ -32,7 +31,7 @@ fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) 
     return Turned(vec3<f32>(p.x, q.x, r.x), vec3<f32>(p.y, q.y, r.y), vec3<f32>(p.z, q.z, r.z), triangle);
 }
 
-// What `hit_of` makes of a triangle that is hit at a known t.
+// Returns the same as `hit_of`, for a triangle that is hit at a known t.
 fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
     let c = crossing(edges_of(ray, corners));
     let by = divisor(c.det);
@@ -40,7 +39,7 @@ fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
     return vec4<u32>(in_ray_units(bitcast<f32>(t), ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
-// The triangle that a ray hits and its t, by a search down the tree.
+// Traverses the tree. Returns the result in the format of the visibility buffer.
 @if(WATERTIGHT)
 fn search(i: u32, ray: Prepared) -> vec2<u32> {
     let found = find_closest(ray);
@@ -49,7 +48,7 @@ fn search(i: u32, ray: Prepared) -> vec2<u32> {
     return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
 }
 
-// Writes the hit and the shadow of ray `i`. Where rasterization found all hits, `seen` is its triangle and its t.
+// Writes the hit and the shadow of ray `i`.
 @if(WATERTIGHT)
 fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     var seen = visibility[i];
@@ -68,7 +67,7 @@ fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), 3u);
 }
 
-// Writes the hit and the shadow of ray `i`. The first leaf has the hit if it is hit surely, before all others begin.
+// Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
 @else
 fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     var found = nothing_found(ray);

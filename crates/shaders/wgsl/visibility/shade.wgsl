@@ -1,5 +1,5 @@
-// Hits to pixels: face normals, file colours, one lamp with shadows, a soft sky. The host's twin, bit for bit, is the
-// crate `shading`; docs/design/pictures.md says why the bits are equal.
+// Turns hits into pixels: face normals, file colours, one lamp with shadows, a soft sky. The crate `shading` computes the same
+// bits on the host; docs/design/pictures.md explains why they are equal.
 
 import package::geometry::triangle::points_of;
 import package::geometry::units::{flushed, scale_bits, snapped};
@@ -7,13 +7,13 @@ import package::lib::buffers::{hits, occluded};
 import package::lib::ieee::{add, mul, parts, sub};
 import package::lib::params::params;
 
-// sRGB of each triangle, a byte a channel.
+// sRGB colour of each triangle, one byte per channel.
 @group(0) @binding(next) var<storage, read> colours: array<u32>;
 
-// Linear light of each sRGB level as bits, then the sRGB level of each step of linear light.
+// The linear light of each sRGB level as bits, then the sRGB level of each step of linear light.
 @group(0) @binding(next) var<storage, read> tones: array<u32>;
 
-// Four bytes a pixel: red, green, blue, 255.
+// Four bytes per pixel: red, green, blue, 255.
 @group(0) @binding(next) var<storage, read_write> pixels: array<u32>;
 
 const ZENITH = vec3<f32>(0.130, 0.270, 0.560);
@@ -24,7 +24,7 @@ const FROM_THE_SIDE = vec3<f32>(0.195, 0.215, 0.250);
 const FROM_BELOW = vec3<f32>(0.105, 0.095, 0.085);
 const LAMP = vec3<f32>(0.880, 0.800, 0.690);
 
-// Steps of linear light to 1, and the last of all.
+// Number of steps of linear light up to 1, and the last step.
 const STEPS: f32 = 4096.0;
 const LAST_STEP: u32 = 5120u;
 
@@ -46,8 +46,8 @@ fn dot_of(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return add(add(mul(a.x, b.x), mul(a.y, b.y)), mul(a.z, b.z));
 }
 
-// By the power of two that brings the largest component to [1, 2), the others cut to zero below 2^-40. Zero where the
-// largest is subnormal, 2^127 or more, or no number.
+// Scales by a power of two so that the largest component is in [1, 2). Components below 2^-40 become zero. Returns zero if the
+// largest is subnormal, at least 2^127, or NaN.
 fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
     let sizes = bitcast<vec3<u32>>(v) & vec3<u32>(0x7fffffffu);
     let e = max(sizes.x, max(sizes.y, sizes.z)) >> 23u;
@@ -56,8 +56,8 @@ fn normalized_exponent(v: vec3<f32>) -> vec3<f32> {
     return select(w, vec3<f32>(0.0), abs(w) < vec3<f32>(9.094947017729282e-13));
 }
 
-// At length 1, but for a few units in the last place; zero where `normalized_exponent` is. Newton's method from the
-// customary guess, since a device's own root need not be rounded correctly.
+// Normalizes to length 1, within a few units in the last place. Returns zero where `normalized_exponent` does. Uses Newton's
+// method from the customary guess, because a device's square root need not be correctly rounded.
 fn unit(v: vec3<f32>) -> vec3<f32> {
     let w = normalized_exponent(v);
     let square = dot_of(w, w);
@@ -68,7 +68,7 @@ fn unit(v: vec3<f32>) -> vec3<f32> {
     return mul_each(w, vec3<f32>(y));
 }
 
-// The sky along a direction of length 1.
+// Returns the sky along a direction of length 1.
 fn sky(direction: vec3<f32>) -> vec3<f32> {
     if direction.y < 0.0 {
         let x = min(mul(-2.2, direction.y), 1.0);
@@ -78,19 +78,19 @@ fn sky(direction: vec3<f32>) -> vec3<f32> {
     return mix3(HORIZON, ZENITH, sub(1.0, mul(mul(up, up), up)));
 }
 
-// Light from all around on a surface.
+// Returns the ambient light on a surface.
 fn ambient(normal: vec3<f32>) -> vec3<f32> {
     if normal.y < 0.0 { return mix3(FROM_THE_SIDE, FROM_BELOW, -normal.y); }
     return mix3(FROM_THE_SIDE, FROM_ABOVE, normal.y);
 }
 
-// The exponent of the largest of three coordinates.
+// Returns the exponent of the largest of three coordinates.
 fn exponent_of(v: vec3<u32>) -> i32 {
     let sizes = v & vec3<u32>(0x7fffffffu);
     return parts(max(sizes.x, max(sizes.y, sizes.z))).exponent - 127;
 }
 
-// A point in units of 2^exponent; below 2^-64 it is zero.
+// Returns a point in units of 2^exponent. Coordinates below 2^-64 become zero.
 fn in_units(v: vec3<u32>, exponent: i32) -> vec3<f32> {
     return vec3<f32>(
         snapped(scale_bits(v.x, -exponent)),
@@ -99,7 +99,7 @@ fn in_units(v: vec3<u32>, exponent: i32) -> vec3<f32> {
     );
 }
 
-// A point within a triangle along one axis.
+// Interpolates a point within a triangle along one axis.
 fn within(a: f32, e1: f32, e2: f32, u: f32, v: f32) -> f32 {
     return add(a, add(flushed(mul(e1, u)), flushed(mul(e2, v))));
 }
@@ -108,7 +108,7 @@ fn cross_of(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return sub_each(mul_each(a.yzx, b.zxy), mul_each(a.zxy, b.yzx));
 }
 
-// Light that leaves a hit towards the eye, and the ray's direction of length 1.
+// Returns the light that leaves a hit towards the eye. `direction` is the ray's direction, of length 1.
 fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
     let corners = points_of(hit.w);
     let own = max(exponent_of(corners[0]), max(exponent_of(corners[1]), exponent_of(corners[2])));
@@ -122,7 +122,7 @@ fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
         let u = bitcast<f32>(hit.y);
         let v = bitcast<f32>(hit.z);
         let point = vec3<f32>(within(a.x, e1.x, e2.x, u, v), within(a.y, e1.y, e2.y, u, v), within(a.z, e1.z, e2.z, u, v));
-        // The lamp in the scene's units, and both in units of the larger.
+        // The lamp is in scene units. Both points are converted to the larger unit.
         let lamp = bitcast<vec3<u32>>(params.light);
         let larger = max(own, exponent_of(lamp));
         let to_lamp = unit(sub_each(in_units(lamp, larger), in_units(bitcast<vec3<u32>>(point), larger - own)));
@@ -137,10 +137,10 @@ fn surface(hit: vec4<u32>, in_shadow: bool, direction: vec3<f32>) -> vec3<f32> {
     return mul_each(vec3<f32>(linear(colour), linear(colour >> 8u), linear(colour >> 16u)), light);
 }
 
-// Linear light of an sRGB level.
+// Returns the linear light of an sRGB level.
 fn linear(level: u32) -> f32 { return bitcast<f32>(tones[level & 255u]); }
 
-// The sRGB level of linear light.
+// Returns the sRGB level of linear light.
 fn level(light: f32) -> u32 { return tones[256u + min(u32(add(mul(light, STEPS), 0.5)), LAST_STEP)]; }
 
 @compute @workgroup_size(16, 8)

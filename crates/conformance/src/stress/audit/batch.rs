@@ -1,4 +1,4 @@
-//! A batch of rays with its exact answers, and what backends make of it.
+//! A batch of rays with exact answers, and the comparison of backends with them.
 
 use super::BatchSpec;
 use crate::compare::{ray_text, triangle_text};
@@ -11,47 +11,47 @@ use geom::{Aabb, Hit, Ray, Triangle};
 use serde::Serialize;
 use std::ops::AddAssign;
 
-/// Wrong rays of a batch that are kept in full.
+/// Maximum number of wrong rays of a batch that are described.
 const KEPT: usize = 4;
 
-/// A scene with rays and what they hit.
+/// A scene with rays and their exact hits.
 #[derive(Clone, Debug)]
 pub struct Batch {
-    /// Which.
+    /// Specification of the batch.
     pub spec: BatchSpec,
     pub(super) answered: Answered,
 }
 
-/// What was counted.
+/// Counts of rays and wrong answers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct AuditCounts {
-    /// Rays asked, once for the closest hit and once for any.
+    /// Number of rays, each traced for the closest hit and for any hit.
     pub rays: u64,
-    /// Of those, rays that hit.
+    /// Number of rays that hit.
     pub hits: u64,
-    /// Of those, rays that hit another triangle at exactly the same distance.
+    /// Number of rays that hit another triangle at exactly the same distance.
     pub ties: u64,
-    /// Rays whose closest hit lies exactly on an edge or a vertex.
+    /// Number of rays whose closest hit is exactly on an edge or a vertex.
     pub edges: u64,
-    /// Rays that the backend did not decide by rounded arithmetic.
+    /// Number of rays that the backend did not decide by rounded arithmetic.
     pub settled: u64,
-    /// Rays whose triangle or miss is not the exact one's.
+    /// Number of rays whose triangle or miss differs from the exact one.
     pub wrong: u64,
-    /// Rays whose `t` is not within their limits or off by more than is documented. With `exact`, rays whose `t`, `u`
-    /// or `v` is not the exact number rounded once.
+    /// Number of rays whose `t` is outside their limits, or has a larger error than documented. With `exact`, number of
+    /// rays whose `t`, `u` or `v` is not the exact number rounded once.
     pub wrong_t: u64,
-    /// Rays that hit anything where nothing is, or nothing where something is.
+    /// Number of rays with a wrong any-hit answer.
     pub wrong_any: u64,
-    /// The first that are wrong in either way, in words.
+    /// Descriptions of the first rays that are wrong in any of these ways.
     #[serde(skip)]
     pub first: Vec<String>,
 }
 
 impl Batch {
-    /// Asks a backend all rays, for the closest hit and for any.
+    /// Traces all rays on a backend, for the closest hit and for any hit, and counts wrong answers.
     ///
     /// # Errors
-    /// The subject failed, or does not know the method.
+    /// The subject failed, or does not support the method.
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
         let scene = &self.answered.scene;
         let (closest, report) = scene.trace(subject, method)?;
@@ -86,7 +86,7 @@ impl Batch {
         Ok(tally)
     }
 
-    /// A wrong ray, both answers and the corners of the triangles that they name.
+    /// Describes a wrong ray, with both answers and the corners of their triangles.
     fn wrong(&self, number: usize, found: Hit, any: bool) -> String {
         let scene = &self.answered.scene;
         let name = |t| triangle_text(&scene.animation, scene.time, t);
@@ -117,10 +117,10 @@ impl AddAssign for AuditCounts {
     }
 }
 
-/// `64 * 2^-24`: more than the padding of boxes and the rounding of their test.
+/// `64 * 2^-24`, which exceeds the padding of boxes plus the rounding of their test.
 const PADDING: f64 = 64.0 / 16_777_216.0;
 
-/// How far `t` of intersectors that round may be off in a scene (`docs/design/hits.md`, "Hit").
+/// Permitted errors of `t` for intersectors that round (`docs/design/hits.md`, "Hit").
 struct TBounds<'a> {
     scene: &'a StressScene,
     corners: Vec<Triangle>,
@@ -134,14 +134,16 @@ impl<'a> TBounds<'a> {
         }
     }
 
-    /// Returns whether an intersector that rounds may report `t` for an exact hit: within the ray's limits, where a float
-    /// lies there; rounded once if the ray is extreme, else within the padded box of the triangle.
+    /// Returns whether an intersector that rounds may report `t` for an exact hit.
+    ///
+    /// `t` must be within the ray's limits, if they contain a float. If the ray is extreme, `t` must be rounded once,
+    /// else it must be within the padded box of the triangle.
     fn allow(&self, ray: &Ray, hit: &ExactHit, t: f32) -> bool {
         let (least, most) = (ray.t_min.next_up(), ray.t_max.next_down());
         if least <= most && !(least..=most).contains(&t) {
             return false;
         }
-        // Where it is subnormal, it is rounded once more from scaled units.
+        // A subnormal `t` is rounded once more from scaled units.
         let [below, above] = [t.next_down(), t.next_up()].map(f64::from);
         if is_extreme(&self.scene.animation, self.scene.time, ray.origin) {
             return (below..=above).contains(&hit.t) || t == least || t == most;
@@ -150,7 +152,7 @@ impl<'a> TBounds<'a> {
         near.min(most.into()) <= above && below <= far.max(least.into())
     }
 
-    /// Where the ray may be said to be within a triangle's box.
+    /// Returns the interval in which the ray may be inside the triangle's padded box.
     fn own_span(&self, ray: &Ray, triangle: u32) -> [f64; 2] {
         let d = ray.direction.map(f64::from);
         let longest = d.iter().fold(0.0_f64, |m, x| m.max(x.abs()));

@@ -1,8 +1,8 @@
-//! Rays by the million against the oracle: every one of them, on meshes of many kinds and places.
+//! Compares millions of rays with the oracle, on meshes of many kinds, sizes and positions.
 //!
-//! An [`Audit`] shares its rays out among [`BatchSpec`]s, each a scene at one moment with rays of every sort. Scene and
-//! rays of a batch depend on the seed and its number alone, so that any can be made again without the others. A
-//! [`Batch`] also holds the oracle's answers, found once and held against any number of backends.
+//! An [`Audit`] divides its rays among [`BatchSpec`]s. Each is a scene at one moment with rays of every kind. Scene and
+//! rays of a batch depend only on the seed and the batch number, so that any batch can be generated alone. A [`Batch`]
+//! also holds the oracle's answers, which are computed once and compared with any number of backends.
 
 mod batch;
 
@@ -19,23 +19,23 @@ use std::sync::Arc;
 
 pub use batch::{AuditCounts, Batch};
 
-/// Rays of a batch: few, so that many rays see many scenes.
+/// Maximum number of rays per batch, which is small so that rays are traced in many scenes.
 const MOST: u64 = 1 << 14;
-/// Batches of each kind of mesh, and of each scene given, at least.
+/// Minimum number of batches for each kind of mesh and each given scene.
 const BATCHES: u64 = 6;
 
-/// One scene at one moment, and how many rays it is asked.
+/// One scene at one moment, and its number of rays.
 #[derive(Clone, Copy, Debug)]
 pub struct BatchSpec {
-    /// Its number among all batches of the audit.
+    /// Number of the batch within the audit.
     pub number: u64,
-    /// Rays it is asked.
+    /// Number of rays.
     pub rays: u64,
-    /// A kind of mesh or, after those, a scene given.
+    /// Index of a kind of mesh or, after those, of a given scene.
     source: usize,
 }
 
-/// So many rays of a seed, and the scenes given.
+/// An audit with a seed, a number of rays and given scenes.
 #[derive(Debug)]
 pub struct Audit {
     seed: u64,
@@ -44,12 +44,14 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// An audit of so many rays, over meshes of every kind made from the seed and over the scenes given, with their names.
+    /// Creates an audit of `rays` rays, over meshes of every kind generated from `seed` and over the `given` named
+    /// scenes.
     pub fn new(seed: u64, rays: u64, given: Vec<(String, Arc<Animation>)>) -> Self {
         Self { seed, rays, given }
     }
 
-    /// All batches that have rays. Each kind of mesh gets as many rays as the next, and as many as each scene given.
+    /// Returns all batches that have rays. Each kind of mesh and each given scene gets the same number of rays, up to
+    /// one.
     pub fn specs(&self) -> Vec<BatchSpec> {
         let sources = SceneKind::ALL.len() + self.given.len();
         let mut specs = Vec::new();
@@ -67,7 +69,7 @@ impl Audit {
         specs
     }
 
-    /// What a batch's scene is called: the kind of mesh or the name given.
+    /// Returns the name of a batch's scene: the kind of mesh or the given name.
     pub fn name(&self, spec: &BatchSpec) -> &str {
         match SceneKind::ALL.get(spec.source) {
             Some(kind) => kind.name(),
@@ -75,7 +77,7 @@ impl Audit {
         }
     }
 
-    /// Makes a batch's scene and rays, and finds the exact answers, on as many threads as there are.
+    /// Generates a batch's scene and rays, and computes the exact answers, in parallel.
     pub fn batch(&self, spec: &BatchSpec) -> Batch {
         let seed = mixed(mixed(self.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
@@ -94,7 +96,7 @@ impl Audit {
     }
 }
 
-/// A scene at a key frame or between two, on a tree of its beginning or of the moment.
+/// Returns a scene at a key frame or between two, with a tree built at the start or at this moment.
 fn moment(animation: Arc<Animation>, rng: &mut Rng) -> StressScene {
     let time = animation.end() * rng.f64();
     let time = if rng.bool() { time } else { time.round() };

@@ -186,6 +186,39 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
 }
 
 #[test]
+fn a_replaced_tree_returns_if_it_costs_less_than_the_one_that_replaced_it() {
+    // Vertices reach the builder late, so that the next tree does not come at once.
+    let mut fake = Fake::new(Some(12));
+    fake.measures = true;
+    let (animation, log) = (shuffled(40, 64), Arc::clone(&fake.log));
+    let mut driver = driver(fake, &animation, FREE).unwrap();
+    driver.forget_key_frames();
+    // To and fro over a few key frames.
+    let times = (0..60).map(|frame: i32| f64::from(3 - (frame % 6 - 3).abs()));
+    let mut records = Vec::new();
+    while log.lock().unwrap().returned.is_empty() && records.len() < 20_000 {
+        records.extend(play(&mut driver, times.clone(), |_| 1));
+    }
+    drop(driver);
+    let log = read(log);
+    let returned: Vec<_> = records.iter().filter(|r| r.returned).collect();
+    assert!(!returned.is_empty());
+    let generations: Vec<_> = returned.iter().map(|r| r.tree_generation).collect();
+    assert_eq!(generations, log.returned);
+    for record in &returned {
+        assert!(record.adopted.is_none());
+        let generation = record.tree_generation;
+        let is_cheaper = |(g, [replaced, current]): &(Generation, [f64; 2])| {
+            *g == generation && replaced < current
+        };
+        assert!(log.compared.iter().any(is_cheaper), "{generation:?}");
+    }
+    // Key frames that are known need no such tree.
+    let known = weighed(FREE, 199, true);
+    assert!(known.log.returned.is_empty());
+}
+
+#[test]
 fn in_lockstep_every_tree_is_adopted_and_none_is_evaluated() {
     for knows_key_frames in [true, false] {
         let run = weighed((lockstep(2), false), 59, knows_key_frames);
@@ -258,7 +291,9 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
         let records = render(measuring(), scene, times, |_| 1).records;
         let last = records.iter().rposition(|r| r.rejected.is_some());
         left += u32::from(last.is_some_and(|frame| frame > 12));
-        assert!(records[30..].iter().all(|r| r.asked.is_none()), "{seed}");
+        // A slow builder may work on an earlier pose when the scene comes to rest.
+        let at_rest = records[11..].iter().filter(|r| r.asked.is_some());
+        assert!(at_rest.count() <= 2, "{seed}");
     }
     assert!(left > 0);
 }

@@ -59,6 +59,10 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) requested: usize,
     /// Generations that were evaluated, and the costs of both trees at these positions: the candidate's first.
     pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
+    /// The same of replaced trees.
+    pub(in crate::driver) compared: Vec<(Generation, [f64; 2])>,
+    /// Replaced trees that became current again.
+    pub(in crate::driver) returned: Vec<Generation>,
 }
 
 /// Checks the order of calls; positions reach the host after some polls, or never.
@@ -83,9 +87,13 @@ pub(in crate::driver) struct Fake {
     pub(in crate::driver) measures: bool,
     /// The current tree, where costs are measured.
     tree: Option<Topology>,
-    /// Costs of a candidate and the current tree, in the recording and in submissions.
-    recorded: Option<[f64; 2]>,
-    costs: HashMap<Ticket, [f64; 2]>,
+    /// The generation that was evaluated last.
+    candidate: Generation,
+    /// The tree that the current one has replaced.
+    retained: Option<(Generation, Topology)>,
+    /// Costs of a candidate in the recording, and of both trees in submissions.
+    recorded: Option<f64>,
+    costs: HashMap<Ticket, (Option<f64>, f64)>,
     /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
@@ -155,10 +163,11 @@ impl Backend for Fake {
         assert!(generation > self.generation, "generations rise");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.leaf_count(), live);
-        self.generation = generation;
+        let replaced = std::mem::replace(&mut self.generation, generation);
         self.fresh = (false, false);
         if self.measures {
-            self.tree = Some(tree.clone());
+            let replaced = self.tree.replace(tree.clone()).map(|tree| (replaced, tree));
+            self.retained = replaced.filter(|_| self.candidate == generation);
         }
         self.note(|log| {
             log.adopted.push(generation);
@@ -172,9 +181,32 @@ impl Backend for Fake {
             return Ok(false);
         };
         let costs = [tree, current].map(|tree| self.cost_of(tree));
-        self.recorded = Some(costs);
+        self.recorded = Some(costs[0]);
+        self.candidate = generation;
+        self.retained = None;
         self.note(|log| log.evaluated.push((generation, costs)));
         Ok(true)
+    }
+    fn evaluate_retained(&mut self) -> Result<bool> {
+        let Some((generation, retained)) = &self.retained else {
+            return Ok(false);
+        };
+        let current = self.tree.as_ref().unwrap();
+        let (generation, costs) = (
+            *generation,
+            [retained, current].map(|tree| self.cost_of(tree)),
+        );
+        self.recorded = Some(costs[0]);
+        self.note(|log| log.compared.push((generation, costs)));
+        Ok(true)
+    }
+    fn adopt_retained(&mut self) -> Result<()> {
+        let (generation, tree) = self.retained.take().expect("a tree is retained");
+        let newer = std::mem::replace(&mut self.generation, generation);
+        self.retained = self.tree.replace(tree).map(|tree| (newer, tree));
+        self.fresh = (false, false);
+        self.note(|log| log.returned.push(generation));
+        Ok(())
     }
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.pose = Some(pose);
@@ -225,17 +257,19 @@ impl Backend for Fake {
             let request = (polls, Ticket(self.ticket), self.pose.unwrap());
             self.requested.push_back(request);
         }
-        let costs = self.recorded.take();
-        self.costs
-            .extend(costs.map(|costs| (Ticket(self.ticket), costs)));
+        let candidate = self.recorded.take();
+        if let Some(current) = &self.tree {
+            let costs = (candidate, self.cost_of(current));
+            self.costs.insert(Ticket(self.ticket), costs);
+        }
         Ok(Ticket(self.ticket))
     }
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
         assert!(ticket.0 <= self.ticket, "this ticket was never given");
         let costs = self.costs.remove(&ticket);
         Ok(FrameReport {
-            sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
-            candidate_cost: costs.map(|[candidate, _]| candidate),
+            sah_cost: costs.map_or(Some(3.0), |(_, current)| Some(current)),
+            candidate_cost: costs.and_then(|(candidate, _)| candidate),
             ..FrameReport::default()
         })
     }

@@ -1,4 +1,4 @@
-//! Files put together here, with answers worked out by hand.
+//! Tests with files that are built in memory. Expected values are computed by hand.
 
 use super::*;
 use crate::open;
@@ -9,7 +9,7 @@ use std::fs;
 mod readable;
 mod refusals;
 
-/// Numbers of an element.
+/// Returns the number of components per element.
 fn size(kind: &str) -> usize {
     match kind {
         "SCALAR" => 1,
@@ -19,7 +19,7 @@ fn size(kind: &str) -> usize {
     }
 }
 
-/// A binary chunk and the accessors over it.
+/// Binary chunk, and the accessors that refer to it.
 #[derive(Default)]
 struct Bin {
     bytes: Vec<u8>,
@@ -56,7 +56,7 @@ impl Bin {
         self.add(&bytes, 5123, kind, values.len() / size(kind), "")
     }
 
-    /// The whole JSON with the buffer's source given.
+    /// Returns the complete JSON. `source` is the JSON text of the buffer's URI, if it has one.
     fn json(&self, rest: &str, source: &str) -> String {
         format!(
             r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{}{source}}}],"bufferViews":[{}],"accessors":[{}],{rest}}}"#,
@@ -67,14 +67,14 @@ impl Bin {
     }
 }
 
-/// A chunk of a binary file, padded to 4 bytes.
+/// Returns a chunk of a binary file, padded to 4 bytes.
 fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     let padding = vec![b' '; data.len().next_multiple_of(4) - data.len()];
     let length = (data.len() + padding.len()) as u32;
     [&length.to_le_bytes(), &kind[..], data, &padding].concat()
 }
 
-/// A binary file of chunks.
+/// Returns a binary file that consists of `chunks`.
 fn container(chunks: &[Vec<u8>]) -> Vec<u8> {
     let chunks = chunks.concat();
     let length = chunks.len() as u32 + 12;
@@ -109,7 +109,7 @@ const NORMALIZED: &str = r#","normalized":true"#;
 
 const CORNERS: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// A triangle on a node that moves, below one that turns by steps, later and no longer, and one that mirrors.
+/// Returns a triangle on a moving node. Its parent rotates in steps over a shorter time. The grandparent mirrors x.
 fn moving() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
@@ -140,7 +140,7 @@ fn nodes_move_below_each_other_and_both_ends_of_the_clip_are_keys() {
     close(keys[0][1], [-1.0, 0.0, 0.0]);
     close(keys[1][0], [-1.0, 0.0, 0.0]);
     close(keys[1][1], [-2.0, 0.0, 0.0]);
-    // Turned by a quarter round z, then mirrored: (3, 0) to (0, 3); (2, 1) to (-1, 2) to (1, 2).
+    // Rotation by 90 degrees about z, then mirroring: (3, 0) to (0, 3); (2, 1) to (-1, 2) to (1, 2).
     close(keys[2][1], [0.0, 3.0, 0.0]);
     close(keys[2][2], [1.0, 2.0, 0.0]);
     assert_eq!(scene.animation.triangles(), [[0, 1, 2]]);
@@ -192,12 +192,12 @@ fn a_clip_is_chosen_by_name_or_index_and_none_makes_one_key() {
     }
 }
 
-/// A triangle hung on two joints, the second of which turns by a quarter round z and is bound at x = 1.
+/// Returns a triangle with two joints. The second joint is bound at x = 1 and rotates by 90 degrees about z.
 fn skinned() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0], "VEC3");
     let joints = bin.shorts(&[0, 9, 9, 9, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4");
-    // Three weights that name the first joint, the second, and both; in bytes, with a sum of 254.
+    // Weights of three vertices as bytes: the first joint, the second, and both. The last sum is 254, not 255.
     let weights = [255, 0, 0, 0, 255, 0, 0, 0, 127, 127, 0, 0];
     let weights = bin.add(&weights, 5121, "VEC4", 3, NORMALIZED);
     let mut binds = [0.0; 32];
@@ -208,7 +208,7 @@ fn skinned() -> (Bin, String) {
     let binds = bin.floats(&binds, "MAT4");
     let times = bin.floats(&[0.0, 1.0], "SCALAR");
     let half = -0.5_f32.sqrt();
-    // The negated quaternion says the same, but the arc to it is the longer one.
+    // The negated quaternion is the same rotation, but the direct arc to it is longer.
     let turns = bin.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], "VEC4");
     let rest = format!(
         r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":{corners},"JOINTS_0":{joints},"WEIGHTS_0":{weights}}}}}]}}],
@@ -234,7 +234,7 @@ fn skins_follow_their_joints_and_not_their_node() {
     close(keys[2][2], [2.0, 1.0, 0.0]);
 }
 
-/// A triangle with two morph targets, the second sparse without a base, weights by a spline.
+/// Returns a triangle with two morph targets whose weights are splines. The second target is sparse without a base.
 fn morphing() -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
@@ -246,7 +246,7 @@ fn morphing() -> (Bin, String) {
     ));
     let aside = bin.accessors.len() - 1;
     let times = bin.floats(&[0.0, 2.0], "SCALAR");
-    // (in, value, out) of two weights: w0 = t^2 over 0..2, w1 stays at 0.5.
+    // Keys are (in-tangent, value, out-tangent) of two weights: w0 = t^2 over 0..2, and w1 = 0.5 is constant.
     let weights = [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 4.0, 0.0, 4.0, 0.5, 0.0, 0.0];
     let weights = bin.floats(&weights, "SCALAR");
     let rest = format!(
@@ -299,7 +299,7 @@ fn strips_fans_and_lists_make_triangles_and_points_are_counted() {
     refused(of(&[points]), &[says]);
 }
 
-/// A static triangle whose positions are `accessor`, with more JSON.
+/// Returns a static triangle with positions from accessor `positions`, followed by more JSON.
 fn still(positions: usize, more: &str) -> String {
     let attributes = format!(r#"{{"POSITION":{positions}}}"#);
     format!(

@@ -1,9 +1,9 @@
-//! Unusual files that readers must accept, and clear refusals where they must not.
+//! Unusual files that must be accepted, and clear errors for files that must be refused.
 
 use super::*;
 use crate::testing::put;
 
-/// The positions of one triangle and the rest of a document that shows it.
+/// Returns the positions of one triangle, and the rest of a document that shows it.
 fn triangle(more: &str) -> (Bin, String) {
     let mut bin = Bin::default();
     let corners = bin.floats(&CORNERS, "VEC3");
@@ -11,14 +11,14 @@ fn triangle(more: &str) -> (Bin, String) {
     (bin, rest)
 }
 
-/// A document of text alone.
+/// Opens a document without a binary chunk.
 fn read_text(json: impl AsRef<[u8]>) -> Result<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let path = put(&folder, "a.gltf", json);
     open(path.to_str().unwrap(), &Options::default())
 }
 
-/// Asserts that the scene is the triangle of [`CORNERS`].
+/// Asserts that the scene is the triangle of [`CORNERS`], and returns its remarks.
 #[track_caller]
 fn is_triangle(read: Result<Scene>) -> Vec<String> {
     let scene = read.unwrap();
@@ -208,7 +208,7 @@ fn versions_that_are_not_supported_are_named() {
     ] {
         refused(with(asset), &[says]);
     }
-    // In glTF 1.0 lists are objects.
+    // In glTF 1.0, these lists are objects.
     let old = r#"{"asset":{"version":"1.0"},"accessors":{"a":{}},"buffers":{},"scene":"s"}"#;
     refused(read_text(old), &["glTF 1.0 is not supported"]);
 }

@@ -1,4 +1,4 @@
-//! Files with something wrong: each is named, none panics.
+//! Invalid files: each error names its cause, and no file causes a panic.
 
 use super::*;
 use crate::testing::put;
@@ -36,7 +36,7 @@ fn buffers_come_from_data_uris_and_from_files_beside_or_elsewhere_if_that_is_all
     }
 }
 
-/// Each line: what is replaced, what by, and a part of the message. `HUGE` stands for 2^64 - 1.
+/// Checks that each change fails. Lines contain: old text, new text, part of the message. `HUGE` means 2^64 - 1.
 pub(super) fn refuse(file: &str, bin: &Bin, changes: &str) {
     for change in changes.trim().lines() {
         let mut parts = change.split(" | ").map(str::trim);
@@ -146,7 +146,7 @@ fn a_small_file_that_takes_more_than_there_is_is_refused_before_it_is_sampled() 
     let says = "the meshes of its nodes: 700.0 KB of memory are needed, 100.0 KB are free";
     refused(with(0.001, 100_000), &[says]);
     assert!(with(0.001, 60 << 20).is_ok());
-    // What follows is asked for along with it, though key frames alone would fit.
+    // Key frames alone would fit, but the memory for trees is checked together with them.
     let says =
         "24975 vertices, and trees over 8325 triangles: 30.2 GB of memory are needed, 19.6 GB";
     refused(with_run(1.0, 19_600_000_000, [10 << 30, 345]), &[says]);
