@@ -159,8 +159,8 @@ fn judge<L: Lanes>(
 fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
     // 2^-125 and 2^127 in the ray's own units; of the former, no less than 2^-99.
     let small = L::splat(f32::MIN_POSITIVE * 2.0).div(ray.back);
-    let small = small.max(L::splat(1.577_721_810_442_023_6e-30));
-    let large = L::splat(1.701_411_834_604_692_3e38).div(ray.back);
+    let small = small.max(L::splat(2.0 * LEAST));
+    let large = L::splat(f32::from_bits(254 << 23)).div(ray.back);
     let after = ray.t_min.replace(ray.t_min.abs().less(small), small);
     let before = ray.t_max.replace(ray.t_max.abs().less(small), small.neg());
     [after.max(large.neg()), before.min(large)]

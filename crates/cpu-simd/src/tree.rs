@@ -56,6 +56,28 @@ pub(crate) struct Block {
 #[repr(C, align(64))]
 pub(crate) struct Records(pub(crate) [[[f32; LANES]; 4]; 3]);
 
+impl Records {
+    /// Computes the records of a block's active triangles. The others are zero, which is never met.
+    fn of(block: &Block) -> Self {
+        let mut records = Self([[[0.0; LANES]; 4]; 3]);
+        for lane in 0..LANES {
+            let corners = block.triangle(lane);
+            if is_active(&corners) {
+                records.set(lane, &Woop::record(&corners));
+            }
+        }
+        records
+    }
+
+    fn set(&mut self, lane: usize, Record(rows): &Record) {
+        for (to, row) in self.0.iter_mut().zip(rows) {
+            for (to, &number) in to.iter_mut().zip(row) {
+                to[lane] = number;
+            }
+        }
+    }
+}
+
 /// Returns the place of the triangle in a lane of a block.
 #[inline(always)]
 pub(crate) fn place(block: usize, lane: usize) -> u32 {
@@ -137,22 +159,7 @@ impl Wide {
     /// Computes the records of all blocks from their corners.
     fn make_records(&mut self) {
         let blocks = self.blocks.par_iter().with_min_len(128);
-        let records = blocks.map(|block| {
-            let mut records = Records([[[0.0; LANES]; 4]; 3]);
-            for lane in 0..LANES {
-                let corners = block.triangle(lane);
-                if !is_active(&corners) {
-                    continue;
-                }
-                let Record(rows) = Woop::record(&corners);
-                for (to, row) in records.0.iter_mut().zip(rows) {
-                    for (to, number) in to.iter_mut().zip(row) {
-                        to[lane] = number;
-                    }
-                }
-            }
-            records
-        });
+        let records = blocks.map(Records::of);
         records.collect_into_vec(&mut self.records);
     }
 
