@@ -52,7 +52,7 @@ mod step;
 mod tracer;
 mod vertices;
 
-pub use backend::{Intersector, Layout, Rays};
+pub use backend::{Intersector, Layout, Policy as Update, Rays};
 pub use device::Device;
 pub use doctor::{Diagnosis, Problem, doctor};
 pub use error::{Error, Result};
@@ -62,4 +62,4 @@ pub use mesh::{Mesh, MeshId, Scene};
 pub use motion::Matrix;
 pub use replacement::Replacement;
 pub use step::{Query, QueryId, Source, Step, StepId};
-pub use tracer::{Builder, Statistics, Tracer, Update};
+pub use tracer::{Builder, Statistics, Tracer};

@@ -3,12 +3,10 @@
 use crate::hits::Spares;
 use crate::mesh::Colour;
 use crate::motion::Joined;
-use crate::{Error, Hits, Mesh, Point, QueryId, Ray, Result, Statistics, StepId};
+use crate::{Error, Hits, Mesh, Point, QueryId, Ray, Result, Statistics, StepId, Update};
 use backend::{Backend, Query, QueryKind, Rays, Ticket};
 use geom::{Camera, KeyFrame, lock};
-use pipeline::{
-    Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Update, Wanted,
-};
+use pipeline::{Answers, BuilderThreads, Driver, DriverOptions, Frame, FrameRecord, Wanted};
 use std::collections::VecDeque;
 use std::mem::discriminant;
 use std::sync::Arc;

@@ -16,10 +16,10 @@ use crate::step::{Deferred, apart, check};
 use crate::tracer::State;
 use crate::{Device, Error, MeshId, Query, QueryId, Ray, Result, Scene, Step, StepId, Tracer};
 use backend::Backend;
+use backend::Policy as Update;
 use geom::Point;
 use gpu_wgpu::{LentRays, WgpuBackend, from_device};
 pub use gpu_wgpu::{required_features, useful_features};
-use pipeline::Update;
 use std::any::Any;
 /// The version of wgpu that the library uses.
 pub use wgpu;

@@ -3,8 +3,8 @@
 use crate::loaded::Loaded;
 use crate::tracer::{State, name};
 use crate::{Error, Mesh, MeshId, Result, Tracer};
+use backend::Policy as Update;
 use geom::lock;
-use pipeline::{Pace, Update};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -171,7 +171,7 @@ impl State {
         let asked = current.asked.clone();
         let threads = match current.update {
             // Builder threads of this policy use all cores, because steps wait for them. Steps do not wait here.
-            Update::Refit => builder.builders(self.kind, Update::Async(Pace::Free))?,
+            Update::Refit => builder.builders(self.kind, Update::Async)?,
             _ => current.builders.clone(),
         };
         Ok(move |is_given_up: &AtomicBool| {

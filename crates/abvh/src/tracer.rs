@@ -4,44 +4,22 @@ use crate::loaded::{Loaded, find};
 use crate::replacement::Disposal;
 use crate::{
     Device, Error, Hits, Intersector, Layout, Mesh, MeshId, QueryId, Result, Scene, Step, StepId,
+    Update,
 };
 use backend::{Backend, DeviceKind, Method, Query};
 use geom::lock;
-use pipeline::{BuilderThreads, DriverOptions, Pace, Threads};
+use pipeline::{BuilderThreads, DriverOptions, Threads};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// Determines how trees follow the motion. The choice affects only speed: every policy returns the same hits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Update {
-    /// [`Update::Refit`] if no mesh can move, else [`Update::Async`].
-    #[default]
-    Auto,
-    /// Each step builds a new tree before its queries.
-    Rebuild,
-    /// The GPU builds a new tree in each step: much sooner, but of lower quality. For motion that makes older trees
-    /// useless. Devices that cannot build trees, such as the host, return an error.
-    DeviceRebuild,
-    /// All steps use the first tree, with boxes refitted to each step's vertices.
-    Refit,
-    /// Each step refits the newest finished tree, while the host builds the next one for the predicted motion.
-    Async,
-    /// As `Async`, but a tree is adopted exactly this number of steps after its request, and the step waits for it if
-    /// necessary. So each run uses the same trees. With 0, each step waits for its own tree.
-    Lockstep(u32),
-    /// One tree for all key frames in the [time range](Builder::time_range), refitted: it takes about nine builds before the
-    /// first step and none after it. Bittner and Meister, *T-SAH: Animation Optimized Bounding Volume Hierarchies*, 2015.
-    TSah,
-}
-
 /// Configures and creates a [`Tracer`].
 #[derive(Clone, Debug)]
 pub struct Builder {
     device: Device,
-    update: Update,
+    /// `None` leaves the choice to [`Builder::policy`].
+    update: Option<Update>,
     pub(crate) method: Method,
     threads: Option<usize>,
     builder_threads: Option<usize>,
@@ -56,9 +34,10 @@ impl Builder {
         Self { device, ..self }
     }
 
-    /// Sets how trees follow the motion. The default is [`Update::Auto`].
+    /// Sets how trees follow the motion. The default is [`Update::Refit`] if no mesh can move, else [`Update::Async`].
     #[must_use]
     pub fn update(self, update: Update) -> Self {
+        let update = Some(update);
         Self { update, ..self }
     }
 
@@ -159,21 +138,20 @@ impl Builder {
         })
     }
 
-    /// Returns the policy for a scene of `meshes`, with [`Update::Auto`] resolved.
-    pub(crate) fn policy(&self, meshes: &[Mesh]) -> pipeline::Update {
-        match self.update {
-            Update::Auto if meshes.iter().all(|m| m.motion.is_fixed()) => pipeline::Update::Refit,
-            Update::Auto | Update::Async => pipeline::Update::Async(Pace::Free),
-            Update::Lockstep(steps) => pipeline::Update::Async(Pace::Lockstep(steps)),
-            Update::TSah => pipeline::Update::TSah,
-            Update::Rebuild => pipeline::Update::Rebuild,
-            Update::DeviceRebuild => pipeline::Update::DeviceRebuild,
-            Update::Refit => pipeline::Update::Refit,
-        }
+    /// Returns the policy for a scene of `meshes`.
+    pub(crate) fn policy(&self, meshes: &[Mesh]) -> Update {
+        self.update.unwrap_or_else(|| {
+            let is_fixed = meshes.iter().all(|m| m.motion.is_fixed());
+            if is_fixed {
+                Update::Refit
+            } else {
+                Update::Async
+            }
+        })
     }
 
     /// Returns the options of the driver.
-    pub(crate) fn options(&self, update: pipeline::Update) -> DriverOptions {
+    pub(crate) fn options(&self, update: Update) -> DriverOptions {
         DriverOptions {
             method: self.method,
             update,
@@ -182,17 +160,13 @@ impl Builder {
         }
     }
 
-    pub(crate) fn open(&self, update: pipeline::Update) -> Result<Box<dyn Backend>> {
+    pub(crate) fn open(&self, update: Update) -> Result<Box<dyn Backend>> {
         self.device
             .open(self.share(DeviceKind::Cpu, update)?.render)
     }
 
     /// Creates the threads that build trees for a device of this kind.
-    pub(crate) fn builders(
-        &self,
-        kind: DeviceKind,
-        update: pipeline::Update,
-    ) -> Result<BuilderThreads> {
+    pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
         let asked = self.threads.or(self.builder_threads);
         let threads = match (asked, self.share(kind, update)?.build) {
             // With more builder threads, steps wait for cores longer than better trees save.
@@ -202,7 +176,7 @@ impl Builder {
         BuilderThreads::new(threads).map_err(Error::of_driver)
     }
 
-    fn share(&self, kind: DeviceKind, update: pipeline::Update) -> Result<Threads> {
+    fn share(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
         let asked = [self.threads, self.builder_threads];
         match asked.into_iter().flatten().max() {
             Some(most) if most > MOST_THREADS => {
@@ -287,7 +261,7 @@ impl Tracer {
     pub fn builder() -> Builder {
         Builder {
             device: Device::Auto,
-            update: Update::Auto,
+            update: None,
             method: Method {
                 intersector: Intersector::Watertight,
                 layout: Layout::Fast,

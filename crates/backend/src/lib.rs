@@ -117,15 +117,17 @@ macro_rules! named {
     };
 }
 
+mod axes;
 mod device;
 mod error;
 mod frame;
 mod query;
 
+pub use axes::{Intersector, Policy};
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
-pub use query::{Hits, HitsPool, Intersector, Layout, Method, Palette, Query, QueryKind, Rays};
+pub use query::{Hits, HitsPool, Layout, Method, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
@@ -202,22 +204,6 @@ pub trait Backend: Send + Any {
     /// The tree does not contain exactly the animation's live triangles.
     fn evaluate(&mut self, _tree: &Topology, _generation: Generation) -> Result<bool> {
         Ok(false)
-    }
-
-    /// Records: refits the tree that the current one replaced, as [`Backend::evaluate`] does with a new tree. Returns `false`
-    /// if that tree is no longer on the device: it is kept if the current tree was evaluated before its adoption, until
-    /// another tree is evaluated.
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        Ok(false)
-    }
-
-    /// Makes the tree current that [`Backend::evaluate_retained`] evaluated, with its old generation. The tree that it
-    /// replaces is then retained.
-    ///
-    /// # Errors
-    /// No tree is retained.
-    fn adopt_retained(&mut self) -> Result<()> {
-        Err(BackendError::WrongTree("no tree is retained".to_owned()))
     }
 
     /// Returns whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) with the loaded method.

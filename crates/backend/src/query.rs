@@ -1,7 +1,7 @@
 //! Queries, methods and results.
 
+use crate::Intersector;
 use geom::{Camera, Hit, Point, Ray};
-use std::str::FromStr;
 
 /// The rays of a query.
 #[derive(Clone, Copy, Debug)]
@@ -148,20 +148,6 @@ impl HitsPool {
 }
 
 crate::named! {
-    /// Algorithm of the ray-triangle test. In the order of the manual.
-    pub enum Intersector {
-        /// Möller, Trumbore 1997, in single precision.
-        MollerTrumbore = "moller-trumbore",
-        /// Woop 2004: one affine transform per triangle, computed each frame. The paper uses this one.
-        Woop = "woop",
-        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
-        Watertight = "watertight",
-        /// The result of exact arithmetic for every ray.
-        Exact = "exact",
-    }
-}
-
-crate::named! {
     /// How the tree lies in memory. In the order of the manual.
     pub enum Layout {
         /// The paper's breadth-first binary tree, one triangle a leaf.
@@ -194,20 +180,6 @@ impl From<Intersector> for Method {
 impl Default for Method {
     fn default() -> Self {
         Self::from(Intersector::Watertight)
-    }
-}
-
-impl FromStr for Intersector {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|i| i.name() == s);
-        found.ok_or_else(|| {
-            format!(
-                "'{s}' is not one of {}",
-                Self::ALL.map(Self::name).join(", ")
-            )
-        })
     }
 }
 

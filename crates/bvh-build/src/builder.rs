@@ -47,9 +47,9 @@ impl Cancel {
 pub struct Builder {
     prims: Vec<Prim>,
     room: Vec<Prim>,
-    /// Point that children are ordered toward, if any. Of two children divided by a plane, the one nearer to the point
-    /// comes first, as with [`crate::order_toward`] but at no extra cost. Rays to the point then find an occluder
-    /// sooner. The tree is otherwise the same.
+    /// Point that children are ordered toward, if any. Of two children divided by a plane, the one that reaches less far
+    /// from the point comes first; in small nodes, the one on that side of the split. Rays to the point then find an
+    /// occluder sooner. The tree is otherwise the same.
     pub toward: Option<Point>,
     /// Number of triangles that the heuristic counts as one. Trees have one triangle per leaf in any case.
     pub block_size: BlockSize,

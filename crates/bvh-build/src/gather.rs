@@ -2,7 +2,7 @@
 
 use crate::bins::CHUNK;
 use crate::prim::{Bounds, Extents, Prim};
-use geom::{Aabb, Animation, Moment, Point};
+use geom::{Aabb, Animation, Point};
 use rayon::prelude::*;
 
 /// One box per triangle. A triangle whose box is empty or not finite is not in the tree.
@@ -34,18 +34,6 @@ impl Boxes for (&Animation, &[Point]) {
     #[inline]
     fn get(&self, triangle: u32) -> Aabb {
         self.0.build_box(self.1, triangle)
-    }
-}
-
-/// The boxes of an animation at a moment. Vertices are blended for each triangle when its box is read.
-impl Boxes for Moment<'_> {
-    fn triangle_count(&self) -> usize {
-        self.animation().triangle_count()
-    }
-
-    #[inline]
-    fn get(&self, triangle: u32) -> Aabb {
-        self.build_box(triangle)
     }
 }
 

@@ -5,8 +5,7 @@
 //! not on the number of threads. Its depth is at most [`MAX_DEPTH`] for any input. Parallel work runs in the rayon pool
 //! that the caller installed.
 //!
-//! [`Builder`] builds for one moment, [`TemporalBuilder`] for several at once.
-//! [`SubtreeRebuilder`] builds from an earlier tree.
+//! [`Builder`] builds from boxes alone, [`SubtreeRebuilder`] from an earlier tree.
 
 mod bins;
 mod builder;
@@ -17,7 +16,6 @@ mod occluder_first;
 mod prim;
 mod small;
 mod subtrees;
-mod temporal;
 mod tiny;
 mod tree;
 
@@ -25,9 +23,7 @@ pub use bins::BlockSize;
 pub use builder::{BuildError, Builder, Cancel};
 pub use cost::sah_cost;
 pub use gather::Boxes;
-pub use occluder_first::order_toward;
 pub use subtrees::{Costs, SubtreeRebuilder};
-pub use temporal::{MAX_MOMENTS, Moment, TemporalBuilder, temporal_cost};
 pub use tree::{BinaryTree, Subtree};
 
 /// Runs both closures, in parallel if the work is large, and returns both results.

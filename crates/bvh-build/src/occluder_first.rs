@@ -9,54 +9,12 @@
 //! *SRDH: Specializing BVH Construction and Traversal Order Using Representative Shadow Ray Sets*, 2012; Nah, Manocha,
 //! *SATO: Surface Area Traversal Order for Shadow Ray Tracing*, 2014.
 
-use crate::{BinaryTree, Boxes, join_if};
 use geom::{Aabb, Point};
-
-/// Number of triangles above which a node processes its children in parallel.
-const PARALLEL: usize = 2048;
 
 /// Returns the squared distance from `from` to the farthest point of a box. It does not overflow an `f64` at any scale.
 pub(crate) fn reach(b: &Aabb, from: Point) -> f64 {
     let along = |i: usize| (b.max[i] - from[i]).abs().max((from[i] - b.min[i]).abs());
     (0..3).map(|i| f64::from(along(i)).powi(2)).sum()
-}
-
-/// Orders the children of all nodes of a finished tree for rays that end at `point`. Costs and depths do not change.
-/// Runs in the rayon pool that the caller installed. [`crate::Builder::toward`] orders children during a build.
-///
-/// # Panics
-/// If a triangle of the tree has no entry in `boxes`.
-pub fn order_toward<B: Boxes + ?Sized>(tree: &mut BinaryTree, boxes: &B, point: Point) {
-    if !tree.order.is_empty() {
-        turn(&mut tree.order, &mut tree.left_leaves, boxes, point);
-    }
-}
-
-/// Orders the children of a subtree. Returns its box.
-fn turn<B: Boxes + ?Sized>(
-    order: &mut [u32],
-    left_leaves: &mut [u32],
-    boxes: &B,
-    point: Point,
-) -> Aabb {
-    let Some((left_count, below)) = left_leaves.split_first_mut() else {
-        return boxes.get(order[0]);
-    };
-    let left = *left_count as usize;
-    let is_large = order.len() > PARALLEL;
-    let (order_a, order_b) = order.split_at_mut(left);
-    let (below_a, below_b) = below.split_at_mut(left - 1);
-    let (a, b) = join_if(
-        is_large,
-        || turn(order_a, below_a, boxes, point),
-        || turn(order_b, below_b, boxes, point),
-    );
-    if reach(&b, point) < reach(&a, point) {
-        *left_count = (order.len() - left) as u32;
-        order.rotate_left(left);
-        below.rotate_left(left - 1);
-    }
-    a.union(b)
 }
 
 #[cfg(test)]
@@ -65,7 +23,7 @@ mod tests {
     use crate::builder::tests::{row, sized};
     use crate::cost::tests::bounds;
     use crate::small::MOST;
-    use crate::{Builder, Cancel, tiny};
+    use crate::{BinaryTree, Builder, Cancel, tiny};
     use proptest::prelude::*;
 
     fn boxes() -> impl Strategy<Value = Vec<Aabb>> {
@@ -143,15 +101,11 @@ mod tests {
             point in prop::array::uniform3(-300.0_f32..500.0),
         ) {
             let plain = built(&boxes, None);
-            let ordered = built(&boxes, Some(point));
-            let mut turned = plain.clone();
-            order_toward(&mut turned, &boxes[..], point);
             let (sets, _) = nodes(&plain, &boxes, (point, 0));
-            for (tree, least) in [(turned, 1), (ordered, MOST as u32)] {
-                let (same, in_order) = nodes(&tree, &boxes, (point, least));
-                prop_assert!(in_order, "nodes of more than {} leaves", least);
-                prop_assert_eq!(&same, &sets);
-            }
+            let ordered = built(&boxes, Some(point));
+            let (same, in_order) = nodes(&ordered, &boxes, (point, MOST as u32));
+            prop_assert!(in_order);
+            prop_assert_eq!(same, sets);
         }
     }
 }

@@ -13,7 +13,7 @@ pub(crate) const MOST: usize = 32;
 
 /// Maximum ratio of the cost of halving to the least cost at which a node is halved. Halving is then worse by rounding
 /// alone, so equal boxes make a balanced tree.
-pub(crate) const NEARLY: f32 = 1.0 + 1e-5;
+const NEARLY: f32 = 1.0 + 1e-5;
 
 /// The triangles of a subtree, sorted along each axis.
 struct Sorted {

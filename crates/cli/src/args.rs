@@ -2,13 +2,13 @@
 
 use crate::stop::Stop;
 use crate::{talk, values};
-use clap::builder::ArgPredicate;
+use backend::{Intersector, Policy};
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// The widest that help is.
+/// Maximum width of help text, in columns.
 const WIDTH: usize = 110;
 
 /// A ray tracer for moving, deforming triangle scenes: trees are rebuilt while frames are traced.
@@ -24,33 +24,33 @@ struct Cli {
 pub(crate) enum Command {
     /// Render an animation to pictures, hits and statistics
     Render(Box<RenderArgs>),
-    /// Check that the shards of a run are all there, and join their statistics
+    /// Check that all shards of a run are complete, and merge their statistics
     Merge(MergeArgs),
-    /// Trace given rays at one moment
+    /// Trace the rays of a file at one time
     Trace(TraceArgs),
     /// Measure every stage over scenes, backends, update policies and intersectors
     Bench(Box<BenchArgs>),
-    /// Chart speed against accuracy: every backend, intersector and update policy against exact arithmetic
+    /// Chart speed against accuracy of every backend, intersector and update policy
     Chart(ChartArgs),
-    /// Hold backends to the laws that all of them keep
+    /// Test backends against the properties that all backends share
     Conform(ConformArgs),
-    /// Count wrong answers, leaks and double hits where arithmetic is hardest, against what is to be expected
+    /// Count wrong answers, leaks and double hits in numerically hard cases, and check their rates against baselines
     Stability(StabilityArgs),
     /// Stream vertices step by step through the library, time the steps and check their hits
     Stress(StressArgs),
-    /// Describe a scene: size, motion, how refitting decays, what auto takes and why
+    /// Describe a scene: size, motion, growth of the refit cost, and the choices of auto with reasons
     Inspect(InspectArgs),
-    /// Describe this build and this machine: backends present and absent
+    /// Describe this build and this machine: available and unavailable backends
     Info {
-        /// JSON to standard output
+        /// Print JSON to standard output
         #[arg(long)]
         json: bool,
     },
-    /// Say whether a GPU can be used here, and if not, what is missing and how to mend it
+    /// Report whether a GPU can be used here, and if not, the cause and the fix
     Doctor,
 }
 
-/// Parses a command line. No word after the program's name is `render`.
+/// Parses a command line. Without arguments, the command is `render`.
 pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command, Stop> {
     let mut args: Vec<_> = args.into_iter().collect();
     if args.len() < 2 {
@@ -64,7 +64,7 @@ pub(crate) fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Command,
     Ok(command)
 }
 
-/// The command line, and what of it was given.
+/// Returns the parsed command line and its matches, which hold the source of each value.
 fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
     let width = talk::columns().unwrap_or(WIDTH).min(WIDTH);
     let given = Cli::command()
@@ -73,12 +73,15 @@ fn matches(args: &[OsString]) -> Result<(Cli, ArgMatches), clap::Error> {
     Ok((Cli::from_arg_matches(&given)?, given))
 }
 
-/// Help goes to standard output; anything else becomes one line.
+/// Prints help to standard output. Reduces any other clap error to one line.
 fn refused(args: &[OsString], e: &clap::Error) -> Stop {
     if !e.use_stderr() {
-        // A reader that went away needs no help.
+        // Printing fails if the reader has closed the pipe, which is no error here.
         let _ = e.print();
         return Stop::Shown;
+    }
+    if let Some(removed) = removed::find(e) {
+        return Stop::bad(removed);
     }
     // clap leaves escape sequences out of what it quotes. Spelt out, they are refused likewise.
     let spelt = args
@@ -94,7 +97,7 @@ fn refused(args: &[OsString], e: &clap::Error) -> Stop {
 
 #[derive(Args, Debug)]
 pub(crate) struct MergeArgs {
-    /// Folders that shards of one run were rendered to; of runs that wrote nothing but --stats, these files
+    /// Output folders of all shards of one run. For runs that wrote only --stats, the statistics files
     #[arg(value_name = "DIR|FILE.json", required = true)]
     pub(crate) runs: Vec<PathBuf>,
     /// File for the statistics of all frames, - for standard output
@@ -104,80 +107,76 @@ pub(crate) struct MergeArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct TraceArgs {
-    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    /// Scene: a demo, files or a directory (`abvh render --help` explains names)
     #[arg(value_parser = values::scene())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// The moment, in key frames
+    /// Time, in key frames
     #[arg(long, value_name = "T", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) time: f64,
     /// Rays: float32 or float64 (N, 6) `ox oy oz dx dy dz`, or (N, 8) with `t_min t_max` appended
     #[arg(long, value_name = "RAYS.npy")]
     pub(crate) rays: PathBuf,
-    /// File for what was found
+    /// File for the hits
     #[arg(long, value_name = "HITS.npz", value_parser = values::file())]
     pub(crate) out: PathBuf,
-    /// Only whether each ray meets anything
+    /// Find only whether each ray hits any triangle
     #[arg(long)]
     pub(crate) any_hit: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
-    /// --time; t-sah does so with a tree for all times. Hits are the same, only the speed differs
-    #[arg(long, value_name = "POLICY", default_value = "auto")]
+    /// --time. Hits are the same, only the speed differs
+    #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,
-    /// With --update refit: the moment that the tree is built at, in key frames [default: 0]
+    /// With --update refit: time at which the tree is built, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = values::finite::<f64>, allow_hyphen_values = true)]
     pub(crate) tree_time: Option<f64>,
-    /// No remarks
+    /// Print no remarks
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// Scene: a demo, files or a directory; `abvh render --help` tells all
+    /// Scene: a demo, files or a directory (`abvh render --help` explains names)
     #[arg(value_parser = values::scene())]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
-    /// Instead, find the fewest key frames whose blends stay within TOL of all, at every vertex. TOL is in scene units,
-    /// or in per cent of the diagonal of the scene's bounds
+    /// Instead, find the fewest key frames whose blends stay within TOL of every key frame, at every vertex. TOL is in
+    /// scene units, or in percent of the diagonal of the scene's bounds
     #[arg(long, value_name = "TOL|TOL%", value_parser = tolerance)]
     pub(crate) reduce_keys: Option<Tolerance>,
-    /// Directory for those key frames, as .ply files, and times.json with the time of each
+    /// With --reduce-keys: directory for the key frames as .ply files, and times.json with their times
     #[arg(long, value_name = "DIR", value_parser = values::file())]
     pub(crate) reduced_out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) tolerance: ToleranceArgs,
     /// JSON to standard output
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// How a source that leaves a choice is read.
+/// How a scene is read.
 #[derive(Args, Debug)]
 pub(crate) struct SourceArgs {
-    /// Key frames sampled from each second of a glTF clip
+    /// Key frames per second that are sampled from a glTF clip
     #[arg(long, value_name = "N", default_value = "24", value_parser = values::number(|fps: f64| fps > 0.0 && fps <= 1000.0,
         "samples a second lie between 0 and 1000"))]
     pub(crate) fps: f64,
     /// glTF clip to sample [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) clip: Option<String>,
-    /// Let a scene's files name files outside its folder (mtllib of OBJ, URIs of glTF)
+    /// Let a scene's files refer to files outside its folder (mtllib of OBJ, URIs of glTF)
     #[arg(long)]
     pub(crate) allow_outside: bool,
     /// Subtract the scene's centre in double precision before coordinates are rounded to single precision. Points and rays
     /// on the command line and in files keep the scene's coordinates
     #[arg(long)]
     pub(crate) recentre: bool,
-    /// Memory for key frames, in MiB: those of larger scenes are read while they are played
+    /// Memory for key frames, in MiB. Larger sequences are read from disk during playback
     #[arg(long, value_name = "MIB", default_value = "512")]
     pub(crate) key_memory: u32,
 }
@@ -194,8 +193,8 @@ impl SourceArgs {
         }
     }
 
-    /// Likewise for a scene over which trees are built and so many rays are traced at a time. What that takes is asked for
-    /// with the key frames, before any of them is there.
+    /// Returns the options for a run that builds trees and traces `rays` rays at a time. The memory for both counts
+    /// towards the limit that is checked before key frames are read.
     pub(crate) fn options_of_run(&self, rays: usize) -> scene::Options {
         scene::Options {
             more_bytes: trees_bytes(0, rays),
@@ -219,24 +218,23 @@ pub(crate) struct DeviceArgs {
     /// Threads that build trees
     #[arg(long, value_name = "N", value_parser = values::threads())]
     pub(crate) builder_threads: Option<usize>,
-    /// Neither use nor keep compiled kernels of earlier runs (in the user's folder for caches)
+    /// Neither read nor write compiled kernels in the user's cache folder
     #[arg(long)]
     pub(crate) no_cache: bool,
 }
 
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MethodArgs {
-    /// How a ray is tested against a triangle [with --tolerance: auto]
-    #[arg(long, value_name = "NAME", default_value = "watertight")]
-    #[arg(default_value_if("tolerance", ArgPredicate::IsPresent, "auto"))]
-    pub(crate) intersector: IntersectorName,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
+    pub(crate) intersector: Intersector,
     /// How the tree lies in memory
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) layout: LayoutName,
 }
 
 impl MethodArgs {
-    pub(crate) fn of(intersector: IntersectorName, layout: LayoutName) -> Self {
+    pub(crate) fn of(intersector: Intersector, layout: LayoutName) -> Self {
         Self {
             intersector,
             layout,
@@ -246,13 +244,13 @@ impl MethodArgs {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendName {
-    /// The best one present
+    /// The best available backend
     Auto,
-    /// The host's cores
+    /// The host's CPU cores
     Cpu,
-    /// A graphics processor through wgpu
+    /// A GPU through wgpu
     Wgpu,
-    /// A graphics processor through Vulkan
+    /// A GPU through Vulkan
     Vulkan,
     /// Trees that the Vulkan driver makes and traces, quickly built: the rival to measure against
     #[value(name = "vulkan-rt")]
@@ -262,34 +260,12 @@ pub(crate) enum BackendName {
     VulkanRtFastTrace,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpdateName {
-    /// Whichever is expected to finish the run first
-    Auto,
-    /// A new tree for every frame, which waits for it
-    Rebuild,
-    /// The first tree, refitted
-    Refit,
-    /// The newest finished tree, refitted, while the next one is built
-    Async,
-    /// One tree built for the whole time range, refitted (Bittner, Meister 2015)
-    TSah,
-    /// A new tree for every frame, made on the graphics processor (PLOC: Meister, Bittner 2018)
-    DeviceRebuild,
-}
+/// An update policy; `None` leaves the choice to `auto`.
+pub(crate) type UpdateName = Option<Policy>;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum IntersectorName {
-    /// The cheapest within the tolerance
-    Auto,
-    /// Möller, Trumbore 1997
-    MollerTrumbore,
-    /// Woop 2004: an affine transform a triangle
-    Woop,
-    /// Woop, Benthin, Wald 2013, with exact ties
-    Watertight,
-    /// The answer of exact arithmetic
-    Exact,
+/// Returns the name of a policy on the command line.
+pub(crate) fn update_name(update: UpdateName) -> &'static str {
+    update.map_or(values::AUTO, Policy::name)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -302,28 +278,12 @@ pub(crate) enum LayoutName {
     Fast,
 }
 
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct ToleranceArgs {
-    /// Wrong rays in a million, against exact arithmetic, that --intersector auto may cause. A sample of the run's
-    /// rays decides which intersectors are within; the cheapest of them is taken. 0 takes exact [default: 0]
-    #[arg(long, value_name = "PPM", value_parser = values::number(|rate: f64| (0.0..=1e6).contains(&rate),
-        "a tolerance is a number of rays a million, from 0 to 1000000"))]
-    pub(crate) tolerance: Option<f64>,
-}
-
-impl ToleranceArgs {
-    /// What is tolerated of what is left to `auto`.
-    pub(crate) fn ppm(self) -> f64 {
-        self.tolerance.unwrap_or(0.0)
-    }
-}
-
 /// How far a vertex may be from where it was.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Tolerance {
     /// In scene units.
     Units(f64),
-    /// As a share of the diagonal of the scene's bounds.
+    /// As a fraction of the diagonal of the scene's bounds.
     Share(f64),
 }
 
@@ -338,7 +298,7 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     }
 }
 
-/// A value's name on the command line.
+/// Returns a value's name on the command line.
 pub(crate) fn word(value: &impl ValueEnum) -> String {
     let value = value.to_possible_value();
     value.map_or_else(String::new, |v| v.get_name().to_owned())
@@ -346,6 +306,7 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 
 mod idle;
 mod measure;
+mod removed;
 mod render;
 #[cfg(test)]
 mod tests;

@@ -1,17 +1,20 @@
-//! `abvh bench`: every stage over scenes, backends, update policies, intersectors and layouts.
+//! `abvh bench`: measures every stage over scenes, backends, update policies, intersectors and layouts.
 
 mod compare;
 mod failure;
 mod results;
 mod row;
 
-use crate::args::{BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, word};
+use crate::args::{
+    BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, update_name, word,
+};
 use crate::choose::{self, Ask};
 use crate::conflicts::Files;
 use crate::open::{Opening, has_own_trees, makes_trees};
 use crate::stop::{self, Stop};
 use crate::talk::Progress;
 use crate::{frames, info, talk, values};
+use backend::Policy;
 use failure::Failure;
 use pipeline::Frame;
 pub(crate) use row::{Combination, Row, frame_ms, measure, random_rays};
@@ -68,7 +71,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Stop> {
     }
 }
 
-/// Runs of all combinations.
+/// Results of all combinations.
 struct Results {
     rows: Vec<Row>,
     /// Combinations that could not be measured.
@@ -137,7 +140,7 @@ fn open_with_frames(args: &BenchArgs, spec: &str) -> Result<(Scene, Vec<Frame>),
     Ok((scene, frames))
 }
 
-/// Everything with everything that makes sense, and remarks on what does not.
+/// Returns all meaningful combinations, and remarks on the others.
 fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     let builders: Vec<Option<usize>> = match args.builder_threads.as_slice() {
         [] => vec![None],
@@ -154,7 +157,6 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                 let ask = Ask {
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
-                    tolerance: args.tolerance.ppm(),
                     predict,
                     ..Ask::of(backend, method, update)
                 };
@@ -171,15 +173,15 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 
 /// What is wrong with a combination.
 fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Option<String> {
-    let (name, policy) = (word(&backend), word(&update));
-    if update == UpdateName::DeviceRebuild && !makes_trees(backend) {
+    let (name, policy) = (word(&backend), update_name(update));
+    if update.is_some_and(Policy::builds_on_device) && !makes_trees(backend) {
         let why = "is left out: it makes no trees";
-        return Some(format!("{name} with device-rebuild {why}"));
+        return Some(format!("{name} with {policy} {why}"));
     }
     if !has_own_trees(backend) {
         return None;
     }
-    if let UpdateName::Async | UpdateName::TSah = update {
+    if update.is_some_and(Policy::builds_beside_frames) {
         let why = "is left out: it makes its trees itself, within each frame";
         return Some(format!("{name} with {policy} {why}"));
     }
@@ -187,10 +189,10 @@ fn nonsense(backend: BackendName, update: UpdateName, method: MethodArgs) -> Opt
     beyond.map(|what| format!("{name} with {what} is left out: it has its own"))
 }
 
-/// Each update policy, with and without prediction where that makes a difference.
+/// Returns each update policy, with and without prediction if that makes a difference.
 fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
     args.measure.update.iter().flat_map(|&update| {
-        let differ = matches!(update, UpdateName::Async | UpdateName::Auto);
+        let differ = update.is_none_or(Policy::builds_beside_frames);
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
     })

@@ -1,14 +1,14 @@
-//! `abvh chart`: how fast every way of tracing a scene is, against how often it is wrong.
+//! `abvh chart`: the speed of every way to trace a scene, against its rate of wrong answers.
 //!
-//! Times are those of `bench`: the device's time, and what the frame waited for its own tree before that (with `rebuild`),
-//! over all frames but the first, which warms up. Answers are compared with the exact oracle's, which shares no code with any
-//! backend. Shadows, whose rays begin at the reported hit, are compared with those of `exact` on the host over fresh trees.
+//! Times are those of `bench`: the device's time and, with `rebuild`, the wait for the frame's own tree. They cover all
+//! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
+//! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
-//! Layout and policy change no hit. So each way traces a few rays, and all ways of one intersector and backend that give the
-//! same hits, bit for bit, are judged together ([`accuracy`]). A way whose hits differ is judged by itself.
+//! Layout and policy change no hit. So each way first traces a few rays. All ways of one intersector and backend with
+//! the same hits, bit for bit, are judged together ([`accuracy`]). A way whose hits differ is judged by itself.
 //!
-//! First all is timed, then all is judged, so that the memory of the process is not the judge's. The host's memory is
-//! all that is resident of the process, with whatever earlier runs left behind.
+//! All ways are timed before any is judged, so that the judge's memory is not measured. Host memory is the resident
+//! memory of the process, including memory that earlier runs left allocated.
 
 mod accuracy;
 mod hard;
@@ -16,7 +16,7 @@ mod plan;
 
 use crate::args::{BackendName, ChartArgs, RaysName};
 use crate::bench::{self, Combination, Row};
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::session;
 use crate::stop::{self, Stop};
@@ -35,25 +35,25 @@ const LEGEND: &str = "wrong: closest hits of so many that differ from exact arit
     after an eighth and after half of the rays, methods stop whose 95 % intervals (Wilson; of none wrong 3 / rays) are apart\n\
     t off: 99.9 % of hits are off by no more; leaks: of so many rays from inside closed bodies, at all offsets\n";
 
-/// Seconds of warm-up where the previous run was on the same device. It has hardly cooled down: the scene was loaded and a first
-/// tree built. As ever, the warm-up goes on until frames take the same time.
+/// Seconds of warm-up if the previous run was on the same device. The device has hardly cooled down while the scene was
+/// loaded and a first tree was built. As always, the warm-up continues until frame times are steady.
 const LATER_WARM_UP: f64 = 0.2;
 
-/// One way with its point, and the answers to a few rays.
+/// One way with its point, and its hits for a few rays.
 struct Measured {
     way: Ask<'static>,
     point: Point,
     probe: Vec<Hits>,
-    /// The number of the tally that counts its wrong answers.
+    /// Index of the tally that counts its wrong answers.
     group: usize,
 }
 
 impl Measured {
     fn intersector(&self) -> Intersector {
-        choose::intersector(self.way.method.intersector).0
+        self.way.method.intersector
     }
 
-    /// Whether two ways answer alike.
+    /// Returns whether two ways give the same answers.
     fn is_like(&self, other: &Self) -> bool {
         self.way.backend == other.way.backend
             && self.intersector() == other.intersector()
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &ChartArgs) -> Result<(), Stop> {
     }
 }
 
-/// Writes the four files, up to the first that cannot be written; links there are replaced.
+/// Writes the four files, up to the first that cannot be written. Links at their paths are replaced.
 fn finish(args: &ChartArgs, chart: &Chart) -> Result<(), Stop> {
     let mut text = table(chart.points.iter().map(plot::row), 5) + LEGEND;
     text.extend(chart.failures.iter().map(|failure| format!("{failure}\n")));
@@ -134,9 +134,9 @@ struct Work<'a> {
     args: &'a ChartArgs,
     progress: Progress,
     chart: Chart,
-    /// The reasons of all failures.
+    /// Reasons of all failures.
     stops: Vec<Stop>,
-    /// The device of the latest run, which is ready for another scene.
+    /// Backend of the latest run, which is ready for another scene.
     spare: Option<(BackendName, Box<dyn Backend>)>,
 }
 
@@ -156,7 +156,7 @@ impl Work<'_> {
         if self.chart.scenes.is_empty() {
             output::prepare_dir(&self.args.out).map_err(Stop::bad)?;
         }
-        // Its own name, or what it was requested by, where that alone is unique.
+        // The scene's own name, or its name on the command line for demos and repeated names.
         let is_taken = self.chart.scenes.iter().any(|s| s.name == scene.name);
         let name = if frames::is_demo(spec) || is_taken {
             spec.to_owned()
@@ -226,7 +226,7 @@ impl Work<'_> {
         Ok((row, probe))
     }
 
-    /// Returns the backend of the latest run if it has that name, and whether it is a GPU that is warm.
+    /// Returns the backend of the latest run if it has that name, and whether it is a warm GPU.
     fn opening(&mut self, name: BackendName) -> (Opening, bool) {
         let spare = self.spare.take();
         match spare.filter(|(spare, _)| *spare == name) {
@@ -243,7 +243,7 @@ impl Work<'_> {
         self.stops.push(stop);
     }
 
-    /// Turns points into failures.
+    /// Turns the selected points into failures.
     fn fail_all(
         &mut self,
         points: &mut Vec<Measured>,
@@ -268,7 +268,7 @@ impl Work<'_> {
         }
     }
 
-    /// Traces closed bodies and scenes of mixed range, once by each backend and intersector.
+    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector.
     fn ask_hard_rays(&mut self, measured: &mut [Vec<Measured>]) {
         let rays = self.args.rays;
         let families = hard::families(rays);
@@ -310,7 +310,7 @@ impl Work<'_> {
         }
     }
 
-    /// Compares every method's answers over one scene with exact ones, as many as it takes to tell methods apart.
+    /// Compares every method's answers over one scene with exact answers, until the methods' rates differ clearly.
     fn judge_scene(&mut self, spec: &str, points: &mut Vec<Measured>) -> Result<(), Stop> {
         let Some(name) = points.first().map(|m| m.point.scene.clone()) else {
             return Ok(());
@@ -364,7 +364,7 @@ impl Work<'_> {
     }
 }
 
-/// Groups ways that answer alike. The fastest way of each group traces its rays.
+/// Groups ways that give the same answers. The fastest way of each group traces the rays.
 fn tallies(points: &mut [Measured]) -> Vec<Tally> {
     let mut firsts: Vec<usize> = Vec::new();
     for i in 0..points.len() {
@@ -397,7 +397,7 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
         scene: scene.to_owned(),
         ms_per_frame: Spread {
             median: summary.map(|s| s.median),
-            // The largest that 95 of 100 do not fall below.
+            // The 5th percentile, as the 95th of the negated times.
             p5: Summary::of(spread().map(|ms| -ms)).map(|s| -s.p95),
             p95: summary.map(|s| s.p95),
         },

@@ -1,20 +1,12 @@
-//! What is left to `auto`: policy and layout by rule; the intersector, where wrong rays are tolerated, by a sample.
-//!
-//! Neither policy nor layout changes a hit. The intersector can; it is therefore left to `auto` only by name.
-//! A tolerance of 0 is not measured but proven: by definition (`docs/design/hits.md`) `exact` alone is free of wrong
-//! answers. A tolerance above 0 is shown by a sample of the run's own rays, at 95 % confidence.
+//! Settles by rule the policy and the layout that are left to `auto`. Neither changes a hit.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs, UpdateName, word};
+use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
 use crate::open::has_own_trees;
-use crate::session::{self, trace_lists};
 use crate::stop::Stop;
-use backend::{Backend, DeviceKind, Hits, Intersector, Layout, Method, Query, Rays};
-use fastrand::Rng;
-use geom::{Animation, Ray};
+use backend::{Backend, DeviceKind, Intersector, Layout, Method, Policy, Query};
+use geom::Animation;
 use output::Taken;
-use output::plot::Rate;
-use pipeline::{ExpectedMemory, Frame, Pace, RefitDecay, RunFacts, Threads, Update};
-use std::sync::Arc;
+use pipeline::{ExpectedMemory, Frame, RefitDecay, RunFacts, Threads};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
@@ -25,18 +17,16 @@ pub(crate) struct Ask<'a> {
     pub(crate) method: MethodArgs,
     pub(crate) update: UpdateName,
     pub(crate) lockstep: Option<u32>,
-    /// Wrong rays a million that an intersector left to `auto` may have.
-    pub(crate) tolerance: f64,
     /// What will be done, by which `auto` chooses.
     pub(crate) run: Option<Run<'a>>,
-    /// Rays of a frame, where no run is known.
+    /// Number of rays of a frame, if no run is known.
     pub(crate) rays: usize,
-    /// Whether trees are built for what comes.
+    /// Whether trees are built for predicted positions.
     pub(crate) predict: bool,
 }
 
 impl<'a> Ask<'a> {
-    /// Leaves all else as it usually is.
+    /// Creates a request with defaults for all other fields.
     pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
         Self {
             backend,
@@ -46,45 +36,41 @@ impl<'a> Ask<'a> {
             method,
             update,
             lockstep: None,
-            tolerance: 0.0,
             run: None,
             rays: 0,
             predict: true,
         }
     }
 
-    /// Likewise, for a run that is known.
+    /// Sets the run that `auto` chooses for.
     pub(crate) fn over(self, frames: &'a [Frame], query: Query<'a>) -> Self {
         let run = Some(Run { frames, query });
         Self { run, ..self }
     }
 
     /// How trees follow the motion. What [`Self::is_open`], [`pipeline::RunFacts`] settle where a run is known.
-    pub(crate) fn update(&self) -> Choice<Update> {
-        let at_pace = Update::Async(self.lockstep.map_or(Pace::Free, Pace::Lockstep));
+    pub(crate) fn update(&self) -> Choice<Policy> {
+        let at_pace = self.lockstep.map_or(Policy::Async, Policy::Lockstep);
         let (update, why) = match self.update {
-            UpdateName::Auto if has_own_trees(self.backend) => {
+            Some(named) if named.builds_beside_frames() => return (at_pace, None),
+            Some(named) => return (named, None),
+            None if has_own_trees(self.backend) => {
                 let within = "the backend makes its trees itself, within each frame";
-                (Update::Rebuild, within)
+                (Policy::Rebuild, within)
             }
-            UpdateName::Auto if self.is_open() => (at_pace, "it suits most scenes that deform"),
-            UpdateName::Auto => (at_pace, "--lockstep asks for it"),
-            UpdateName::Async => return (at_pace, None),
-            UpdateName::Rebuild => return (Update::Rebuild, None),
-            UpdateName::Refit => return (Update::Refit, None),
-            UpdateName::TSah => return (Update::TSah, None),
-            UpdateName::DeviceRebuild => return (Update::DeviceRebuild, None),
+            None if self.is_open() => (at_pace, "it suits most scenes that deform"),
+            None => (at_pace, "--lockstep asks for it"),
         };
         (update, Some(why.to_owned()))
     }
 
-    /// Whether the policy is left to `auto`, which knows more once the backend is open.
+    /// Returns whether `auto` chooses the policy, which it can do better once the backend is open.
     fn is_open(&self) -> bool {
-        self.update == UpdateName::Auto && self.lockstep.is_none()
+        self.update.is_none() && self.lockstep.is_none()
     }
 
     /// How cores are shared on such a device under a policy.
-    pub(crate) fn share(&self, device: DeviceKind, update: Update) -> Threads {
+    pub(crate) fn share(&self, device: DeviceKind, update: Policy) -> Threads {
         let asked = [self.threads, self.builder_threads];
         Threads::share(host::cores(), device, update, asked)
     }
@@ -93,7 +79,7 @@ impl<'a> Ask<'a> {
         self.run.map_or(self.rays, |run| run.query.rays.count())
     }
 
-    /// The first and the last time of all frames, in key frames; the whole motion where no run is known.
+    /// Returns the first and the last time of all frames, in key frames. Returns the whole motion if no run is known.
     pub(crate) fn time_range(&self) -> [f64; 2] {
         let Some(run) = self.run else {
             return [0.0, f64::INFINITY];
@@ -104,17 +90,17 @@ impl<'a> Ask<'a> {
     }
 }
 
-/// The run that something is chosen for.
+/// The run that `auto` chooses for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a> {
     frames: &'a [Frame],
     query: Query<'a>,
 }
 
-/// Something taken, and why; `None` if it was asked for by name.
+/// A choice and its reason; `None` if the user named it.
 type Choice<T> = (T, Option<String>);
 
-/// What `auto` took where nothing was asked for by name.
+/// Returns a choice of `auto` with its reason. Returns `None` if the user named it.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
     Some(Taken {
         what: what.to_owned(),
@@ -126,19 +112,13 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
 /// What is named that a driver with trees of its own does not have. The usual intersector, which nobody need name, stands
 /// for the driver's own.
 pub(crate) fn beyond_drivers(method: MethodArgs, update: UpdateName) -> Option<String> {
-    if update == UpdateName::DeviceRebuild {
-        return Some(format!("update policy '{}'", word(&update)));
+    if let Some(policy) = update.filter(|policy| policy.builds_on_device()) {
+        return Some(format!("update policy '{policy}'"));
     }
     match method.intersector {
-        IntersectorName::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
-        other => Some(format!("intersector '{}'", word(&other))),
+        Intersector::Watertight => layout(method.layout).map(|name| format!("layout '{name}'")),
+        other => Some(format!("intersector '{other}'")),
     }
-}
-
-pub(crate) fn intersector(name: IntersectorName) -> Choice<Intersector> {
-    let why = || "it alone is free of wrong answers by definition".to_owned();
-    let named = word(&name).parse();
-    named.map_or_else(|_| (Intersector::Exact, Some(why())), |named| (named, None))
 }
 
 /// How the tree lies in memory; `None` if it is left to `auto`.
@@ -195,24 +175,17 @@ fn layouts(supports: impl Fn(Method) -> bool, intersector: Intersector) -> Vec<L
     all.filter(|&layout| supports(method(layout))).collect()
 }
 
-/// What is taken, and why this update policy, this intersector, this layout, where it was left open.
-pub(crate) type Settled = (Method, Update, [Option<String>; 3]);
+/// The method and the update policy of a run, with the reasons for the policy and the layout where these were left to `auto`.
+pub(crate) type Settled = (Method, Policy, [Option<String>; 2]);
 
-/// Intersectors that may be wrong, the fastest first (docs/measured.md).
-const FASTEST_FIRST: [Intersector; 3] = [
-    Intersector::Watertight,
-    Intersector::MollerTrumbore,
-    Intersector::Woop,
-];
-
-/// Settles what `ask` leaves open by what `backend` is and how it traces. It comes back, or another of its kind.
+/// Settles what `ask` leaves to `auto`, by facts about `backend` and the run.
 pub(crate) fn settle(
-    backend: Box<dyn Backend>,
-    animation: &Arc<Animation>,
+    backend: &dyn Backend,
+    animation: &Animation,
     ask: &Ask<'_>,
-) -> Result<(Box<dyn Backend>, Settled), Stop> {
-    let (backend, (intersector, why_intersector)) = settle_intersector(backend, animation, ask)?;
-    let capabilities = Capabilities::of(backend.as_ref(), intersector);
+) -> Result<Settled, Stop> {
+    let intersector = ask.method.intersector;
+    let capabilities = Capabilities::of(backend, intersector);
     let (layout, why_layout) = capabilities.layout(ask.method.layout);
     let method = Method {
         intersector,
@@ -225,8 +198,7 @@ pub(crate) fn settle(
         }
         None => ask.update(),
     };
-    let why = [why_update, why_intersector, why_layout];
-    Ok((backend, (method, update, why)))
+    Ok((method, update, [why_update, why_layout]))
 }
 
 fn facts(
@@ -239,8 +211,8 @@ fn facts(
     let device = capabilities.device;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
     let rays = run.query.rays.count();
-    let threads = ask.share(device, Update::Async(Pace::Free));
-    let memory = ExpectedMemory::of(animation, device, (method, Update::DeviceRebuild), rays);
+    let threads = ask.share(device, Policy::Async);
+    let memory = ExpectedMemory::of(animation, device, (method, Policy::DeviceRebuild), rays);
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {
@@ -258,94 +230,6 @@ fn facts(
         threads: threads.render,
         builder_threads: threads.build,
     })
-}
-
-/// The intersector asked for, or the fastest that meets the tolerance; and why.
-fn settle_intersector(
-    backend: Box<dyn Backend>,
-    animation: &Arc<Animation>,
-    ask: &Ask<'_>,
-) -> Result<(Box<dyn Backend>, Choice<Intersector>), Stop> {
-    let usual = intersector(ask.method.intersector);
-    let is_open = ask.method.intersector == IntersectorName::Auto && ask.tolerance > 0.0;
-    let Some(run) = ask.run.filter(|run| is_open && !run.frames.is_empty()) else {
-        return Ok((backend, usual));
-    };
-    let Some(rays) = needed(ask.tolerance) else {
-        let why = "to show so small a tolerance would take too many rays".to_owned();
-        return Ok((backend, (Intersector::Exact, Some(why))));
-    };
-    let sample = sample(&run, rays);
-    let rays = sample.iter().map(|(_, rays)| rays.len() as u64).sum();
-    let answers = |backend, intersector: Intersector| -> Result<_, Stop> {
-        let how = (Method::from(intersector), Update::Refit);
-        let taking = session::take(backend, animation, ask, how)?;
-        let mut driver = session::driver(animation, taking)?;
-        let lists = sample.iter().map(|(time, rays)| (*time, &rays[..]));
-        let answers = trace_lists(&mut driver, run.query.kind, lists)?;
-        Ok((driver.into_backend(), answers))
-    };
-    let (mut backend, exact) = answers(backend, Intersector::Exact)?;
-    let mut found = Vec::new();
-    for intersector in FASTEST_FIRST {
-        let hits;
-        (backend, hits) = answers(backend, intersector)?;
-        let pairs = exact.iter().zip(&hits);
-        let wrong = pairs.map(|(exact, found)| differing(exact, found)).sum();
-        // With 95 % confidence.
-        let most = Rate::of(wrong, rays).map_or(1e6, |rate| rate.high);
-        found.push(format!(
-            "{intersector} {wrong} of {rays} rays wrong, at most {most:.1} a million"
-        ));
-        if most <= ask.tolerance {
-            let why = format!("the fastest within the tolerance ({})", found.join(", "));
-            return Ok((backend, (intersector, Some(why))));
-        }
-    }
-    let why = format!("no other is within the tolerance ({})", found.join(", "));
-    Ok((backend, (Intersector::Exact, Some(why))))
-}
-
-/// Frames of the run whose rays are asked.
-const MOMENTS: usize = 3;
-/// The most rays of a sample.
-const MOST: f64 = (1 << 20) as f64;
-
-/// Rays that it takes to show that at most `tolerance` a million are wrong, if none is seen to be (the rule of three);
-/// with half as many again for a few that are. `None` if they are too many.
-fn needed(tolerance: f64) -> Option<usize> {
-    let rays = 1.5 * 3.0 * 1e6 / tolerance;
-    (rays <= MOST).then_some(rays.ceil() as usize)
-}
-
-/// About `count` rays of a run, at some of its times.
-fn sample(run: &Run<'_>, count: usize) -> Vec<(f64, Vec<Ray>)> {
-    let mut rng = Rng::with_seed(0);
-    let len = run.frames.len();
-    let at = |i: usize| {
-        let time = run.frames[(2 * i + 1) * len / (2 * MOMENTS)].time;
-        let rays = (0..count.div_ceil(MOMENTS)).filter_map(|_| draw(run.query.rays, &mut rng));
-        (time, rays.collect())
-    };
-    (0..MOMENTS).map(at).collect()
-}
-
-fn draw(rays: Rays<'_>, rng: &mut Rng) -> Option<Ray> {
-    match rays {
-        Rays::Camera(camera) => Some(camera.ray(rng.u32(..camera.width), rng.u32(..camera.height))),
-        Rays::List(rays) => rng.choice(rays).copied(),
-        Rays::OnDevice(_) => None,
-    }
-}
-
-/// Rays of which two traces name another triangle, or another shadow.
-fn differing(a: &Hits, b: &Hits) -> u64 {
-    let at = |of: &Hits, i: usize| {
-        let triangle = of.closest.get(i).map(|hit| hit.triangle);
-        (triangle, of.blocked.get(i).copied())
-    };
-    let rays = a.closest.len().max(a.blocked.len());
-    (0..rays).filter(|&i| at(a, i) != at(b, i)).count() as u64
 }
 
 #[cfg(test)]

@@ -1,25 +1,25 @@
-//! Files that are written must be neither files that are read nor each other, and must be such as can be written.
+//! Checks that written files differ from read files and from each other, and that they can be written.
 
 use crate::stop::Stop;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// How the names of a frame's files begin, and of what says what a run is.
+/// Prefixes of the names of a frame's files, and of the files that describe a run.
 const OURS: [&str; 3] = ["frame_", "hits_", "abvh-run"];
 
 type Named<'a> = (&'a str, PathBuf);
 
-/// What a command reads and writes, by the options that name it.
+/// Files that a command reads and writes, with the options that name them.
 #[derive(Default)]
 pub(crate) struct Files<'a> {
     pub(crate) read: Vec<Named<'a>>,
     pub(crate) written: Vec<Named<'a>>,
-    /// Folders that hold the files of frames.
+    /// Folders for the files of frames.
     pub(crate) folders: Vec<Named<'a>>,
 }
 
 impl<'a> Files<'a> {
-    /// What is written by options that may be left out.
+    /// Returns the files that optional arguments write, except standard output.
     pub(crate) fn written(options: &[(&'a str, &Option<PathBuf>)]) -> Self {
         let options = options.iter();
         let given = options.filter_map(|(option, file)| Some((*option, (*file).clone()?)));
@@ -29,7 +29,7 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// Finds out, before any work over these scenes, whether all can be written, and apart from each other.
+    /// Checks, before any work on these scenes, that all files can be written and no file overwrites another.
     pub(crate) fn check(mut self, scenes: &[String]) -> Result<(), Stop> {
         if self.written.is_empty() && self.folders.is_empty() {
             return Ok(());
@@ -43,7 +43,7 @@ impl<'a> Files<'a> {
             output::check_dir(folder).map_err(Stop::bad)?;
         }
         for (_, file) in &self.written {
-            // A folder may be yet to be made.
+            // An output folder may not exist yet.
             let will_be = |dir: &Path| self.folders.iter().any(|(_, folder)| folder == dir);
             let dir = host::parent(file);
             if dir.exists() || !will_be(dir) {
@@ -53,7 +53,7 @@ impl<'a> Files<'a> {
         Ok(())
     }
 
-    /// Refuses to write a file that is read, or written twice.
+    /// Refuses to write a file that is read or written twice.
     pub(crate) fn check_apart(&self) -> Result<(), Stop> {
         for (i, (option, file)) in self.written.iter().enumerate() {
             let Some(place) = place(file) else { continue };
@@ -79,7 +79,7 @@ impl<'a> Files<'a> {
         Ok(())
     }
 
-    /// The option whose folder a place lies in, under a name that is written there.
+    /// Returns the option whose folder contains `place` under a name that the run writes.
     fn folder_of(&self, place: &Path) -> Option<&'a str> {
         let name = place.file_name()?.to_string_lossy();
         let is_ours = OURS.iter().any(|o| name.starts_with(o));
@@ -89,14 +89,14 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Where a file lies or will lie; `None` for devices and pipes, which many may write to.
+/// Returns the absolute path of a file. Returns `None` for devices and pipes, which several options may share.
 fn place(file: &Path) -> Option<PathBuf> {
     let about = fs::metadata(file).ok();
     let is_special = about.is_some_and(|about| !about.is_file() && !about.is_dir());
     (!is_special).then(|| whole(file))
 }
 
-/// A path from the root on, by what exists of it.
+/// Returns the absolute path, with links resolved as far as it exists.
 pub(crate) fn whole(file: &Path) -> PathBuf {
     if let Ok(whole) = fs::canonicalize(file) {
         return whole;

@@ -1,4 +1,4 @@
-//! `abvh conform`: every law on every backend, on the user's own machine.
+//! `abvh conform`: tests every property on every backend of the user's machine.
 
 mod oracle;
 
@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-/// Steps in which the progress of many rays is told.
+/// Number of progress steps for all aimed rays.
 const STEPS: u64 = 20;
 
 pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     }
 }
 
-/// Every law on every subject, against the host on one thread.
+/// Tests every property on every backend, against the host on one thread.
 fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
     let named = |l: &&Law| args.law.is_empty() || args.law.iter().any(|n| n == l.name);
     let laws = |s: &Subject| laws_of(s.as_ref()).iter().filter(named);
@@ -94,7 +94,7 @@ fn laws(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>
     Ok(rows)
 }
 
-/// The command that shows something again.
+/// Returns the command that reproduces a result.
 fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> String {
     let adapter = args.test.adapter.as_deref();
     let adapter = adapter.map_or(String::new(), |a| format!(" --adapter '{a}'"));
@@ -102,7 +102,7 @@ fn command(args: &ConformArgs, scenes: &str, backend: &str, rest: &str) -> Strin
     format!("abvh conform{scenes} --backend {backend}{adapter} --seed {seed} {rest}")
 }
 
-/// Aims rays at closed bodies, if that was asked for.
+/// Aims rays at closed meshes, if requested.
 fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Result<(), Stop> {
     if args.leak_rays == 0 {
         return Ok(());
@@ -134,23 +134,23 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
     Ok(())
 }
 
-/// What was found, as JSON and for people.
+/// All results, for JSON and for text.
 #[derive(Default, Serialize)]
 struct Report {
     #[serde(flatten)]
     tested: Tested,
     seed: u64,
-    /// Cases that each law was to see.
+    /// Cases per property.
     cases: u32,
     leak_rays: u64,
     rows: Vec<PropertyRow>,
-    /// Rays of one sort at one body, by one backend.
+    /// Counts of rays of one sort at one mesh, by one backend.
     leaks: Vec<Value>,
-    /// The first rays that were wrong, each with the command that finds them again.
+    /// The first rays that were wrong, each with the command that reproduces it.
     leak_examples: Vec<String>,
     oracle_rays: u64,
     oracle: Vec<OracleRow>,
-    /// Likewise, rays whose answers are not the oracle's.
+    /// The first rays with answers other than the oracle's, each with the command that reproduces it.
     oracle_examples: Vec<String>,
 }
 
@@ -158,14 +158,14 @@ struct Report {
 struct PropertyRow {
     law: &'static str,
     backend: &'static str,
-    /// Cases that held, up to the first that did not.
+    /// Number of cases that passed before the first failure.
     held: u32,
     disagreement: Option<String>,
     reproduce: Option<String>,
     seconds: f64,
 }
 
-/// What is told of rays of one sort at one body, in the file and in a table.
+/// Columns for rays of one sort at one mesh, in the file and in a table.
 const LEAKS: &str = "backend body aim side offset rays leaks counted miscounts";
 
 fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
@@ -190,7 +190,7 @@ fn leak_row(backend: &str, row: &leaks::LeakRow) -> Value {
 }
 
 impl Report {
-    /// Laws broken, sorts of rays that leak, and kinds of meshes of which the oracle says otherwise.
+    /// Returns the number of failed properties, leaking sorts of rays, and kinds of meshes with wrong answers.
     fn failures(&self) -> usize {
         let broken = self.rows.iter().filter(|r| r.disagreement.is_some());
         let leaks = |r: &&Value| r["leaks"] != 0 || r["miscounts"] != 0;
@@ -219,7 +219,7 @@ impl Report {
         text
     }
 
-    /// Laws down, backends across.
+    /// Formats properties as rows and backends as columns.
     fn law_table(&self) -> String {
         let held = |law: &str, backend: &str| {
             let this = |r: &&PropertyRow| (r.law, r.backend) == (law, backend);
@@ -234,7 +234,7 @@ impl Report {
             let law = ("law", law.replace('_', " "));
             [law].into_iter().chain(held).collect()
         };
-        // In the order in which they are tried.
+        // In the order of the tests.
         let mut seen = BTreeSet::new();
         let laws = self
             .rows
@@ -273,7 +273,7 @@ mod tests {
         tested.names.extend(["x", "y"]);
         Report {
             tested,
-            // In the order in which they are tried.
+            // In the order of the tests.
             rows: vec![
                 row("x", "a_b", None),
                 row("x", "c_d", None),

@@ -1,36 +1,36 @@
-//! Which frames of a run: from what was asked for, and which share of it, to times.
+//! Lists the frames of a run and of its shards, with their times.
 
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, counted};
 use crate::values::TimeRange;
 use pipeline::Frame;
 
-/// What the name of every demo begins with.
+/// Prefix of the name of every demo.
 pub(crate) const DEMO: &str = "demo:";
-/// Frames of a demo unless asked otherwise: two seconds of film.
+/// Default number of frames of a demo: two seconds of film.
 const DEMO_FRAMES: usize = 48;
-/// The most frames of anything else unless asked otherwise.
+/// Maximum default number of frames of other scenes.
 const MOST_FRAMES: usize = 96;
 
 const MAX_FRAMES: usize = 1_000_000;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Frames {
-    /// So many, spread evenly over the time range.
+    /// A number of frames, spread evenly over the time range.
     Count(usize),
-    /// Those at these key times, in this order.
+    /// Frames at these key times, in this order.
     Keys(Vec<usize>),
 }
 
 /// One block of a list of frames that is divided evenly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// Which block, from 1 on.
+    /// Number of the block, from 1.
     pub(crate) number: usize,
     pub(crate) of: usize,
 }
 
-/// `N` or `A..B`.
+/// Parses `N`, `A..B` or a list of key times.
 pub(crate) fn frames(text: &str) -> Result<Frames, String> {
     let frames = match text.contains(['.', ',', '-']) {
         false => Frames::Count(whole(text)?),
@@ -55,7 +55,7 @@ fn too_many(n: usize) -> String {
     format!("{n} frames are more than the limit of {MAX_FRAMES}")
 }
 
-/// `A..B`, or numbers and ranges `A-B` and `A-BxSTEP` with commas between them; each key time once.
+/// Parses `A..B`, or numbers and ranges `A-B` and `A-BxSTEP` separated by commas. Each key time may occur once.
 fn key_times(text: &str) -> Result<Vec<usize>, String> {
     let mut keys = Vec::new();
     for part in text.split(',').filter(|part| !part.is_empty()) {
@@ -74,7 +74,7 @@ fn key_times(text: &str) -> Result<Vec<usize>, String> {
     }
 }
 
-/// First, one past the last, step.
+/// Returns the first number, one past the last, and the step.
 fn range(part: &str) -> Result<(usize, usize, usize), String> {
     if let Some((a, b)) = part.split_once("..") {
         let (from, to) = (whole(a)?, whole(b)?);
@@ -98,7 +98,7 @@ fn range(part: &str) -> Result<(usize, usize, usize), String> {
     }
 }
 
-/// `I/N`, from 1 on, or `auto`: from the variables that Slurm sets for each task of an array.
+/// Parses `I/N`, counted from 1, or `auto`: from the variables that Slurm sets for each task of an array.
 pub(crate) fn shard(text: &str) -> Result<Shard, String> {
     if text == "auto" {
         return slurm_shard(&|name| std::env::var(name).ok());
@@ -132,8 +132,8 @@ fn slurm_shard(variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard, Strin
     }
 }
 
-/// The frames to render of a motion with `keys` key frames. Those at key times have these for numbers, others are
-/// numbered from 0 on.
+/// Returns the frames to render of a motion with `keys` key frames. Frames at key times are numbered by key time,
+/// others from 0.
 pub(crate) fn list(
     frames: Option<&Frames>,
     range: Option<TimeRange>,
@@ -175,7 +175,7 @@ pub(crate) fn is_demo(scene: &str) -> bool {
     scene.starts_with(DEMO)
 }
 
-/// The frames of one of several blocks of about equal size.
+/// Returns the frames of one of several blocks of about equal size.
 pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
     let Some(Shard { number, of }) = shard else {
         return frames.to_vec();
@@ -184,7 +184,7 @@ pub(crate) fn of_shard(frames: &[Frame], shard: Option<Shard>) -> Vec<Frame> {
     frames[end(number - 1)..end(number)].to_vec()
 }
 
-/// A moment that lies within the motion.
+/// Checks that a time is within the motion.
 pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> {
     let end = (keys - 1) as f64;
     if (0.0..=end).contains(&time) {
@@ -195,7 +195,7 @@ pub(crate) fn moment(option: &str, time: f64, keys: usize) -> Result<f64, Stop> 
     )))
 }
 
-/// How many frames are spread over which stretch, where they are not at key times.
+/// Returns the number of frames and the time range for frames that are not at key times.
 pub(crate) fn spread_over(
     frames: Option<&Frames>,
     range: Option<TimeRange>,
@@ -207,13 +207,13 @@ pub(crate) fn spread_over(
         (Some(Frames::Count(n)), _) => *n,
         (_, 0.0) => 1,
         _ if is_demo => DEMO_FRAMES,
-        // One a key frame where that is few enough.
+        // One per key frame, up to a limit.
         (_, keys) => (keys.min(MOST_FRAMES as f64) as usize + 1).clamp(2, MOST_FRAMES),
     };
     (count, [from, to])
 }
 
-/// `n` times over the range, both ends included; whole times stay whole where they are hit.
+/// Returns `n` times over the range, both ends included. Times of key frames are exact.
 fn spread([from, to]: TimeRange, n: usize) -> Vec<f64> {
     let steps = (n.max(2) - 1) as f64;
     let at = |i: usize| from + (to - from) * i as f64 / steps;

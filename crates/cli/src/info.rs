@@ -1,4 +1,4 @@
-//! `abvh info`: this build and this machine.
+//! `abvh info`: describes this build and this machine.
 
 use crate::args::BackendName;
 use crate::open::{self, Presence};
@@ -38,7 +38,7 @@ pub(crate) fn run(json: bool) -> Result<(), Stop> {
     }
 }
 
-/// `abvh doctor`: exit code 1 where no GPU can be used.
+/// `abvh doctor`: fails with exit code 1 if no GPU can be used.
 pub(crate) fn doctor() -> Result<(), Stop> {
     let found = abvh::doctor();
     if !found.gpus.is_empty() {
@@ -52,7 +52,7 @@ pub(crate) fn doctor() -> Result<(), Stop> {
     ))
 }
 
-/// Opened indeed: a GPU that fails its test when it is opened is not taken.
+/// Returns the backend that `auto` chooses. Opens it, since a GPU that fails its test at opening is not chosen.
 fn what_auto_takes() -> Result<Option<Taken>, Stop> {
     let name = |backend: Box<dyn Backend>| Ok(backend.device().backend);
     let (name, why) = open::open(BackendName::Auto, (None, 1), name)?;
@@ -105,7 +105,7 @@ fn table(rows: &[[String; 2]], columns: u16) -> String {
     table.trim_fmt() + "\n"
 }
 
-/// The processor's own name, where the system tells.
+/// Returns the processor's name, if the system reports it.
 pub(crate) fn cpu_model() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = text.lines().find(|l| l.starts_with("model name"))?;

@@ -1,14 +1,13 @@
-//! `abvh inspect`: a scene's size and motion, how refitting decays, and what `auto` takes. `--reduce-keys`: how few key
-//! frames stand for all of them.
+//! `abvh inspect`: describes a scene's size and motion, the growth of its refit cost, and the choices of `auto`.
+//! `--reduce-keys` finds the fewest key frames that represent the motion.
 
-use crate::args::{
-    BackendName, InspectArgs, IntersectorName, LayoutName, MethodArgs, Tolerance, UpdateName,
-};
+use crate::args::{BackendName, InspectArgs, LayoutName, MethodArgs, Tolerance};
 use crate::bench::FOV;
 use crate::choose::Ask;
 use crate::stop::Stop;
 use crate::table::{KEY_FRAMES, TRIANGLES, counted, grouped, table};
 use crate::{frames, session, talk};
+use backend::Intersector;
 use geom::{Animation, Point};
 use output::Taken;
 use pipeline::{Decay, Motion, Spread};
@@ -20,9 +19,9 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Times at which the first tree is compared with a fresh one.
+/// Number of times at which the first tree is compared with a fresh one.
 const SAMPLES: usize = 5;
-/// Pixels of a frame of `render`, unless asked otherwise.
+/// Default frame size of `render`, in pixels.
 const SIZE: [u32; 2] = [1280, 720];
 
 #[derive(Serialize)]
@@ -60,15 +59,14 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Stop> {
     }
 }
 
-/// What `render` would take if all were left to `auto`.
+/// Returns what `render` would choose if everything were `auto`.
 fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec<Taken>, Stop> {
     let is_demo = frames::is_demo(&args.scene);
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
-    let method = MethodArgs::of(IntersectorName::Auto, LayoutName::Auto);
-    let mut ask = Ask::of(BackendName::Auto, method, UpdateName::Auto);
-    ask.tolerance = args.tolerance.ppm();
+    let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
+    let mut ask = Ask::of(BackendName::Auto, method, None);
     if let Some(camera) = &camera {
         ask = ask.over(&frames, shading::query((camera, view.light)));
     }
@@ -125,8 +123,8 @@ fn decay_table(decay: &[Decay]) -> String {
     table(decay.iter().map(row), 0)
 }
 
-/// What was rendered, and what else its source told. `live` triangles are active in some key frame. Those that never move
-/// are interpolated, preprocessed and refitted once.
+/// Describes a scene and its source. `live` triangles are active in some key frame. Triangles that never move are
+/// interpolated, preprocessed and refitted once.
 pub(crate) fn scene_facts(scene: &Scene) -> Value {
     let (animation, facts) = (&scene.animation, &scene.facts);
     json!({
@@ -166,7 +164,7 @@ fn before_after<S: Serializer>([before, after]: &[usize; 2], to: S) -> Result<S:
     json!({ "before": before, "after": after }).serialize(to)
 }
 
-/// Reduces, says so, and writes what is left if asked to.
+/// Reduces the key frames, prints the result, and writes the remaining key frames if requested.
 fn run_reduction(args: &InspectArgs, tolerance: Tolerance) -> Result<(), Stop> {
     let scene = scene::open(&args.scene, &args.source.options())?;
     if scene.animation.times().is_some() {
@@ -196,7 +194,7 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     };
     let all = animation.all_keys().map_err(Stop::bad)?;
     let kept = Reducer::new(&all).fewest(tolerance);
-    // Played once more, and measured against all of the original.
+    // Measure the blends against all of the original key frames.
     let fit = keys::measure(&all, &kept);
     if fit.max_error > tolerance {
         let (kept, off) = (counted(kept.len(), KEY_FRAMES), fit.max_error);
@@ -218,7 +216,7 @@ fn reduce(scene: &Scene, tolerance: Tolerance) -> Result<Reduction, Stop> {
     })
 }
 
-/// Makes the directory; key frames that lie there already would be taken for some of these.
+/// Creates the directory. Refuses one that contains meshes, since they would be read as key frames.
 fn prepare(dir: &Path) -> Result<(), Stop> {
     output::prepare_dir(dir).map_err(Stop::bad)?;
     let list = fs::read_dir(dir).map_err(|e| Stop::bad(format!("{}: {e}", dir.display())))?;
@@ -237,7 +235,7 @@ fn prepare(dir: &Path) -> Result<(), Stop> {
     }
 }
 
-/// One PLY file a kept frame, and last the times they stand at.
+/// Writes one PLY file per remaining key frame, then the times of all.
 fn write(dir: &Path, scene: &Scene, reduction: &Reduction) -> Result<(), Stop> {
     let animation = &scene.animation;
     let mut frames = Vec::new();

@@ -1,6 +1,6 @@
 //! `abvh`: a ray tracer for moving, deforming triangle scenes.
 //!
-//! One file a command. `args` is the command line, and `stop` turns errors into one line and an exit code.
+//! One file per command. `args` parses the command line, and `stop` turns errors into one line and an exit code.
 
 mod args;
 mod bench;

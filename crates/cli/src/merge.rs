@@ -1,4 +1,4 @@
-//! `abvh merge`: whether the shards of a run are all there, and their statistics as one.
+//! `abvh merge`: checks that all shards of a run are complete, and merges their statistics.
 
 use crate::args::MergeArgs;
 use crate::conflicts::Files;
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
         return Err(Stop::failed(absent(&missing, list.len())));
     }
     let heads = folders.iter().filter_map(|(_, done)| done.stats.as_ref());
-    // Shards without frames know of no device.
+    // The statistics of shards without frames name no device.
     let stats = heads
         .max_by_key(|stats| stats["backend"].is_string())
         .cloned();
@@ -56,14 +56,14 @@ pub(crate) fn run(args: &MergeArgs) -> Result<(), Stop> {
     talk::print(&format!("all {} frames are there, whole\n", rows.len()))
 }
 
-/// What statistics say of a run that wrote nothing else.
+/// Describes a run in the statistics of a run that wrote no other files.
 #[derive(Deserialize)]
 struct Run {
     manifest: Manifest,
     list: Vec<u64>,
 }
 
-/// A run that wrote statistics alone.
+/// Reads a run that wrote only statistics.
 fn read_stats(file: &Path) -> Result<(Manifest, Finished), Stop> {
     let name = file.display();
     let bytes = host::read(file).map_err(|e| Stop::bad(format!("cannot read {name}: {e}")))?;
@@ -91,7 +91,7 @@ fn read_folder(folder: &Path) -> Result<(Manifest, Finished), Stop> {
     Ok((manifest, Finished::in_folder(folder).map_err(Stop::bad)?))
 }
 
-/// What folders and files hold that are of one run.
+/// Reads folders and files of statistics, which must belong to one run.
 fn read(runs: &[PathBuf]) -> Result<Vec<(PathBuf, Finished)>, Stop> {
     let mut first: Option<(&PathBuf, Manifest)> = None;
     let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! Backends by their names on the command line; those that are put to the test, and those that cannot be.
+//! Opens backends by their names on the command line, and those that a test runs on.
 
 use crate::args::{BackendName, TestArgs, word};
 use crate::info;
@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
-/// Opens a backend, on the adapter meant by an index or by part of its name, with so many host threads if it computes on
-/// them; and makes it ready. Never takes another than the one named; `auto` passes over those that cannot be made ready,
-/// and says why it took what it took.
+/// Opens `backend` and calls `ready` with it. `adapter` is an index or part of a name. `threads` is the number of host
+/// threads for a backend that computes on the host. A named backend is never replaced by another. `auto` skips backends
+/// that fail to open or to become ready, and returns the reason for its choice.
 pub(crate) fn open<T>(
     backend: BackendName,
     (adapter, threads): (Option<&str>, usize),
@@ -35,7 +35,7 @@ pub(crate) fn open<T>(
     }
 }
 
-/// Likewise, as it is.
+/// Opens a backend without further preparation.
 pub(crate) fn bare(
     backend: BackendName,
     adapter: Option<&str>,
@@ -44,12 +44,12 @@ pub(crate) fn bare(
     Ok(open(backend, (adapter, threads), Ok)?.0)
 }
 
-/// A backend, and why `auto` took it.
+/// A backend, and the reason why `auto` chose it.
 type Opened = (Box<dyn Backend>, Option<String>);
 
-/// A backend that is opened on a thread of its own, which takes long. Whoever drops it waits for the thread's end, since
-/// drivers do not like a process to end meanwhile: NVIDIA's has something to do even then, for 9 ms. By default it is not
-/// begun.
+/// A backend that is opened on its own thread, because opening takes long. Dropping it joins the thread, since drivers
+/// may fail if the process ends while they work. NVIDIA's driver still works for 9 ms at that point. By default,
+/// opening has not begun.
 #[derive(Default)]
 pub(crate) struct Opening {
     opened: Option<Receiver<Result<Opened, Stop>>>,
@@ -57,12 +57,12 @@ pub(crate) struct Opening {
 }
 
 impl Opening {
-    /// Begins as [`open`] would, if there is a thread to be had.
+    /// Starts to open a backend as [`open`] would. Does nothing if no thread can be started.
     pub(crate) fn begin(backend: BackendName, (adapter, threads): (Option<&str>, usize)) -> Self {
         let adapter = adapter.map(str::to_owned);
         let (sender, opened) = channel();
         let open = move || {
-            // Nobody waits for it if the run has failed.
+            // Sending fails if the run has failed and dropped the receiver.
             let _ = sender.send(open(backend, (adapter.as_deref(), threads), Ok));
         };
         let thread = std::thread::Builder::new().spawn(open).ok();
@@ -82,7 +82,7 @@ impl Opening {
         }
     }
 
-    /// What came of it; `None` if it was never begun, or if that was told before.
+    /// Waits for the result. Returns `None` if opening never began or the result was taken before.
     pub(crate) fn wait(&mut self) -> Option<Result<Opened, Stop>> {
         let opened = self.opened.take()?.recv();
         if opened.is_err() {
@@ -99,11 +99,11 @@ impl Drop for Opening {
     }
 }
 
-/// Whether a backend can run here, and what it can do.
+/// Availability and capabilities of a backend on this machine.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
     pub(crate) backend: &'static str,
-    /// Why it cannot run; `None` if it can.
+    /// Reason why the backend is unavailable; `None` if it can run.
     pub(crate) absent: Option<String>,
     #[serde(serialize_with = "serialize")]
     pub(crate) adapters: Vec<AdapterInfo>,
@@ -113,7 +113,7 @@ pub(crate) struct Presence {
     pub(crate) own_trees: bool,
 }
 
-/// As JSON tells of them.
+/// Serializes adapters to JSON.
 fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Error> {
     let limit = |(name, value): &(_, _)| json!({ "name": name, "value": value });
     to.collect_seq(all.iter().map(|adapter| {
@@ -127,7 +127,7 @@ fn serialize<S: Serializer>(all: &[AdapterInfo], to: S) -> Result<S::Ok, S::Erro
     }))
 }
 
-/// All backends, present or absent, in the order in which `auto` looks at them.
+/// Returns all backends, available or not, in the order in which `auto` tries them.
 pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
     KNOWN.iter().map(|known| {
         let found = known.adapters();
@@ -149,7 +149,7 @@ pub(crate) fn has_own_trees(backend: BackendName) -> bool {
     known(&word(&backend)).is_some_and(|known| known.has_own_trees)
 }
 
-/// Whether a backend can make a tree in each frame, as far as is known while it is not open.
+/// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
 pub(crate) fn makes_trees(backend: BackendName) -> bool {
     backend != BackendName::Cpu
 }
@@ -157,10 +157,10 @@ pub(crate) fn makes_trees(backend: BackendName) -> bool {
 /// What stands for the intersector and the layout of such a backend.
 pub(crate) const DRIVERS: &str = "driver";
 
-/// A backend that is put to the test.
+/// A backend under test.
 pub(crate) type Subject = Box<dyn Backend>;
 
-/// What every report of a test begins with.
+/// Common part of all test reports.
 #[derive(Default, Serialize)]
 pub(crate) struct Tested {
     schema: u32,
@@ -169,10 +169,10 @@ pub(crate) struct Tested {
     machine: Value,
     backends: Vec<Value>,
     absent: Vec<Value>,
-    /// Backends that were put to the test.
+    /// Names of the backends under test.
     #[serde(skip)]
     pub(crate) names: Vec<&'static str>,
-    /// One line for each backend, present or absent.
+    /// One line for each backend, available or not.
     #[serde(skip)]
     pub(crate) text: String,
 }

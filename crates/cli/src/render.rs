@@ -1,4 +1,4 @@
-//! `abvh render`: an animation to pictures, hits and statistics.
+//! `abvh render`: renders an animation to pictures, hits and statistics.
 
 use crate::args::RenderArgs;
 use crate::conflicts::Files;
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     let camera = camera(&view, args.size)?;
     let query = shading::query((&camera, view.light));
     let ask = asked.over(&frames, query);
-    // Its encoder starts while the device is opened.
+    // The encoder starts while the device is opened.
     let videos = [&args.video, &args.y4m].map(Option::as_deref);
     let video = Video::begin(videos, args.size, args.source.fps).map_err(Stop::bad)?;
     let (mut tracer, setup) = session::start(&scene, &ask, &mut opening)?;
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
         let offset = scene.facts.offset;
         output::write_rays(file, camera.pixels(), camera.rays(), offset).inspect_err(tidy)?;
     }
-    // A video is made of all frames, also of those whose files are whole.
+    // A video needs all frames, including those whose files are complete.
     let (old, todo) = match outputs.video.any() {
         true => (Vec::new(), frames),
         false => earlier.divide(frames, &outputs),
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Stop> {
     tell(args, &results(args, &scene, &setup, &rows))
 }
 
-/// There are more shards than frames: the folders say what run this is.
+/// Handles a shard without frames, if there are more shards than frames. The folders still describe the run.
 fn no_frames(
     args: &RenderArgs,
     scene: &Scene,
@@ -113,7 +113,7 @@ fn no_frames(
     tell(args, why)
 }
 
-/// Refuses to write what would overwrite something, or cannot be written.
+/// Refuses to write files that would overwrite others or that cannot be written.
 fn check_files(args: &RenderArgs) -> Result<(), Stop> {
     let images = (!args.no_images).then(|| ("--out", args.out.clone()));
     let hits = args.hits.clone().map(|dir| ("--hits", dir));
@@ -130,21 +130,20 @@ fn check_files(args: &RenderArgs) -> Result<(), Stop> {
     files.check(std::slice::from_ref(&args.scene))
 }
 
-/// What the run wants of a backend, as long as its frames are not known.
+/// Returns the request for a backend, before the frames are known.
 fn ask(args: &RenderArgs) -> Ask<'_> {
     Ask {
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
         lockstep: args.lockstep,
-        tolerance: args.tolerance.ppm(),
         rays: values::pixels(args.size),
         predict: args.predict,
         ..Ask::of(args.device.backend, args.method, args.update)
     }
 }
 
-/// Results go to standard output, unless statistics or a video go there.
+/// Prints results to standard output, or to standard error if statistics or a video use standard output.
 fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
     let files = [&args.stats, &args.y4m].map(Option::as_deref);
     if !files.contains(&Some(Path::new("-"))) {
@@ -156,7 +155,7 @@ fn tell(args: &RenderArgs, text: &str) -> Result<(), Stop> {
     Ok(())
 }
 
-/// All files are there: statistics alone are written, of earlier runs.
+/// Writes only statistics, from the results of earlier runs. All other files are complete.
 fn nothing_left(args: &RenderArgs, earlier: &Earlier, rows: &[FrameStats]) -> Result<(), Stop> {
     if let (Some(file), Some(stats)) = (&args.stats, earlier.stats(rows)) {
         resume::write_stats(file, &stats)?;
@@ -205,7 +204,7 @@ fn camera(view: &View, size: [u32; 2]) -> Result<Camera, Stop> {
     })
 }
 
-/// Renders every frame and writes its files; one row each.
+/// Renders every frame and writes its files. Returns one row per frame.
 fn trace_all(
     args: &RenderArgs,
     shown @ (scene, camera, light): (&Scene, &Camera, Point),
@@ -259,7 +258,7 @@ fn results(args: &RenderArgs, scene: &Scene, setup: &Setup, rows: &[FrameStats])
     text
 }
 
-/// Statistics without frames.
+/// Returns the statistics without frames.
 fn head(args: &RenderArgs, scene: &Scene, setup: &Setup) -> Value {
     let mut head = json!(setup);
     head["schema"] = json!(SCHEMA);

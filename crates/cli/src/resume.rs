@@ -1,4 +1,4 @@
-//! What an earlier run left in the folders of this one, and what is still to be done.
+//! Frames that an earlier run left in the output folders, and the frames that remain.
 
 use crate::args::{RenderArgs, word};
 use crate::open::has_own_trees;
@@ -18,7 +18,8 @@ pub(crate) struct Earlier {
 }
 
 impl Earlier {
-    /// Looks into the folders of a run, before anything is loaded. None may hold another run that is not to be overwritten.
+    /// Reads the output folders, before anything is loaded. Fails if a folder contains another run, unless
+    /// `--overwrite` is set.
     pub(crate) fn look(args: &RenderArgs, outputs: &Outputs) -> Result<Self, Stop> {
         let (mut folders, mut earlier) = (Vec::new(), None);
         for folder in outputs.folders() {
@@ -45,7 +46,7 @@ impl Earlier {
         })
     }
 
-    /// The rows of frames all of whose files are whole, and the other frames.
+    /// Returns the rows of frames whose files are all complete, and the other frames.
     pub(crate) fn divide(
         &self,
         frames: Vec<Frame>,
@@ -72,7 +73,7 @@ impl Earlier {
         row.cloned()
     }
 
-    /// The rows of all frames, if nothing is left to be done: then nothing needs to be loaded.
+    /// Returns the rows of all frames if all are complete, so that nothing needs to be loaded.
     pub(crate) fn finished(
         &self,
         args: &RenderArgs,
@@ -95,7 +96,7 @@ impl Earlier {
         Some(joined(finished.stats.clone()?, rows))
     }
 
-    /// Makes the folders say what this run is, and begins a journal in each.
+    /// Writes the manifest to all folders, and begins a journal in each.
     pub(crate) fn begin(
         self,
         args: &RenderArgs,
@@ -117,7 +118,7 @@ impl Earlier {
     }
 }
 
-/// All frames of a run over a motion with so many whole times.
+/// Returns all frames of a run over a motion with `key_times` key times.
 pub(crate) fn listed(args: &RenderArgs, key_times: usize) -> Result<Vec<Frame>, Stop> {
     let is_demo = frames::is_demo(&args.scene);
     frames::list(args.frames.as_ref(), args.time_range, key_times, is_demo)
@@ -127,7 +128,7 @@ pub(crate) fn numbers(list: &[Frame]) -> Vec<u64> {
     list.iter().map(|f| f.index).collect()
 }
 
-/// Statistics of a run that writes nothing else carry what `merge` otherwise finds in folders.
+/// Adds the manifest and the list of frames to the statistics of a run that writes nothing else, for `merge`.
 pub(crate) fn alone(
     mut stats: Value,
     outputs: &Outputs,
@@ -139,7 +140,7 @@ pub(crate) fn alone(
     stats
 }
 
-/// Statistics with these rows, in the order of frames.
+/// Returns statistics with these rows, in the order of frames.
 pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
     let mut rows = rows.to_vec();
     rows.sort_by_key(|row| row.frame);
@@ -149,7 +150,7 @@ pub(crate) fn joined(mut stats: Value, rows: &[FrameStats]) -> Value {
     stats
 }
 
-/// Writes statistics, to standard output for `-`.
+/// Writes statistics to a file, or to standard output for `-`.
 pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
     match file.as_os_str() == "-" {
         true => talk::print_json(stats),
@@ -157,10 +158,10 @@ pub(crate) fn write_stats(file: &Path, stats: &Value) -> Result<(), Stop> {
     }
 }
 
-/// The manifest of a run over a motion with so many whole times.
+/// Returns the manifest of a run over a motion with `key_times` key times.
 pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, Stop> {
     let files = scene::files(&args.scene)?;
-    // Where a file lies decides nothing, but how inputs are placed does.
+    // The folder of a file has no effect, but the placement of inputs does.
     let is_placed = args.scene.contains(['+', '@']);
     let name = (files.is_empty() || is_placed).then(|| args.scene.clone());
     let files = output::digests(&files).map_err(Stop::bad)?;
@@ -174,9 +175,8 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
 }
 
 fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
-    let intersector = word(&args.method.intersector);
     // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = matches!(&*intersector, "watertight" | "exact");
+    let is_robust = args.method.intersector.is_equal_across_backends();
     let mut all = BTreeMap::from([
         ("size", json!(args.size)),
         ("eye", json!(args.eye)),
@@ -186,10 +186,10 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
         ("light", json!(args.light)),
         ("fps", json!(args.source.fps)),
         ("clip", json!(args.source.clip)),
-        // How the default view frames the scene follows from it.
+        // The default view depends on it.
         ("key-memory", json!(args.source.key_memory)),
         ("frames", frames_value(args, key_times)),
-        ("intersector", json!(intersector)),
+        ("intersector", json!(args.method.intersector.name())),
     ]);
     if args.source.recentre {
         all.insert("recentre", json!(true));
@@ -197,13 +197,12 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     if !is_robust || has_own_trees(args.device.backend) {
         all.insert("backend", json!(word(&args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
-        all.insert("tolerance", json!(format!("{:?}", args.tolerance)));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);
     all.into_iter().map(owned).collect()
 }
 
-/// Frames at key times are what they are whichever others are asked for; of others, their number decides their times.
+/// The times of frames at key times do not depend on other frames. The times of other frames depend on their number.
 fn frames_value(args: &RenderArgs, key_times: usize) -> Value {
     if let Some(Frames::Keys(_)) = args.frames {
         return json!("key times");

@@ -1,25 +1,24 @@
-//! A tracer set up as asked, ready for its first frame; to measure, the library's own driver.
+//! Sets up a tracer as requested, ready for its first frame. Commands that measure get the library's driver instead.
 
-use crate::args::{BackendName, IntersectorName, LayoutName, MethodArgs};
+use crate::args::{BackendName, LayoutName, MethodArgs};
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Intersector, Method, Policy, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;
 use output::Taken;
 use pipeline::{
-    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Pace, Update, Wanted,
-    trees_bytes,
+    Answers, BuilderThreads, Driver, DriverOptions, ExpectedMemory, Frame, Wanted, trees_bytes,
 };
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Who works how.
+/// Device, threads and methods of a run.
 #[derive(Clone, Serialize)]
 pub(crate) struct Setup {
     pub(crate) backend: &'static str,
@@ -28,22 +27,22 @@ pub(crate) struct Setup {
     pub(crate) threads: usize,
     pub(crate) builder_threads: usize,
     pub(crate) update: &'static str,
-    /// Frames between asking for a tree and taking it up, where fixed.
+    /// Fixed number of frames between the request and the adoption of a tree.
     pub(crate) lockstep: Option<u32>,
-    /// With `async`: whether trees are built for what comes.
+    /// With `async`: whether trees are built for predicted positions.
     pub(crate) predict: Option<bool>,
     pub(crate) intersector: &'static str,
     pub(crate) layout: &'static str,
-    /// What was left to `auto`.
+    /// Choices of `auto`.
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
     pub(crate) memory: ExpectedMemory,
-    /// The same in one line.
+    /// All of this in one line.
     #[serde(skip)]
     pub(crate) caption: String,
 }
 
-/// Begins to open the backend that is asked for, while the scene is read, where that takes long.
+/// Starts to open the requested backend while the scene is read, if opening takes long.
 pub(crate) fn begin(ask: &Ask<'_>) -> Opening {
     match ask.backend {
         BackendName::Cpu => Opening::default(),
@@ -51,13 +50,13 @@ pub(crate) fn begin(ask: &Ask<'_>) -> Opening {
     }
 }
 
-/// The adapter, and threads of the host if that traces.
+/// Returns the adapter, and the number of host threads that trace if the host is the device.
 fn on<'a>(ask: &Ask<'a>) -> (Option<&'a str>, usize) {
     let host = ask.share(DeviceKind::Cpu, ask.update().0);
     (ask.adapter, host.render)
 }
 
-/// Settles what is left to `auto`, and loads the scene on the backend that is being opened.
+/// Makes the choices of `auto`, and loads the scene on the backend that is being opened.
 pub(crate) fn start(
     scene: &Scene,
     ask: &Ask<'_>,
@@ -72,7 +71,7 @@ pub(crate) fn start(
     start_by(&scene.animation, ask, opening, load)
 }
 
-/// Settles what is left to `auto`, and loads the scene for a driver, which measures each stage.
+/// Makes the choices of `auto`, and loads the scene for a driver, which measures each stage.
 pub(crate) fn start_driver(
     animation: &Arc<Animation>,
     ask: &Ask<'_>,
@@ -90,18 +89,10 @@ pub(crate) fn start_driver_on(
     start_by(animation, ask, &mut opening, load)
 }
 
-/// The library's words for what a driver is to do.
+/// Returns the library's builder for the options of a driver.
 fn builder(options: DriverOptions) -> Builder {
-    let update = match options.update {
-        Update::Rebuild => abvh::Update::Rebuild,
-        Update::Refit => abvh::Update::Refit,
-        Update::Async(Pace::Free) => abvh::Update::Async,
-        Update::Async(Pace::Lockstep(frames)) => abvh::Update::Lockstep(frames),
-        Update::TSah => abvh::Update::TSah,
-        Update::DeviceRebuild => abvh::Update::DeviceRebuild,
-    };
     Tracer::builder()
-        .update(update)
+        .update(options.update)
         .intersector(options.method.intersector)
         .layout(options.method.layout)
         .time_range(options.time_range)
@@ -118,19 +109,20 @@ fn start_by<T>(
     check_trees(animation.triangle_count(), rays)?;
     let ask = &for_backend(ask)?;
     let ready = |backend: Box<dyn Backend>| {
-        let (backend, (method, update, why)) = choose::settle(backend, animation, ask)?;
+        let (method, update, why) = choose::settle(backend.as_ref(), animation, ask)?;
         let taking = take(backend, animation, ask, (method, update))?;
         let device = taking.0.device().clone();
         Ok((load(taking)?, device, method, update, why))
     };
     let opened = opening.wait().transpose()?;
     let first = opened.map(|(backend, why)| Ok((ready(backend)?, why)));
-    // Where `auto` chose, there may be another that can be made ready.
+    // If `auto` chose the backend, another one may become ready.
     let first = first.filter(|first| first.is_ok() || ask.backend != BackendName::Auto);
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
     let (traces, device, method, update, reasons) = opened;
-    let [why_update, mut why_intersector, mut why_layout] = reasons;
+    let [why_update, mut why_layout] = reasons;
+    let mut why_intersector = None;
     let threads = ask.share(device.kind, update);
     let (mut intersector, mut layout) = (method.intersector.name(), method.layout.name());
     if open::has_own_trees(ask.backend) {
@@ -151,11 +143,8 @@ fn start_by<T>(
         threads: threads.render,
         builder_threads: threads.build,
         update: update.name(),
-        lockstep: match update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        },
-        predict: matches!(update, Update::Async(_)).then_some(ask.predict),
+        lockstep: update.lockstep(),
+        predict: update.builds_beside_frames().then_some(ask.predict),
         intersector,
         layout,
         auto: taken.into_iter().flatten().collect(),
@@ -183,13 +172,13 @@ pub(crate) fn for_backend<'a>(ask: &Ask<'a>) -> Result<Ask<'a>, Stop> {
     Ok(Ask {
         run: None,
         rays: ask.rays(),
-        method: MethodArgs::of(IntersectorName::Watertight, LayoutName::Auto),
+        method: MethodArgs::of(Intersector::Watertight, LayoutName::Auto),
         ..*ask
     })
 }
 
 impl Setup {
-    /// So many threads of the host render.
+    /// Formats the setup. `threads` host threads render.
     fn in_one_line(&self, threads: usize) -> String {
         let lockstep = self.lockstep.map(|k| format!(" lockstep {k}"));
         let lockstep = lockstep.unwrap_or_default();
@@ -211,7 +200,7 @@ impl Setup {
     }
 }
 
-/// Traces lists of rays one after the other, each at its time.
+/// Traces lists of rays in order, each at its time, and returns their hits.
 pub(crate) fn trace_lists<'a>(
     driver: &mut Driver,
     kind: QueryKind,
@@ -227,13 +216,10 @@ pub(crate) fn trace_lists<'a>(
     (0..).zip(lists).map(trace).collect()
 }
 
-/// A backend that has room for the scene, what a driver is to do with it, and threads that build.
+/// A backend with enough memory for the scene, the options of a driver, and the number of builder threads.
 type Taking = (Box<dyn Backend>, DriverOptions, usize);
 
-pub(crate) fn driver(
-    animation: &Arc<Animation>,
-    (backend, options, threads): Taking,
-) -> Result<Driver, Stop> {
+fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Result<Driver, Stop> {
     let threads = BuilderThreads::new(threads)?;
     let animation = Arc::clone(animation);
     Ok(Driver::new(backend, animation, options, threads)?)
@@ -241,15 +227,15 @@ pub(crate) fn driver(
 
 /// What a driver takes that traces by a method and follows the motion by a policy, as a run of its own would have it. Of a
 /// backend that computes on other threads, another of its kind is opened.
-pub(crate) fn take(
+fn take(
     backend: Box<dyn Backend>,
     animation: &Animation,
     ask: &Ask<'_>,
-    (method, update): (Method, Update),
+    (method, update): (Method, Policy),
 ) -> Result<Taking, Stop> {
     let device = backend.device().clone();
     let threads = ask.share(device.kind, update);
-    // Those whose device computes have none.
+    // 0 threads means that the device computes.
     let backend = if [0, threads.render].contains(&device.threads) {
         backend
     } else {
@@ -267,18 +253,18 @@ pub(crate) fn take(
     Ok((backend, options, threads.build))
 }
 
-/// Refuses scenes whose trees and rays the host's memory does not hold. Key frames are there already.
+/// Refuses scenes whose trees and rays exceed the host's free memory. Key frames are already loaded.
 pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
     let checked = host::check(trees_bytes(triangles, rays));
     checked.map_err(|e| Stop::bad(format!("trees over {triangles} triangles: {e}")))
 }
 
-/// Refuses scenes that do not fit the device's memory, where its driver tells; of a device that is the host's cores,
-/// also what the host does not hold.
+/// Refuses scenes that exceed the device's free memory, if its driver reports that. For a software device, refuses also
+/// scenes that exceed the host's free memory.
 fn check_device(
     backend: &dyn Backend,
     animation: &Animation,
-    how: (Method, Update),
+    how: (Method, Policy),
     rays: usize,
 ) -> Result<(), Stop> {
     let kind = backend.device().kind;

@@ -1,4 +1,4 @@
-//! `abvh stability`: how often each intersector is wrong where arithmetic is hardest, and whether that is to be expected.
+//! `abvh stability`: how often each intersector is wrong in numerically hard cases, compared with baselines.
 
 use crate::args::StabilityArgs;
 use crate::conflicts::Files;
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &StabilityArgs) -> Result<(), Stop> {
     }
 }
 
-/// Measures what is to be expected of the one backend.
+/// Measures the baseline of the one backend.
 fn record_rates(args: &StabilityArgs, subjects: &mut [Subject], file: &Path) -> Result<(), Stop> {
     let [subject] = subjects else {
         let names: Vec<_> = subjects.iter().map(|s| s.device().backend).collect();
@@ -97,12 +97,12 @@ struct Report {
     #[serde(flatten)]
     tested: Tested,
     seed: u64,
-    /// Of each family.
+    /// Number of rays of each family.
     rays: u32,
     rows: Vec<Row>,
 }
 
-/// One family, by one intersector, of one backend.
+/// Result of one family with one intersector on one backend.
 struct Row {
     backend: &'static str,
     cell: Cell,
@@ -121,10 +121,11 @@ impl Serialize for Row {
             "wrong": wrong.count,
             "rate": wrong.rate(),
             "bound": wrong.bound,
-            // Of closed bodies alone: rays from inside that meet nothing; rays that cross them too often or too seldom.
+            // For closed meshes only: rays from inside without a hit; rays that cross the surface too often or too
+            // seldom.
             "leaks": of(Measure::Leaks),
             "double_hits": of(Measure::DoubleHits),
-            // Whether all that was counted is within its bound.
+            // Whether every count is within its bound.
             "ok": cell.is_ok(),
             "seconds": self.seconds,
         });
@@ -137,7 +138,7 @@ fn count(m: &Measured) -> Value {
 }
 
 impl Report {
-    /// Cells of which something is out of its bound.
+    /// Returns the number of cells with a count outside its bound.
     fn failures(&self) -> usize {
         self.rows.iter().filter(|r| !r.cell.is_ok()).count()
     }
@@ -153,7 +154,7 @@ impl Report {
         text
     }
 
-    /// Families down, intersectors across: first what is wrong, then what leaks and what is hit twice.
+    /// Formats families as rows and intersectors as columns: first wrong answers, then leaks and double hits.
     fn tables(&self, backend: &str, asked: &[Intersector]) -> String {
         let mut text = format!("\n{backend}, rays of each family: {}\n", self.rays);
         text += &self.table(backend, "wrong", asked, &|r| share(r.cell.wrong()));
@@ -163,7 +164,7 @@ impl Report {
         })
     }
 
-    /// Families of which `cell` has something to say.
+    /// Formats the families for which `cell` returns text.
     fn table(
         &self,
         backend: &str,
@@ -189,7 +190,7 @@ impl Report {
         }
     }
 
-    /// What is out of its bound, and the command that shows it again.
+    /// Returns the counts outside their bounds, and the command that reproduces them.
     fn complaint(&self, row: &Row) -> String {
         let (backend, by) = (row.backend, row.cell.intersector);
         let out = row.cell.measured.iter().filter(|m| !m.is_ok());
@@ -211,7 +212,7 @@ impl Report {
     }
 }
 
-/// A rate with its count, marked if it is out of its bound.
+/// Formats a rate with its count, marked if it is outside its bound.
 fn share(m: &Measured) -> String {
     let text = match m.count {
         0 => "0".to_owned(),

@@ -1,5 +1,5 @@
-//! Why a command ends early, and what the shell hears of it. With SIGINT and SIGTERM the program ends with 130 or 143, and
-//! leaves whole files only.
+//! Why a command ends early, and its exit code. On SIGINT and SIGTERM the program exits with 130 or 143, and leaves
+//! only complete files.
 
 use backend::BackendError;
 use output::OutputError;
@@ -9,16 +9,16 @@ use std::fmt::{self, Display};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-/// The end of a command that did not do what was asked.
+/// Reason why a command ended early.
 #[derive(Clone, Debug)]
 pub(crate) enum Stop {
-    /// It was asked for something that cannot be: exit code 2.
+    /// The request is invalid: exit code 2.
     Bad(String),
-    /// It ran and failed: exit code 1.
+    /// The command ran and failed: exit code 1.
     Failed(String),
-    /// A signal asked it to end: exit code 128 and that.
+    /// A signal ended the command: exit code 128 plus its number.
     Signal(u8),
-    /// Help or version was asked for and shown: exit code 0.
+    /// Help or version was printed: exit code 0.
     Shown,
 }
 
@@ -41,7 +41,7 @@ impl Stop {
     }
 }
 
-/// Returns the end of a command of which each part failed. It is bad usage only if each part was.
+/// Returns the reason for a command whose parts all failed. It is bad usage only if each part was.
 pub(crate) fn all_failed(parts: Vec<Stop>) -> Stop {
     let (mut reasons, mut is_bad) = (Vec::new(), true);
     for part in parts {
@@ -72,28 +72,28 @@ impl fmt::Display for Stop {
     }
 }
 
-/// Lines that go on indented, as parsers wrap them, as one. Whatever else is in a text, such as a name, stays.
+/// Joins indented continuation lines, as parsers wrap them, into one line. All other text, such as a name, is kept.
 fn unwrapped(text: &str) -> String {
     let mut lines = text.trim_end().split("\n  ");
     let first = lines.next().unwrap_or_default().to_owned();
     lines.fold(first, |all, next| all + " " + next.trim_start())
 }
 
-/// Whatever is wrong with a scene is wrong with the input.
+/// Every error of a scene is an error of the input.
 impl From<SceneError> for Stop {
     fn from(e: SceneError) -> Self {
         Self::bad(e)
     }
 }
 
-/// A file that could not be written while running. Checks made before, and whoever reads, call [`Stop::bad`].
+/// A file could not be written during the run. Earlier checks, and errors of reading, use [`Stop::bad`].
 impl From<OutputError> for Stop {
     fn from(e: OutputError) -> Self {
         Self::failed(e)
     }
 }
 
-/// What no device here can do is bad usage; what one broke down over is a failure.
+/// A request that no device here supports is bad usage. An error during execution is a failure.
 impl From<BackendError> for Stop {
     fn from(e: BackendError) -> Self {
         match e {
@@ -126,26 +126,26 @@ impl From<PipelineError> for Stop {
     }
 }
 
-/// The signal that came; [`WAITS`] if none did, or [`ENDS`] where it is not waited for.
+/// The signal that arrived; [`WAITS`] before a signal, or [`ENDS`] while signals end the program at once.
 static CAME: AtomicI32 = AtomicI32::new(ENDS);
 const WAITS: i32 = 0;
 const ENDS: i32 = -1;
 
-/// From here on, a signal ends the program with its exit code. Where nobody can listen, the system's own handlers stay, and
-/// files that are half written stay until a later run finds them.
+/// Makes signals end the program with its exit code. If no thread can be started, the system's own handlers remain, and
+/// incomplete files remain until a later run finds them.
 pub(crate) fn heed_signals() {
     #[cfg(unix)]
     let _ = listen();
 }
 
-/// Has a thread of its own wait for signals, since a handler may do next to nothing.
+/// Starts a thread that waits for signals, since a signal handler may call few functions.
 #[cfg(unix)]
 fn listen() -> std::io::Result<()> {
     use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
-    // Whoever writes too large a file hears of it from the system's call.
+    // With SIGXFSZ handled, writing a file beyond the size limit returns an error.
     signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())?;
     let (sender, receiver) = std::sync::mpsc::channel();
-    // The thread comes first: handlers that nobody answers would swallow signals.
+    // The thread starts first, since handlers without a thread would swallow signals.
     std::thread::Builder::new().spawn(move || {
         if let Ok(signals) = receiver.recv() {
             answer(signals);
@@ -158,7 +158,7 @@ fn listen() -> std::io::Result<()> {
 #[cfg(unix)]
 fn answer(mut signals: signal_hook::iterator::Signals) {
     for signal in signals.forever() {
-        // A second one does not wait for what is asked to end.
+        // A second signal ends the program at once.
         if CAME.swap(signal, Ordering::Relaxed) != WAITS {
             end_at_once(signal);
         }
@@ -166,12 +166,12 @@ fn answer(mut signals: signal_hook::iterator::Signals) {
             std::thread::sleep(PATIENCE);
             end_at_once(signal);
         };
-        // Without it, only a second signal ends a run that is blocked.
+        // If this thread cannot start, only a second signal ends a blocked run.
         let _ = std::thread::Builder::new().spawn(wait_and_end);
     }
 }
 
-/// How long a run may take to see that a signal came. One that writes where nobody reads never does.
+/// Time that a run has to notice a signal. A run that is blocked in a write never does.
 #[cfg(unix)]
 const PATIENCE: std::time::Duration = std::time::Duration::from_secs(1);
 
@@ -181,12 +181,12 @@ fn end_at_once(signal: i32) -> ! {
     signal_hook::low_level::exit(128 + signal)
 }
 
-/// From here on, the first signal waits for [`check_signals`], for a while.
+/// Makes the first signal wait for [`check_signals`], for a limited time.
 pub(crate) fn let_signals_wait() {
     CAME.store(WAITS, Ordering::Relaxed);
 }
 
-/// [`Stop::Signal`] if a signal came.
+/// Returns [`Stop::Signal`] if a signal arrived.
 pub(crate) fn check_signals() -> Result<(), Stop> {
     match CAME.load(Ordering::Relaxed) {
         WAITS | ENDS => Ok(()),

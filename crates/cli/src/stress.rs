@@ -1,6 +1,6 @@
 //! `abvh stress`: streams a scene's vertices through the library step by step, times the steps and checks their hits.
 
-use crate::args::{BackendName, RaysName, StressArgs, UpdateName, word};
+use crate::args::{BackendName, RaysName, StressArgs, UpdateName, update_name, word};
 use crate::bench::{FOV, random_rays};
 use crate::conflicts::Files;
 use crate::open::has_own_trees;
@@ -12,16 +12,17 @@ use abvh::{
     Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
     Tracer,
 };
+use backend::Policy;
 use geom::{Animation, Camera, Point};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
-/// Steps before the first one that is timed: they compile kernels and build the first tree.
+/// Number of steps before the first timed one: they compile kernels and build the first tree.
 const WARM_UP_STEPS: usize = 50;
 
-/// Poses whose hits are compared with the host's.
+/// Number of poses whose hits are compared with the host's.
 const CHECKED_POSES: usize = 8;
 
 pub(crate) fn run(args: &StressArgs) -> Result<(), Stop> {
@@ -37,7 +38,7 @@ pub(crate) fn run(args: &StressArgs) -> Result<(), Stop> {
     let mut rows = Vec::new();
     for run in &runs {
         rows.push(run.measure(&motion, &expected, args.steps)?);
-        progress.step(&[&run.backend, run.update.name, run.source.name()].join(" "));
+        progress.step(&[&run.backend, run.update.name(), run.source.name()].join(" "));
     }
     drop(progress);
     if let Some(file) = &args.test.json {
@@ -72,11 +73,11 @@ struct Motion<'a> {
     rays: StepRays,
 }
 
-/// A step on its way.
+/// A submitted step.
 struct Submitted {
     id: StepId,
     query: QueryId,
-    /// Wall time from the start of the step, without the program's own writes.
+    /// Milliseconds of wall time from the start of the step, without the program's own writes.
     ms: f64,
 }
 
@@ -190,7 +191,7 @@ impl<'a> Motion<'a> {
     /// Returns the hits of the checked poses, traced on the host with a new tree for each pose.
     fn expected_hits(&self) -> Result<Vec<Vec<SceneHit>>, Stop> {
         let host = Tracer::builder().device(Device::Cpu);
-        let (mut tracer, mesh) = self.tracer(host.update(abvh::Update::Rebuild))?;
+        let (mut tracer, mesh) = self.tracer(host.update(Policy::Rebuild))?;
         self.checked()
             .map(|pose| self.hits(&mut tracer, mesh, pose, Vertices::Copied))
             .collect()
@@ -202,7 +203,7 @@ impl<'a> Motion<'a> {
 enum Vertices {
     /// Copied from the program's memory.
     Copied,
-    /// Written by the program where the device reads them.
+    /// Written by the program to memory that the device reads.
     InPlace,
 }
 
@@ -215,34 +216,15 @@ impl Vertices {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Policy {
-    name: &'static str,
-    update: abvh::Update,
-}
-
-impl Policy {
-    fn of(name: UpdateName) -> Result<Self, Stop> {
-        Ok(match name {
-            UpdateName::Async => Self {
-                name: "async",
-                update: abvh::Update::Async,
-            },
-            UpdateName::Refit => Self {
-                name: "refit",
-                update: abvh::Update::Refit,
-            },
-            UpdateName::Rebuild => Self {
-                name: "rebuild",
-                update: abvh::Update::Rebuild,
-            },
-            other => {
-                let name = word(&other);
-                let known = "stress takes async, refit and rebuild";
-                return Err(Stop::bad(format!("--update {name}: {known}")));
-            }
-        })
-    }
+/// Returns the policy of a run, if `stress` measures it: one whose trees the host builds.
+fn policy(name: UpdateName) -> Result<Policy, Stop> {
+    let builds_on_host = |policy: &Policy| !policy.builds_on_device();
+    name.filter(builds_on_host).ok_or_else(|| {
+        let known: Vec<_> = Policy::ALL.into_iter().filter(builds_on_host).collect();
+        let known: Vec<_> = known.into_iter().map(Policy::name).collect();
+        let (name, known) = (update_name(name), known.join(", "));
+        Stop::bad(format!("--update {name}: stress takes {known}"))
+    })
 }
 
 /// One row of the table.
@@ -258,7 +240,7 @@ fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
     for &name in &args.test.backend {
         let device = device(name, args.test.adapter.as_deref())?;
         for &update in &args.update {
-            let update = Policy::of(update)?;
+            let update = policy(update)?;
             runs.extend([Vertices::Copied, Vertices::InPlace].map(|source| Run {
                 backend: word(&name),
                 device: device.clone(),
@@ -338,7 +320,7 @@ impl Run {
     ) -> Result<Row, Stop> {
         let builder = Tracer::builder().device(self.device.clone());
         let builder = builder
-            .update(self.update.update)
+            .update(self.update)
             .intersector(Intersector::Watertight);
         let (mut tracer, mesh) = motion.tracer(builder)?;
         let mut times = Vec::with_capacity(steps);
@@ -363,7 +345,7 @@ impl Run {
         Ok(Row {
             backend: self.backend.clone(),
             device: tracer.device().to_owned(),
-            update: self.update.name,
+            update: self.update.name(),
             vertices: self.source.name(),
             steps,
             mean_ms: times.iter().sum::<f64>() / times.len() as f64,

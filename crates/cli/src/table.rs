@@ -1,14 +1,14 @@
-//! Results for people.
+//! Formats results as text.
 
 use crate::talk;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use output::{FrameStats, Summary, TIMES, overview, plot};
 
-/// A row of a table: cells by the names of their columns.
+/// A row of a table: cells with the names of their columns.
 pub(crate) type Cells<'a> = Vec<(&'a str, String)>;
 
-/// A table of rows that have the same columns; every column but the first `words` holds numbers. On a terminal too narrow
-/// for it, a list.
+/// Formats rows that have the same columns as a table. Every column but the first `words` holds numbers. On a terminal
+/// that is too narrow, returns a list.
 pub(crate) fn table<'a>(rows: impl IntoIterator<Item = Cells<'a>>, words: usize) -> String {
     let rows: Vec<_> = rows.into_iter().collect();
     within(talk::columns(), &rows, words)
@@ -62,12 +62,12 @@ pub(crate) fn grouped(n: usize) -> String {
     plot::count(n as u64)
 }
 
-/// So many of something, with its noun: `1 frame`, `2,000 frames`.
+/// Formats a number with its noun: `1 frame`, `2,000 frames`.
 pub(crate) fn counted(n: usize, [one, many]: [&str; 2]) -> String {
     format!("{} {}", grouped(n), if n == 1 { one } else { many })
 }
 
-/// Triangles, for [`counted`]; likewise below.
+/// Singular and plural of a noun, for [`counted`].
 pub(crate) const TRIANGLES: [&str; 2] = ["triangle", "triangles"];
 pub(crate) const KEY_FRAMES: [&str; 2] = ["key frame", "key frames"];
 pub(crate) const FRAMES: [&str; 2] = ["frame", "frames"];

@@ -1,4 +1,4 @@
-//! The only room that writes to the terminal: results to standard output, talk to standard error.
+//! The only module that writes to the terminal: results to standard output, remarks to standard error.
 
 use crate::stop::Stop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
-/// A result. A reader that went away has read enough.
+/// Prints a result. A closed pipe is no error.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
     let mut out = io::stdout().lock();
     let text = plain(text, &['\n']);
@@ -24,7 +24,8 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Stop> {
     print(&format!("{text}\n"))
 }
 
-/// How wide the terminal of results is: what `COLUMNS` says, else what it says itself; `None` of no terminal.
+/// Returns the width of the terminal on standard output: `COLUMNS` if set, else the terminal's own value. Returns
+/// `None` without a terminal.
 pub(crate) fn columns() -> Option<usize> {
     if !io::stdout().is_terminal() {
         return None;
@@ -34,12 +35,12 @@ pub(crate) fn columns() -> Option<usize> {
     said.or_else(own).filter(|&columns| columns > 0)
 }
 
-/// A remark. Whoever closed standard error wants none.
+/// Prints a remark to standard error, and ignores write errors.
 pub(crate) fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text, &['\n']));
 }
 
-/// Says in one line why a command ended early; gives the exit code.
+/// Prints in one line why a command ended early. Returns the exit code.
 pub(crate) fn complain(stop: &Stop) -> ExitCode {
     let text = stop.to_string();
     if !text.is_empty() {
@@ -48,7 +49,7 @@ pub(crate) fn complain(stop: &Stop) -> ExitCode {
     stop.code()
 }
 
-/// Characters without a shape that change how others are shown: order of writing, joins, line ends, tags.
+/// Returns whether a character is invisible but changes how others are shown: direction, joins, line ends, tags.
 fn is_unseen(c: char) -> bool {
     matches!(
         c,
@@ -57,8 +58,8 @@ fn is_unseen(c: char) -> bool {
     )
 }
 
-/// The text with its control characters, but those of `but`, and what cannot be seen spelt out: names and values are
-/// anybody's, and a terminal obeys what it is sent.
+/// Escapes control characters and invisible characters, except those in `but`. Names and values can come from anyone,
+/// and a terminal executes control sequences.
 pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
     let is_command = |c: char| (c.is_control() || is_unseen(c)) && !but.contains(&c);
     if !text.contains(is_command) {
@@ -76,7 +77,7 @@ pub(crate) fn plain<'a>(text: &'a str, but: &[char]) -> Cow<'a, str> {
 
 /// Progress of long work: a bar on a terminal, plain lines otherwise, or nothing.
 pub(crate) struct Progress {
-    /// Hidden but on a terminal.
+    /// Hidden except on a terminal.
     bar: ProgressBar,
     quiet: bool,
 }
@@ -89,7 +90,7 @@ impl Progress {
             false => ProgressDrawTarget::stderr(),
         };
         let bar = ProgressBar::with_draw_target(Some(total), target);
-        // On a narrow terminal the message gives way, not the counts.
+        // On a narrow terminal the message is cut, not the counts.
         let template = "{bar:16} {pos}/{len} {eta} left  {wide_msg}";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
@@ -97,12 +98,12 @@ impl Progress {
         Self { bar, quiet }
     }
 
-    /// There are more steps than was known.
+    /// Adds steps to the total.
     pub(crate) fn lengthen(&mut self, by: u64) {
         self.bar.inc_length(by);
     }
 
-    /// One step is done; `line` says which.
+    /// Advances by one step, which `line` describes.
     pub(crate) fn step(&mut self, line: &str) {
         self.bar.set_message(plain(line, &[]).into_owned());
         self.bar.inc(1);
@@ -117,7 +118,7 @@ impl Progress {
         self.bar.inc(steps);
     }
 
-    /// A remark among the steps.
+    /// Prints a remark between steps.
     pub(crate) fn say(&self, text: &str) {
         if !self.quiet {
             self.bar.suspend(|| say(text));

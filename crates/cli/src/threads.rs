@@ -1,13 +1,13 @@
-//! Threads of all work outside the backend and the builder.
+//! Threads for all work outside the backend and the builder.
 
 use rayon::ThreadBuilder;
 use std::io;
 use std::sync::mpsc::{Sender, channel};
 
-/// Starts the threads of all work outside the backend (reading, shading): as many as there are cores,
-/// or as were asked for. Where the system refuses, there are fewer, and a remark says so.
+/// Starts the threads for all work outside the backend (reading, shading): `threads`, or one per core. If the system
+/// refuses some, there are fewer, and a remark reports it.
 ///
-/// rayon's global pool can be tried only once, so the threads wait for it.
+/// rayon's global pool can be built only once, so the threads are started before it.
 pub(crate) fn start(threads: Option<usize>) {
     let wanted = threads.unwrap_or_else(host::cores);
     let crew = crew(wanted, |work| {
@@ -19,7 +19,7 @@ pub(crate) fn start(threads: Option<usize>) {
             "the system starts no {wanted} threads: reading and shading take {fewer}"
         ));
     }
-    // It fails only if the pool runs already; then it stays as it is.
+    // Building fails only if a pool exists already, which then remains.
     let pool = rayon::ThreadPoolBuilder::new();
     let _ = match &crew[..] {
         [] => pool.num_threads(1).use_current_thread().build_global(),
@@ -31,14 +31,14 @@ pub(crate) fn start(threads: Option<usize>) {
     geom::use_global_pool();
 }
 
-/// Has one of the crew do a worker's work.
+/// Runs a rayon worker on one of the started threads.
 fn hand(crew: &[Sender<ThreadBuilder>], worker: ThreadBuilder) -> io::Result<()> {
     let handed = crew[worker.index()].send(worker);
     handed.map_err(|_| io::ErrorKind::BrokenPipe.into())
 }
 
-/// Up to `wanted` threads that wait for work to do; they end if they get none. Where the system refuses one, half of those
-/// that it granted are left to others.
+/// Starts up to `wanted` threads that wait for a worker, and end without one. If the system refuses a thread, half
+/// of the started threads end again, so that other work can start threads.
 fn crew(
     wanted: usize,
     spawn: impl Fn(Box<dyn FnOnce() + Send>) -> io::Result<()>,

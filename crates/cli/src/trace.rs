@@ -1,6 +1,6 @@
-//! `abvh trace`: given rays at one moment.
+//! `abvh trace`: traces the rays of a file at one time.
 
-use crate::args::{TraceArgs, UpdateName};
+use crate::args::TraceArgs;
 use crate::choose::Ask;
 use crate::conflicts::Files;
 use crate::session;
@@ -8,6 +8,7 @@ use crate::stop::Stop;
 use crate::table::counted;
 use crate::{frames, talk};
 use abvh::Query;
+use backend::Policy;
 use output::HitArrays;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
@@ -17,16 +18,12 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         ..Files::default()
     };
     files.check(std::slice::from_ref(&args.scene))?;
-    let update = match args.update {
-        UpdateName::Refit | UpdateName::TSah | UpdateName::DeviceRebuild => args.update,
-        _ => UpdateName::Rebuild,
-    };
+    let update = args.update.unwrap_or(Policy::Rebuild);
     let mut ask = Ask {
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
-        tolerance: args.tolerance.ppm(),
-        ..Ask::of(args.device.backend, args.method, update)
+        ..Ask::of(args.device.backend, args.method, Some(update))
     };
     let mut opening = session::begin(&ask);
     let file = output::RayFile::open(&args.rays).map_err(Stop::bad)?;
@@ -69,14 +66,21 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
     talk::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
 }
 
-/// The moment of the tree, if it is another, and the moment to trace.
+/// Returns the time at which `refit` builds its tree, and the time to trace.
 fn moments(args: &TraceArgs, keys: usize) -> Result<(Option<f64>, f64), Stop> {
     let time = frames::moment("--time", args.time, keys)?;
     match (args.update, args.tree_time) {
-        (UpdateName::Async, _) => Err(Stop::bad(
-            "--update async needs more than one moment; trace takes rebuild, refit, t-sah or device-rebuild",
-        )),
-        (UpdateName::Refit, tree_time) => {
+        (Some(policy), _) if policy.builds_beside_frames() => {
+            let others = Policy::ALL
+                .into_iter()
+                .filter(|p| !p.builds_beside_frames());
+            let others: Vec<_> = others.map(Policy::name).collect();
+            Err(Stop::bad(format!(
+                "--update {policy} needs more than one moment; trace takes {}",
+                others.join(", ")
+            )))
+        }
+        (Some(Policy::Refit), tree_time) => {
             let tree_time = frames::moment("--tree-time", tree_time.unwrap_or(0.0), keys)?;
             Ok((Some(tree_time), time))
         }

@@ -1,23 +1,24 @@
-//! Values of options: points, sizes, ranges. Each rejection says what is wanted.
+//! Parsers for option values: points, sizes, ranges. Each error describes the expected form.
 
+use backend::{Intersector, Policy};
 use clap::builder::{
-    OsStringValueParser, PathBufValueParser, PossibleValuesParser, RangedU64ValueParser,
-    TypedValueParser,
+    OsStringValueParser, PathBufValueParser, PossibleValue, PossibleValuesParser,
+    RangedU64ValueParser, TypedValueParser,
 };
 use std::path::PathBuf;
 use std::str::FromStr;
 
 pub(crate) use crate::frames::{Frames, Shard, frames, shard};
 
-/// The most pixels along one side of a picture.
+/// Maximum number of pixels along one side of a picture.
 pub(crate) const MAX_SIDE: u64 = 16_384;
 pub(crate) const MAX_PIXELS: u64 = 1 << 26;
 pub(crate) const MAX_RAYS: u64 = 1 << 26;
 
-/// A stretch of time, in key frames: where it begins and ends, inclusive.
+/// Start and end of a time range, inclusive, in key frames.
 pub(crate) type TimeRange = [f64; 2];
 
-/// The name of a file or folder, not `-`.
+/// Parses the name of a file or folder, other than `-`.
 pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|file| match file.as_os_str() == "-" {
         true => Err("a name is needed: only --stats goes to standard output"),
@@ -25,11 +26,34 @@ pub(crate) fn file() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// A scene's name, of any bytes, as [`scene::open`] takes it.
+/// Parses a scene's name, of any bytes, as [`scene::open`] takes it.
 pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
     OsStringValueParser::new().try_map(|name| match name.is_empty() {
         true => Err("a scene has a name"),
         false => Ok(scene::word(&name)),
+    })
+}
+
+/// Stands for a choice that is left to the program.
+pub(crate) const AUTO: &str = "auto";
+
+/// Parses the name of an intersector, of those that `is_taken` accepts.
+pub(crate) fn intersector(
+    is_taken: fn(Intersector) -> bool,
+) -> impl TypedValueParser<Value = Intersector> {
+    let taken = Intersector::ALL.into_iter().filter(|&i| is_taken(i));
+    let value = |i: Intersector| PossibleValue::new(i.name()).help(i.description());
+    PossibleValuesParser::new(taken.map(value)).try_map(|name| name.parse())
+}
+
+/// Parses the name of an update policy; `auto` is `None`.
+pub(crate) fn update() -> impl TypedValueParser<Value = Option<Policy>> {
+    let auto = PossibleValue::new(AUTO).help("Whichever is expected to finish the run first");
+    let value = |p: Policy| PossibleValue::new(p.name()).help(p.description());
+    let all = Policy::ALL.map(value).into_iter();
+    PossibleValuesParser::new([auto].into_iter().chain(all)).try_map(|name| match &*name {
+        AUTO => Ok(None),
+        name => name.parse().map(Some),
     })
 }
 
@@ -42,7 +66,7 @@ pub(crate) fn point<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<[T; 3],
     })
 }
 
-/// `WxH` within the limits.
+/// Parses `WxH` within the limits.
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
     let says = "a size is WIDTHxHEIGHT, such as 1280x720";
     let (w, h) = text.split_once(['x', 'X']).ok_or(says)?;
@@ -65,7 +89,7 @@ pub(crate) fn pixels([width, height]: [u32; 2]) -> usize {
     width as usize * height as usize
 }
 
-/// `T0..T1`, finite and in order.
+/// Parses `T0..T1`, finite and in order.
 pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     let says = "a time range is T0..T1, such as 0..7.5";
     let (a, b) = text.split_once("..").ok_or(says)?;
@@ -76,7 +100,7 @@ pub(crate) fn time_range(text: &str) -> Result<TimeRange, String> {
     Ok([from, to])
 }
 
-/// `on` or `off`.
+/// Parses `on` or `off`.
 pub(crate) fn switch() -> impl TypedValueParser<Value = bool> {
     PossibleValuesParser::new(["on", "off"]).map(|word| word == "on")
 }
@@ -89,7 +113,7 @@ pub(crate) fn rays() -> impl TypedValueParser<Value = usize> {
     RangedU64ValueParser::new().range(1..=MAX_RAYS)
 }
 
-/// A finite number that is as `says` demands.
+/// Parses a finite number for which `is_fit` holds. `says` is the message otherwise.
 pub(crate) fn number<T>(
     is_fit: fn(T) -> bool,
     says: &'static str,
@@ -103,7 +127,7 @@ where
     }
 }
 
-/// A float that is a number and not infinite.
+/// Parses a finite number.
 pub(crate) fn finite<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
     let number: Result<T, _> = text.trim().parse();
     match number.map_err(|_| format!("'{text}' is no number"))? {

@@ -1,4 +1,4 @@
-//! The files of frames, and their video: made by rayon's threads while later frames are traced.
+//! Writes the files of frames and the video on rayon's threads, while later frames are traced.
 
 use crate::args::RenderArgs;
 use crate::conflicts::whole;
@@ -15,16 +15,16 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-/// Bytes that hits and pictures on their way to files may take, but for the first two frames; and no more than a quarter
-/// of what is free.
+/// Maximum number of bytes of hits and pictures that wait to be written. A quarter of the free memory is another limit.
+/// Two frames are always allowed.
 const MOST_BYTES: u64 = 1 << 30;
-/// Bytes a pixel: a hit with its shadow, and the file of them; a colour with and without alpha, and the picture; the same in
-/// a video's planes.
+/// Bytes per pixel: a hit with its shadow, and the file's copy; a colour with and without alpha, and the picture; the
+/// planes of a video.
 const HIT_BYTES: usize = 17 + 17;
 const COLOUR_BYTES: usize = 4 + 3 + 3;
 const PLANE_BYTES: usize = 4;
 
-/// Who writes the files of frames, and what is known of frames that are done.
+/// Writes the files of frames, and collects the results of written frames.
 pub(crate) struct Writer<'a> {
     scene: &'a Scene,
     camera: &'a Camera,
@@ -32,22 +32,22 @@ pub(crate) struct Writer<'a> {
     outputs: &'a Outputs,
     done: Mutex<Done<'a>>,
     spare: Sender<FrameBuffers>,
-    /// One thread hands frames in, so nobody waits for the lock.
+    /// Only one thread submits frames, so this lock is never contended.
     free: Mutex<Receiver<FrameBuffers>>,
 }
 
-/// Memory of a frame on its way to files.
+/// Buffers of a frame that is being written.
 #[derive(Default)]
 struct FrameBuffers {
     answers: Answers,
-    /// What the host shaded.
+    /// Colours that the host shaded.
     rgba: Vec<u8>,
     rgb: Vec<u8>,
-    /// Where there is a video.
+    /// Empty without a video.
     planes: Planes,
 }
 
-/// A frame's buffers, which go back when its files are written, or were given up.
+/// A frame's buffers, which return to the writer when its files are written or given up.
 pub(crate) struct Lent {
     buffers: FrameBuffers,
     spare: Sender<FrameBuffers>,
@@ -61,14 +61,14 @@ impl AsRef<Planes> for Lent {
 
 impl Drop for Lent {
     fn drop(&mut self) {
-        // Nobody waits for them once the run has ended.
+        // Sending fails once the run has ended.
         let _ = self.spare.send(std::mem::take(&mut self.buffers));
     }
 }
 
-/// What is known of frames that are done, and where they go.
+/// Results of written frames, and their destinations.
 struct Done<'a> {
-    /// One for each folder of the outputs.
+    /// One for each output folder.
     journals: &'a mut [Journal],
     notes: Option<&'a mut RunTimeline>,
     progress: Progress,
@@ -114,8 +114,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Takes a frame in; waits if too many are on their way to files. Fails if a signal came, or files of an earlier frame
-    /// could not be written.
+    /// Accepts a frame. Waits while too many frames are being written. Fails if a signal arrived, or if files of an
+    /// earlier frame could not be written.
     pub(crate) fn take<'s>(
         &'s self,
         scope: &Scope<'s>,
@@ -139,7 +139,7 @@ impl<'a> Writer<'a> {
                 video.take(place, lent);
             }
         };
-        // Without threads of its own, rayon does what is asked of it when the run is over.
+        // Without its own threads, rayon would run spawned work only at the end of the run.
         let makes_any = self.outputs.any() || self.outputs.video.any();
         if !makes_any || rayon::current_thread_index().is_some() {
             write();
@@ -149,7 +149,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The rows of all frames, in any order; fails if files of one could not be written.
+    /// Returns the rows of all frames, in any order. Fails if files of a frame could not be written.
     pub(crate) fn rows(self) -> Result<Vec<FrameStats>, Stop> {
         self.check()?;
         let video = self.lock().video.take();
@@ -157,7 +157,7 @@ impl<'a> Writer<'a> {
         Ok(std::mem::take(&mut self.lock().rows))
     }
 
-    /// Buffers for one more frame; waits until there are some.
+    /// Returns buffers for one more frame. Waits until some are free.
     fn lend(&self) -> Result<Lent, Stop> {
         let free = lock(&self.free);
         let buffers = free.recv().map_err(Stop::failed)?;
@@ -225,7 +225,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// The files of each frame, and what all of them are in videos.
+/// The files of each frame, and the chroma of the videos.
 #[derive(Debug)]
 pub(crate) struct Outputs {
     images: Option<PathBuf>,
@@ -234,7 +234,7 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
-    /// A folder has one name, though it be given by two.
+    /// Gives a folder that is named in two ways a single name.
     pub(crate) fn of(args: &RenderArgs) -> Self {
         let images = (!args.no_images).then(|| args.out.clone());
         let is_same = |hits: &PathBuf| images.as_deref().map(whole) == Some(whole(hits));
@@ -249,7 +249,7 @@ impl Outputs {
         }
     }
 
-    /// Makes the folders. Those that are new, the innermost first.
+    /// Creates the folders. Returns the new ones, the innermost first.
     pub(crate) fn prepare(&self) -> Result<Vec<PathBuf>, Stop> {
         let mut all = Vec::new();
         for dir in self.folders() {
@@ -266,18 +266,18 @@ impl Outputs {
         all
     }
 
-    /// A frame's files in one of the folders.
+    /// Returns a frame's files in one of the folders.
     pub(crate) fn in_folder(&self, frame: u64, folder: &Path) -> Vec<PathBuf> {
         let files = [self.image(frame), self.hits(frame)].into_iter().flatten();
         files.filter(|f| f.parent() == Some(folder)).collect()
     }
 
-    /// Whether any file is written of a frame.
+    /// Returns whether any file is written per frame.
     pub(crate) fn any(&self) -> bool {
         self.images.is_some() || self.hits.is_some()
     }
 
-    /// What files are made of.
+    /// Returns the results that the files need.
     pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
             hits: self.hits.is_some(),

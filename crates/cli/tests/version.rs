@@ -1,4 +1,4 @@
-//! The program says what it is. Cargo builds it for this test beside those of other crates, which run it too.
+//! The program prints its version. Cargo builds the program for this test; tests of other crates run it too.
 
 use std::process::Command;
 

@@ -221,8 +221,7 @@ impl Backend for CpuBackend {
             self.generation
         );
         let scene = loaded(&mut self.scene);
-        let current = self.generation;
-        run_in(&self.pool, || scene.adopt(tree, generation, current))?;
+        run_in(&self.pool, || scene.adopt(tree, generation))?;
         self.generation = Some(generation);
         self.state = self.state.min(State::Positions);
         Ok(())
@@ -239,27 +238,6 @@ impl Backend for CpuBackend {
             self.commands.push(Command::Evaluate);
         }
         Ok(is_loaded)
-    }
-
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        self.require(State::Positions, "evaluate reads positions: interpolate");
-        let has_retained = loaded(&mut self.scene).has_retained();
-        if has_retained {
-            self.commands.push(Command::Evaluate);
-        }
-        Ok(has_retained)
-    }
-
-    fn adopt_retained(&mut self) -> Result<()> {
-        assert!(
-            self.commands.is_empty() && self.next.ticket.is_none(),
-            "a tree is adopted between submissions: submit what was recorded for the one before"
-        );
-        let current = self.generation.unwrap_or_default();
-        let retained = loaded(&mut self.scene).adopt_retained(current)?;
-        self.generation = Some(retained);
-        self.state = self.state.min(State::Positions);
-        Ok(())
     }
 
     fn wants_blocks(&self) -> bool {

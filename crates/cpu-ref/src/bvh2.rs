@@ -1,6 +1,6 @@
 //! The binary tree of layout `bvh2`: pairs of siblings, breadth first.
 
-use crate::intersect::{MollerTrumbore, Record, TriangleTest, Watertight, Woop};
+use crate::intersect::{Preprocess, Record, Watertight, by_test};
 use crate::pass::{SplitAt, Which, Window, pass};
 use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
@@ -162,7 +162,7 @@ impl Bvh2 {
         Ok(())
     }
 
-    fn preprocess_for<T: TriangleTest>(&mut self, geometry: &Geometry<'_>) -> Unhittable {
+    fn preprocess_for<T: Preprocess>(&mut self, geometry: &Geometry<'_>) -> Unhittable {
         let moving = self.moving.as_ref().filter(|_| self.leaves_done);
         let which = match moving {
             Some(moving) => Which::Listed(moving.leaves()),
@@ -209,14 +209,7 @@ impl Accelerator for Bvh2 {
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {
-        match intersector {
-            Intersector::MollerTrumbore => self.preprocess_for::<MollerTrumbore>(geometry),
-            Intersector::Woop => self.preprocess_for::<Woop>(geometry),
-            // The exact test filters with the watertight test's records.
-            Intersector::Watertight | Intersector::Exact => {
-                self.preprocess_for::<Watertight>(geometry)
-            }
-        }
+        by_test!(intersector, Test => self.preprocess_for::<Test>(geometry))
     }
 
     fn refit(&mut self) -> (f64, Aabb) {
@@ -279,7 +272,7 @@ impl SplitAt for Leaves<'_> {
 }
 
 /// Writes a record and a box for each of these leaves. Other leaves are left unchanged.
-fn prepare_run<T: TriangleTest>(
+fn prepare_run<T: Preprocess>(
     geometry: &Geometry<'_>,
     which: &Which<'_>,
     mut part: Leaves<'_>,
@@ -305,7 +298,7 @@ fn prepare_run<T: TriangleTest>(
 
 /// Writes a triangle's record and returns the corners of its box.
 #[inline]
-fn prepare<T: TriangleTest>(
+fn prepare<T: Preprocess>(
     scale: Scale,
     corners: &Triangle,
     record: &mut Record,

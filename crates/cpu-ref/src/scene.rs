@@ -41,8 +41,6 @@ pub(crate) struct SceneState {
 struct Candidate {
     generation: Generation,
     tree: Box<dyn Accelerator>,
-    /// Whether it is the tree that the current one has replaced.
-    is_retained: bool,
 }
 
 impl SceneState {
@@ -81,45 +79,19 @@ impl SceneState {
 
     /// # Errors
     /// If the tree does not belong to this scene, or memory does not suffice.
-    ///
-    /// `current` is the generation of the tree that it replaces, if there is one.
-    pub(crate) fn adopt(
-        &mut self,
-        tree: &Topology,
-        generation: Generation,
-        current: Option<Generation>,
-    ) -> Result<()> {
+    pub(crate) fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         if let Some(candidate) = self
             .candidate
             .as_mut()
             .filter(|c| c.generation == generation)
         {
             std::mem::swap(&mut self.tree, &mut candidate.tree);
-            candidate.generation = current.unwrap_or(Generation(0));
-            candidate.is_retained = current.is_some();
+            // The replaced tree must not be adopted under this generation.
+            candidate.generation = Generation(0);
             return Ok(());
         }
         self.check(tree)?;
         self.tree.adopt(tree, &self.animation)
-    }
-
-    /// Returns whether the tree that the current one has replaced is still here.
-    pub(crate) fn has_retained(&self) -> bool {
-        self.candidate.as_ref().is_some_and(|c| c.is_retained)
-    }
-
-    /// Exchanges the current tree, of generation `current`, with the one that it has replaced. Returns the latter's generation.
-    ///
-    /// # Errors
-    /// If no tree is retained.
-    pub(crate) fn adopt_retained(&mut self, current: Generation) -> Result<Generation> {
-        match self.candidate.as_mut().filter(|c| c.is_retained) {
-            Some(retained) => {
-                std::mem::swap(&mut self.tree, &mut retained.tree);
-                Ok(std::mem::replace(&mut retained.generation, current))
-            }
-            None => Err(BackendError::WrongTree("no tree is retained".to_owned())),
-        }
     }
 
     /// Loads a tree for evaluation, into the last candidate or one from `new_tree`. Returns `false` if memory does not
@@ -136,13 +108,11 @@ impl SceneState {
         let candidate = self.candidate.get_or_insert_with(|| Candidate {
             generation: Generation(0),
             tree: new_tree(),
-            is_retained: false,
         });
         if candidate.generation == generation {
             return Ok(true);
         }
         candidate.generation = Generation(0);
-        candidate.is_retained = false;
         match candidate.tree.adopt(tree, &self.animation) {
             Ok(()) => candidate.generation = generation,
             Err(BackendError::OutOfMemory { .. }) => return Ok(false),

@@ -2,7 +2,7 @@
 
 use crate::Geometry;
 use crate::extreme::{self, Rule};
-use crate::intersect::{Asked, Exact, MollerTrumbore, Search, Watertight, Woop};
+use crate::intersect::{Asked, Search, by_test};
 use crate::scale::Scale;
 use crate::shadow::Light;
 use crate::tiles::{Answer, Counts, Output, fill};
@@ -70,12 +70,7 @@ impl<'a, N: Tree> Tracer<'a, N> {
 
     /// Traces all rays and writes the answers in their order.
     pub fn trace(&self, out: Output<'_>) -> Counts {
-        match self.task.intersector {
-            Intersector::MollerTrumbore => self.trace_by::<MollerTrumbore>(out),
-            Intersector::Woop => self.trace_by::<Woop>(out),
-            Intersector::Watertight => self.trace_by::<Watertight>(out),
-            Intersector::Exact => self.trace_by::<Exact>(out),
-        }
+        by_test!(self.task.intersector, Test => self.trace_by::<Test>(out))
     }
 
     fn trace_by<S: Search<N>>(&self, out: Output<'_>) -> Counts {

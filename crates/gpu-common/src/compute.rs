@@ -121,16 +121,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Ok(())
     }
 
-    /// Records the evaluation of a tree that is loaded next to the current one.
-    fn record_evaluation(&mut self, shape: &Shape) -> Result<bool> {
-        let params = self.params_of(shape, self.engine.pose);
-        let recorded = self.record_candidate(params);
-        if recorded.is_err() {
-            self.tree_mut().abandon_candidate();
-        }
-        recorded.map(|()| true)
-    }
-
     /// Returns whether the current tree was built on the device from the current positions. Such a tree has its records
     /// and boxes.
     fn is_made_whole(&self) -> bool {
@@ -231,27 +221,12 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let Some(shape) = loaded.map(|candidate| candidate.shape.clone()) else {
             return Ok(false);
         };
-        self.record_evaluation(&shape)
-    }
-
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        assert!(self.engine.stale >= Stale::Records, "positions come first");
-        let Some(shape) = self
-            .tree_mut()
-            .load_retained()
-            .map(|tree| tree.shape.clone())
-        else {
-            return Ok(false);
-        };
-        self.record_evaluation(&shape)
-    }
-
-    fn adopt_retained(&mut self) -> Result<()> {
-        let recording = self.engine.frames.recording;
-        assert!(!recording, "trees are adopted between submissions");
-        self.tree_mut().adopt_retained()?;
-        self.engine.stale = self.engine.stale.min(Stale::Records);
-        Ok(())
+        let params = self.params_of(&shape, self.engine.pose);
+        let recorded = self.record_candidate(params);
+        if recorded.is_err() {
+            self.tree_mut().abandon_candidate();
+        }
+        recorded.map(|()| true)
     }
 
     fn tree_writer(&mut self, generation: Generation) -> Result<Option<TreeWriter>> {

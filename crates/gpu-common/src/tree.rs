@@ -16,8 +16,6 @@ pub(crate) struct TreeBuffers<D: GpuDevice> {
     pub(crate) current: DeviceTree<D>,
     /// The tree that was evaluated last. Its buffers are created at the first evaluation.
     candidate: Option<DeviceTree<D>>,
-    /// Whether `candidate` is the tree that the current one has replaced.
-    is_retained: bool,
     /// Visibility buffers, as large as the largest trace so far.
     picture: BufferTable<D>,
     /// Topology buffers that no tree uses.
@@ -90,7 +88,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
             method,
             current: DeviceTree::new(gpu, method, leaves)?,
             candidate: None,
-            is_retained: false,
             picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
             free: Pool::default(),
             last_bytes: 0,
@@ -194,7 +191,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(candidate) = evaluated.filter(|c| c.generation == generation) {
             std::mem::swap(&mut self.current, candidate);
             self.current.progress = self.current.progress.promoted();
-            (self.made_here, self.is_retained) = (false, !self.made_here);
+            self.made_here = false;
             return Ok(());
         }
         let record = self.arrive(gpu, (tree, generation))?;
@@ -203,25 +200,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
         self.release(old, last);
         self.made_here = false;
         Ok(())
-    }
-
-    /// Makes the tree current again that the current one has replaced.
-    pub(crate) fn adopt_retained(&mut self) -> Result<()> {
-        match self.candidate.as_mut().filter(|_| self.is_retained) {
-            Some(retained) => {
-                std::mem::swap(&mut self.current, retained);
-                self.current.progress = self.current.progress.promoted();
-                Ok(())
-            }
-            None => Err(BackendError::WrongTree("no tree is retained".to_owned())),
-        }
-    }
-
-    /// Readies the tree that the current one has replaced to be evaluated; `None` if it is no longer here.
-    pub(crate) fn load_retained(&mut self) -> Option<&mut DeviceTree<D>> {
-        let retained = self.candidate.as_mut().filter(|_| self.is_retained)?;
-        retained.progress = Progress::of_candidate();
-        Some(retained)
     }
 
     /// Loads a candidate for the recording that follows the `last` submission. Returns `None` if memory does not
@@ -247,7 +225,6 @@ impl<D: GpuDevice> TreeBuffers<D> {
                 return Ok(None);
             }
             let old = record.place(candidate, Progress::of_candidate());
-            self.is_retained = false;
             self.release(old, last);
         }
         Ok(self.candidate.as_mut())
@@ -262,10 +239,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
     pub(crate) fn abandon_candidate(&mut self) {
         if let Some(candidate) = &mut self.candidate {
             candidate.progress = Progress::of_candidate();
-            if !self.is_retained {
-                // Stale boxes must not be adopted.
-                candidate.generation = Generation(0);
-            }
+            // Stale boxes must not be adopted.
+            candidate.generation = Generation(0);
         }
     }
 

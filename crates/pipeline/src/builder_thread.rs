@@ -1,4 +1,4 @@
-//! Who builds: a pool of threads, and a thread that keeps it busy beside the frames, with a door that holds one job.
+//! The builder: a pool of threads, and a thread that runs one job at a time in the pool while frames are rendered.
 
 use crate::driver::PipelineError;
 use crate::tree_builder::{Built, Forms, TreeBuilder, Vertices};
@@ -11,16 +11,16 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-/// What came of a build, or why nothing did.
+/// Result of a build, or the reason for its failure.
 pub(crate) type BuildResult<T> = Result<T, String>;
 
-/// What a tree is made from, and what for: see [`TreeBuilder::rebuild`].
+/// Input of a build. See [`TreeBuilder::rebuild`].
 pub(crate) struct BuildInput {
-    /// What it is built from.
+    /// Source of the vertices.
     pub(crate) vertices: Vertices,
-    /// Poses early and late in the time it will be used, if that is known.
+    /// Poses at the middles of both halves of the tree's expected use, if known.
     pub(crate) halves: Option<[Pose; 2]>,
-    /// The positions that all poses refer to, where these are not key frames.
+    /// Positions that all poses refer to, if they do not refer to key frames.
     pub(crate) observed: Option<Observed>,
 }
 
@@ -30,24 +30,24 @@ pub(crate) struct Observed {
     pub(crate) times: [f64; 2],
 }
 
-/// Vertices that wait to become a tree.
+/// Input and options of one build.
 pub(crate) struct Job {
     pub(crate) input: BuildInput,
     /// Whether the tree is adopted only if it costs less than the current one.
     pub(crate) weighs: bool,
-    /// Where rays end that ask for any hit, if they end in one place.
+    /// Common end point of the any-hit rays, if they have one.
     pub(crate) toward: Option<Point>,
-    /// An old record's memory, or nothing.
+    /// Memory of an old topology, or empty.
     pub(crate) spare: Spare,
-    /// Whether the last tree that was handed over was never used.
+    /// Whether the previous job's tree was never used.
     pub(crate) left_last: bool,
-    /// What puts the tree where the device takes it from.
+    /// Writes the tree in the device's format, if the backend provides a writer.
     pub(crate) writer: Option<TreeWriter>,
 }
 
-/// One builder thread, started with the first job. Dropping it cancels what it is at.
+/// A builder thread, which starts with the first job. Dropping it cancels the current build.
 pub(crate) struct BuilderThread {
-    /// What the thread does, until it is started.
+    /// Function that the thread runs; `None` once it is started.
     work: Option<Box<dyn FnOnce() + Send>>,
     thread: Option<JoinHandle<()>>,
     /// `None` once it is dropped.
@@ -57,7 +57,7 @@ pub(crate) struct BuilderThread {
 }
 
 impl BuilderThread {
-    /// A builder that knows its build; no thread yet.
+    /// Creates a builder that runs `build` for each job. Does not start the thread.
     pub(crate) fn new(
         mut build: impl FnMut(Job, &Cancel) -> BuildResult<Built> + Send + 'static,
     ) -> Self {
@@ -83,13 +83,14 @@ impl BuilderThread {
         }
     }
 
-    /// Whether a thread was ever started.
+    /// Returns whether the thread was ever started.
     #[cfg(test)]
     pub(crate) fn is_open(&self) -> bool {
         self.thread.is_some()
     }
 
-    /// Hands a job in, unless the thread cannot be started or is gone. Never waits: the caller keeps to one job at a time.
+    /// Submits a job. Fails if the thread cannot be started or has ended. Never blocks: the caller submits one job at a
+    /// time.
     pub(crate) fn start(&mut self, job: Job) -> BuildResult<()> {
         if let Some(work) = self.work.take() {
             let thread = std::thread::Builder::new().name("abvh-builder".into());
@@ -104,12 +105,12 @@ impl BuilderThread {
         }
     }
 
-    /// A finished tree, if there is one. Never waits.
+    /// Returns a finished result, if there is one. Never blocks.
     pub(crate) fn try_take(&mut self) -> Option<BuildResult<Built>> {
         self.trees.try_recv().ok()
     }
 
-    /// Waits for the job that was handed in.
+    /// Waits for the result of the submitted job.
     pub(crate) fn take(&mut self) -> BuildResult<Built> {
         match self.thread {
             Some(_) => self.trees.recv().unwrap_or_else(|_| Err(gone())),
@@ -121,7 +122,7 @@ impl BuilderThread {
 impl Drop for BuilderThread {
     fn drop(&mut self) {
         self.cancel.cancel();
-        // Without jobs to come it ends. It catches the build's panics; nothing is left to report.
+        // The thread ends when the channel closes. It catches panics of builds, so `join` has nothing to report.
         self.jobs = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -138,10 +139,10 @@ fn gone() -> String {
 pub struct BuilderThreads(Arc<rayon::ThreadPool>);
 
 impl BuilderThreads {
-    /// So many of them, at least one.
+    /// Starts `threads` threads, or one if 0.
     ///
     /// # Errors
-    /// They cannot be started.
+    /// The threads cannot be started.
     pub fn new(threads: usize) -> Result<Self, PipelineError> {
         let builder = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
@@ -150,20 +151,20 @@ impl BuilderThreads {
         Ok(Self(Arc::new(pool)))
     }
 
-    /// Runs other work on these threads. The calling thread sleeps meanwhile, unless it belongs to the pool.
+    /// Runs other work on these threads. Blocks the calling thread, unless it belongs to the pool.
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         run_in(&self.0, work)
     }
 }
 
-/// Builds the first tree, those of `rebuild` and those of the builder thread.
+/// Runs the builds of first trees, of `rebuild` and of the builder thread.
 pub(crate) struct BuilderPool {
     threads: BuilderThreads,
     builder: Mutex<TreeBuilder>,
 }
 
 impl BuilderPool {
-    /// A builder in these threads; records carry trees in these forms.
+    /// Creates a builder that runs on these threads and produces these forms.
     pub(crate) fn new(threads: BuilderThreads, forms: Forms) -> Self {
         Self {
             threads,
@@ -171,12 +172,12 @@ impl BuilderPool {
         }
     }
 
-    /// Has the builder work in the pool's threads, while the caller waits.
+    /// Runs `build` in the pool's threads and waits for it.
     pub(crate) fn with<T: Send>(
         &self,
         build: impl FnOnce(&mut TreeBuilder) -> Result<T, BuildError> + Send,
     ) -> BuildResult<T> {
-        // Whatever a panic left of the builder is written over by the next build.
+        // The next build overwrites the state that a panic left.
         let builder = || lock(&self.builder);
         let built = self.threads.install(|| build(&mut builder()));
         built.map_err(|e| e.to_string())
@@ -226,7 +227,7 @@ mod tests {
             [&one, &other].map(|b| b.with(|_| Ok(who()))),
             [(); 2].map(|()| Ok(own.clone()))
         );
-        // Nor does one wait for the other.
+        // A build can wait for another build on the same threads.
         assert_eq!(one.with(|_| Ok(other.with(|_| Ok(who())))), Ok(Ok(own)));
     }
 

@@ -1,29 +1,31 @@
-//! Where a device's work lies on the host's clock.
+//! Maps a device's times to the host's clock.
 //!
-//! The two clocks have different zeros. But nothing of a submission ran before the host handed it in, nor after the host saw
-//! its end. So each submission bounds the offset between the clocks from both sides. All of them together bound it to the
-//! least latency of handing in plus the least of seeing. The middle is taken, so the error is at most half of that.
+//! The two clocks have different zeros. But no part of a submission ran before the host submitted it, or after the host
+//! saw that it was finished. So each submission bounds the offset between the clocks from both sides. All submissions
+//! together bound the offset to an interval, whose length is the minimum latency of submission plus the minimum latency
+//! of notification. The middle of the interval is used, so the error is at most half its length.
 //!
-//! Clocks also drift (some microseconds a second): where bounds contradict each other, the run is cut in two, each with an
-//! offset of its own.
+//! Clocks also drift, by some microseconds per second. If bounds contradict each other, the run is split in two, and
+//! each half has its own offset.
 //!
-//! Work without a begin on the device's clock is taken to end when it was seen to: the latest it can be. Submissions run one
-//! after the other, so whatever would reach into the next is moved before it.
+//! Work without a start time on the device's clock is assumed to end when the host saw that it was finished. This is
+//! the latest possible time. Submissions run one after another, so work that would overlap the next submission is moved
+//! before it.
 
 use crate::frame::Submission;
 use std::time::Instant;
 
-/// A stretch of the host's clock, in milliseconds from some origin.
+/// Interval on the host's clock, in milliseconds since some origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Its begin.
+    /// Start.
     pub begin_ms: f64,
-    /// Its end.
+    /// End.
     pub end_ms: f64,
 }
 
-/// The part of a submission between its first stage's begin and the last one's end, in milliseconds since `origin` on
-/// the host's clock; one for each of `submissions`, which must be in the order they were handed in. No two overlap.
+/// Returns the intervals from the first stage's start to the last stage's end of each submission, in milliseconds since
+/// `origin` on the host's clock. `submissions` must be in submission order. The intervals do not overlap.
 pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     let bounds: Vec<Bounds> = submissions.iter().map(|s| bounds(origin, s)).collect();
     let mut offsets = vec![0.0; bounds.len()];
@@ -53,12 +55,12 @@ pub fn place_on_host(origin: Instant, submissions: &[Submission]) -> Vec<Span> {
     spans
 }
 
-/// The least and the most that `host - device` may be, in milliseconds.
+/// Minimum and maximum of `host - device`, in milliseconds.
 type Bounds = [f64; 2];
 
 const UNBOUNDED: Bounds = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// What one submission says: nothing without a begin on the device's clock.
+/// Returns the bounds from one submission: infinite without a start time on the device's clock.
 fn bounds(origin: Instant, submission: &Submission) -> Bounds {
     let times = submission.times;
     times.begun_ms.map_or(UNBOUNDED, |begun| {
@@ -68,7 +70,7 @@ fn bounds(origin: Instant, submission: &Submission) -> Bounds {
     })
 }
 
-/// One offset for as long a stretch as its bounds allow.
+/// Computes the offsets: one for the whole run if its bounds allow, otherwise separately for each half.
 fn find_offsets(bounds: &[Bounds], offsets: &mut [f64]) {
     let both = |a: Bounds, b: &Bounds| [a[0].max(b[0]), a[1].min(b[1])];
     let [least, most] = bounds.iter().fold(UNBOUNDED, both);
@@ -82,7 +84,7 @@ fn find_offsets(bounds: &[Bounds], offsets: &mut [f64]) {
     find_offsets(&bounds[half..], &mut offsets[half..]);
 }
 
-/// Milliseconds since `origin`; negative before it.
+/// Returns milliseconds since `origin`; negative before it.
 fn host_ms(origin: Instant, at: Instant) -> f64 {
     let after = at.saturating_duration_since(origin).as_secs_f64();
     let before = origin.saturating_duration_since(at).as_secs_f64();
@@ -105,8 +107,8 @@ mod tests {
         }
     }
 
-    /// Frames of a device whose clock stands `zero` from the host's and drifts by `drift`;
-    /// with each, where it truly lies.
+    /// Simulates frames on a device whose clock has the offset `zero` and drifts by `drift`. Also returns the true
+    /// start times.
     fn run(zero: f64, drift: f64, frames: &[[f64; 4]]) -> (Instant, Vec<Submission>, Vec<f64>) {
         let origin = Instant::now();
         let mut free = 0.0;
@@ -148,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_drifts_is_followed() {
-        // 1000 frames of 10 ms, 50 ppm: half a millisecond off at the end, latencies of 0.02 ms.
+        // 1000 frames of 10 ms with latencies of 0.02 ms. A drift of 50 ppm adds up to half a millisecond.
         let (origin, all, truth) = run(7e6, 5e-5, &vec![[0.0, 0.02, 10.0, 0.02]; 1000]);
         let spans = place_on_host(origin, &all);
         for (span, begun) in spans.iter().zip(&truth) {
@@ -159,7 +161,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(100))]
 
-        /// Work lies where it was, within half of the two least latencies, whatever the clock's zero.
+        /// Placed work differs from its true time by at most half of the two minimum latencies, for any clock offset.
         #[test]
         fn placed_work_is_off_by_half_the_least_latencies_at_most(
             zero in -1e6_f64..1e6,

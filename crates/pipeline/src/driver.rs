@@ -1,9 +1,8 @@
-//! The frame loop: carries out what the schedule says, and never waits for the builder.
+//! The frame loop: follows the schedule's plan for each frame and never waits for the builder thread.
 
 mod candidate;
 mod patience;
 mod read_back;
-mod retained;
 mod run;
 mod trees;
 mod warm_up;
@@ -11,16 +10,16 @@ mod warm_up;
 use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
-use crate::schedule::{Pace, Update};
+use crate::schedule::plan;
 use crate::tree_builder::Forms;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Query, Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
+    Ticket,
 };
 use bvh_layout::Spare;
 use candidate::Candidate;
 use geom::{Animation, Point, Pose};
 use patience::Patience;
-use retained::Retained;
 pub use run::{Answers, LOOK_AHEAD, Wanted};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,7 +27,7 @@ use std::time::Instant;
 use trees::{FIRST, Tree};
 pub use warm_up::{Warmed, warm_up};
 
-/// Why rendering stopped.
+/// Reason why rendering stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
     /// The backend failed.
@@ -42,26 +41,25 @@ pub enum PipelineError {
     Threads(String),
 }
 
-/// What a driver is to do.
+/// Options of a [`Driver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverOptions {
-    /// How the backend traces.
+    /// Tracing method of the backend.
     pub method: Method,
     /// How trees follow the motion.
-    pub update: Update,
-    /// First and last time that will be rendered, in key frames: what
-    /// [`Update::TSah`] builds its tree for, and what no prediction goes beyond.
+    pub update: Policy,
+    /// First and last time that will be rendered, in key frames. No tree is built for a time beyond them.
     pub time_range: [f64; 2],
-    /// With [`Update::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
+    /// With [`Policy::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
     /// instead of for the frame that asks, from the backend's vertices.
     pub predict: bool,
 }
 
-/// A frame submitted and not finished.
+/// A submitted frame whose results have not been returned yet.
 struct Pending {
     ticket: Ticket,
     record: FrameRecord,
-    /// What the refitted cost is to be divided by; `None` if the tree is fresh.
+    /// Divisor of the refitted cost in [`FrameRecord::sah_ratio`]; `None` if the tree was built for the frame's pose.
     cost_before: Option<f64>,
 }
 
@@ -73,43 +71,41 @@ pub struct Driver {
     predictor: LatencyPredictor,
     builder_pool: Arc<BuilderPool>,
     builder_thread: BuilderThread,
-    /// Whether the backend shades.
+    /// Whether the backend shades frames.
     shades: bool,
-    /// Whether the host's key frames are the backend's.
+    /// Whether the animation contains the key frames that the backend interpolates.
     knows_key_frames: bool,
-    /// The tree in use; none before the first frame.
+    /// Current tree; `None` before the first frame.
     tree: Option<Tree>,
-    /// The tree to come; at most one.
+    /// Tree that was requested and is neither adopted nor rejected yet.
     candidate: Option<Candidate>,
-    /// The tree before the current one, while it is on the device and the motion is unknown.
-    retained: Option<Retained>,
     /// The last tree that was asked for; generations only rise.
     newest: Generation,
-    /// Whether trees may be requested, after others were rejected.
+    /// Pause between requests after trees were rejected.
     patience: Patience,
-    /// The last adopted record's memory, for the next one.
+    /// Memory of the last adopted topology, for reuse by the next build.
     spare: Spare,
-    /// The pose for which the last build made no better tree than the current one.
+    /// Pose for which the last build made no better tree than the current one.
     has_best_for: Option<Pose>,
-    /// Whether the builder's last tree was never used, which it does not know yet.
+    /// Whether the builder's last tree was dropped unused. The next job reports this to the builder.
     left_last: bool,
-    /// The pose of the backend's positions.
+    /// Pose of the backend's positions; `None` if unknown.
     pose: Option<Pose>,
-    /// Where shadow rays of the frame at hand go; trees are made to face it.
+    /// Target of the current frame's shadow rays. Builders order the children of nodes for these rays.
     light: Option<Point>,
-    /// Of the frame at hand.
+    /// Statistics of the current frame.
     record: FrameRecord,
     pending: VecDeque<Pending>,
-    /// Whether positions and boxes are recorded of a frame whose queries the backend refused.
+    /// Whether a frame's positions and boxes are recorded, but the backend refused its queries.
     has_refused: bool,
     frames: u64,
 }
 
 impl Driver {
-    /// Loads `animation` into `backend`. The first frame builds the first tree. Others may build in these threads, too.
+    /// Loads `animation` into `backend`. The first frame builds the first tree. Other drivers may share `threads`.
     ///
     /// # Errors
-    /// The backend refuses the scene or the method.
+    /// The backend does not support the scene or the method.
     pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
@@ -118,7 +114,7 @@ impl Driver {
     ) -> Result<Self, PipelineError> {
         admit(backend.as_ref(), options.update)?;
         backend.load(Arc::clone(&animation), options.method)?;
-        if options.update == Update::DeviceRebuild {
+        if options.update.builds_on_device() {
             backend.check_rebuild()?;
         }
         let forms = Forms {
@@ -132,10 +128,7 @@ impl Driver {
                 builder_pool.with(|builder| builder.carry_out(&animation, job, cancel))
             })
         };
-        let agreed = match options.update {
-            Update::Async(Pace::Lockstep(k)) => Some(k),
-            _ => None,
-        };
+        let agreed = options.update.lockstep();
         Ok(Self {
             backend,
             animation,
@@ -147,7 +140,6 @@ impl Driver {
             knows_key_frames: true,
             tree: None,
             candidate: None,
-            retained: None,
             patience: Patience::default(),
             newest: FIRST,
             spare: Spare::default(),
@@ -162,37 +154,37 @@ impl Driver {
         })
     }
 
-    /// The backend's description and views.
+    /// Returns the backend, for its description and inspection.
     pub fn backend(&mut self) -> &mut (dyn Backend + 'static) {
         self.backend.as_mut()
     }
 
-    /// What makes a further backend on its device: see [`Backend::another`].
+    /// Returns a function that creates another backend on the same device. See [`Backend::another`].
     pub fn another_backend(&self) -> Option<Opener> {
         self.backend.another()
     }
 
-    /// Has the backend make ready, beside other work, what frames with this query will take.
+    /// Starts to compile, on other threads, the kernels that frames with this query need.
     pub fn prepare(&mut self, query: Query<'_>) {
         let makes_trees = self.makes_trees();
         self.backend.prepare(query, makes_trees);
     }
 
-    /// Has the backend shade each frame from now on, if it can; says whether it does.
+    /// Enables shading of all further frames. Returns `false` if the backend does not shade.
     ///
     /// # Errors
-    /// The backend's.
+    /// Those of [`Backend::load_palette`].
     pub fn shade(&mut self, palette: &Palette) -> Result<bool, PipelineError> {
         self.shades = self.backend.load_palette(palette)?;
         Ok(self.shades)
     }
 
-    /// From now on positions come to the backend alone, and trees are built from those that it gives back.
+    /// Switches to positions that only the backend receives. Trees are then built from positions read back from it.
     pub fn forget_key_frames(&mut self) {
         self.knows_key_frames = false;
     }
 
-    /// Forgets frames of these tickets, which were given up before they ran.
+    /// Drops the frames of these tickets, which were abandoned before they ran.
     ///
     /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is evaluated
     /// again, because the device dropped its boxes.
@@ -206,40 +198,36 @@ impl Driver {
         if let Some(candidate) = &mut self.candidate {
             candidate.advance(candidate::State::Arrived);
         }
-        self.retained = None;
     }
 
-    /// Gives the backend back, to be loaded anew. A build under way is cancelled.
+    /// Returns the backend, which can load another scene. Cancels a build in progress.
     pub fn into_backend(self) -> Box<dyn Backend> {
         self.backend
     }
 
-    /// Trees so far that frames were traced with.
+    /// Returns the generation of the current tree, or 0 before the first frame.
     pub fn generation(&self) -> Generation {
         self.tree.as_ref().map_or(Generation(0), |t| t.generation)
     }
 
-    /// Whether a tree is being built, or waits to be taken up at a frame's begin.
+    /// Returns whether a tree is requested and is neither adopted nor rejected yet.
     pub fn is_building(&self) -> bool {
         self.candidate.is_some()
     }
 
-    /// Submits one frame, whose results its ticket stands for: of one query, or of several that the backend
-    /// [traces together](Backend::traces_together). With trees built at once (`rebuild`, lockstep 0) the frame before
-    /// must be finished: each takes two submissions.
+    /// Submits one frame and returns the ticket of its results. Accepts one query, or several that the backend
+    /// [traces together](Backend::traces_together). If each frame builds its own tree (`rebuild`, lockstep 0), finish
+    /// the previous frame first: such a frame takes two submissions.
     ///
     /// # Errors
-    /// The backend's.
+    /// Those of the backend, and [`PipelineError::FirstTree`] if the first tree cannot be built.
     pub fn begin(&mut self, frame: Frame, queries: &[Query<'_>]) -> Result<Ticket, PipelineError> {
         let begun = self.record_and_submit(frame, queries);
         if begun.is_err() {
-            // Nobody knows how far the backend came.
+            // The last call that the backend completed is unknown.
             self.pose = None;
             if let Some(candidate) = &mut self.candidate {
                 candidate.abandoned();
-            }
-            if let Some(retained) = &mut self.retained {
-                retained.abandoned();
             }
         }
         begun
@@ -271,12 +259,12 @@ impl Driver {
             self.backend.refit()?;
         }
         let recorded = self.record_traces(queries);
-        // Where a key frame cannot be read, nothing of the frame is recorded.
+        // If a key frame cannot be read, nothing of the frame is recorded.
         if let Err(PipelineError::Backend(e)) = &recorded
             && !matches!(e, BackendError::KeyFrame(_))
         {
             self.has_refused = true;
-            // Positions that it requested come with its submission.
+            // Its submission delivers the positions that it requested.
             self.frames += 1;
         }
         recorded?;
@@ -284,9 +272,6 @@ impl Driver {
         let ticket = self.backend.submit()?;
         if let Some(candidate) = &mut self.candidate {
             candidate.submitted(ticket);
-        }
-        if let Some(retained) = &mut self.retained {
-            retained.submitted(ticket);
         }
         self.poll_builder()?;
         let tree = self.tree.as_ref().expect("a frame is traced with a tree");
@@ -302,8 +287,8 @@ impl Driver {
         Ok(ticket)
     }
 
-    /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same recording,
-    /// and no tree could be adopted.
+    /// Submits the frame whose queries were refused. Otherwise the next frame would add its commands to the same
+    /// recording, and no tree could be adopted.
     fn submit_refused(&mut self) -> Result<(), PipelineError> {
         if std::mem::take(&mut self.has_refused) {
             let ticket = self.backend.submit()?;
@@ -324,26 +309,24 @@ impl Driver {
         }
     }
 
-    /// Has a tree for the frame: the one in use, or what the schedule says.
+    /// Provides a tree for the frame: the current one, or another if the schedule swaps trees.
     fn bring_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let Some(tree) = &self.tree else {
             return self.first_tree(pose);
         };
-        let tree_pose = tree.pose;
-        self.return_cheaper()?;
         let newest = self
             .candidate
             .as_ref()
-            .map_or(tree_pose, |c| c.request.pose);
+            .map_or(tree.pose, |c| c.request.pose);
         let in_flight = self.in_flight()?;
         let wanted = self.wanted(pose);
         let is_best = newest == wanted || self.has_best_for == Some(wanted);
         let outdated = !is_best && self.may_ask();
-        let plan = self.options.update.plan(self.frames, in_flight, outdated);
+        let plan = plan(self.options.update, self.frames, in_flight, outdated);
         self.follow(plan, wanted)
     }
 
-    /// Brings positions to `pose`; says whether records and boxes must follow.
+    /// Brings the backend's positions to `pose`. Returns whether `preprocess` and `refit` must follow.
     fn record_geometry(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.pose != Some(pose);
         let asked = self.wants_positions(moved);
@@ -354,12 +337,12 @@ impl Driver {
         if asked {
             self.backend.request_positions()?;
         }
-        Ok(moved || self.record.adopted.is_some() || self.record.returned)
+        Ok(moved || self.record.adopted.is_some())
     }
 
     /// Whether the backend makes the trees.
     fn makes_trees(&self) -> bool {
-        let asked = self.options.update == Update::DeviceRebuild;
+        let asked = self.options.update.builds_on_device();
         asked || self.backend.makes_own_trees()
     }
 
@@ -367,7 +350,7 @@ impl Driver {
     /// tree of them; says whether a refit must follow.
     fn record_own_tree(&mut self, pose: Pose) -> Result<bool, PipelineError> {
         let moved = self.record_geometry(pose)?;
-        let anew = matches!(self.options.update, Update::Rebuild | Update::DeviceRebuild);
+        let anew = self.options.update.rebuilds_every_frame();
         let generation = match &self.tree {
             None => FIRST,
             Some(tree) if moved && anew => Generation(tree.generation.0 + 1),
@@ -381,16 +364,14 @@ impl Driver {
             pose,
             middle: f64::NAN,
             cost: 0.0,
-            returned: false,
         });
         Ok(true)
     }
 }
 
 /// Refuses what has no meaning for a backend that makes all its trees itself.
-fn admit(backend: &dyn Backend, update: Update) -> Result<(), BackendError> {
-    let takes_trees = matches!(update, Update::Async(_) | Update::TSah);
-    if !takes_trees || !backend.makes_own_trees() {
+fn admit(backend: &dyn Backend, update: Policy) -> Result<(), BackendError> {
+    if !update.builds_beside_frames() || !backend.makes_own_trees() {
         return Ok(());
     }
     let policy = update.name();

@@ -1,4 +1,4 @@
-//! One frame: what is asked for, and what came of it.
+//! The request for a frame, and its statistics.
 
 use crate::tree_builder::BuildMoments;
 use backend::{DeviceBytes, FrameReport, Generation, StageTimes};
@@ -8,56 +8,54 @@ use std::time::{Duration, Instant};
 /// A frame to render.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Frame {
-    /// Its number in the output.
+    /// Number of the frame in the output.
     pub index: u64,
-    /// Its time in key frames.
+    /// Time in key frames.
     pub time: f64,
 }
 
-/// What became of a frame.
+/// Statistics of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameRecord {
-    /// What was asked for.
+    /// Frame that was requested.
     pub frame: Frame,
-    /// What the backend says.
+    /// Report of the backend.
     pub report: FrameReport,
-    /// Milliseconds the driver spent on the frame: from its begin to its submission's end, and waiting for it to finish.
+    /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
+    /// its results.
     pub wall_ms: f64,
-    /// Milliseconds of those in which the driver was blocked until a tree was
-    /// built: 0 for every frame but the first where the builder runs free, and with `refit`.
+    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first if builds
+    /// are free-running, and with `refit`.
     pub build_wait_ms: f64,
-    /// The tree it was traced with.
+    /// Generation of the tree that the frame was traced with.
     pub tree_generation: Generation,
-    /// Frames since the one that asked for the tree; it was built from that
-    /// frame's vertices, unless [`DriverOptions::predict`](crate::DriverOptions::predict) looked ahead.
+    /// Number of frames since the one that requested the tree. The tree was built from that frame's vertices, unless
+    /// [`DriverOptions::predict`](crate::DriverOptions::predict) selected a later time.
     pub tree_age_frames: u64,
-    /// The tree this frame asked for, if it did.
+    /// Generation of the tree that this frame requested, if any.
     pub asked: Option<Generation>,
-    /// The tree this frame swapped to, if it did.
+    /// Tree that this frame adopted, if any.
     pub adopted: Option<Adopted>,
-    /// Whether the frame made the tree before the current one current again, because it costs less.
-    pub returned: bool,
     /// Whether the backend made the tree within this frame.
     pub made: bool,
-    /// The tree this frame could have swapped to, but that it was no better than the one in use, or built for a moment
-    /// that is further off than the next tree.
+    /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
+    /// a newer tree would arrive before its time of use.
     pub rejected: Option<Generation>,
-    /// Refitted cost over the cost of a fresh tree at the same time where that
-    /// is known, else over the cost when it was built (with
-    /// [`Update::TSah`](crate::Update::TSah), over that of a fresh tree at the first frame). `None` where the backend measures no cost.
+    /// Refitted cost over the cost of a fresh tree at the same time where that is known, else over the cost when it was
+    /// built. `None` where the backend measures no cost.
     pub sah_ratio: Option<f64>,
-    /// Bytes of device memory the backend held when the frame was done, where it can tell.
+    /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,
-    /// When the driver did what.
+    /// Times of the driver's steps.
     pub moments: FrameMoments,
-    /// The submission that fetched vertices for the frame's own tree, where there was one.
+    /// Submission that read back vertices for the frame's own tree, if any.
     pub fetched: Option<Submission>,
-    /// The submission that traced it.
+    /// Submission that traced the frame.
     pub traced: Submission,
 }
 
 impl FrameRecord {
-    /// Of a frame that the driver takes up, of which nothing is known yet.
+    /// Creates the statistics of a frame that begins.
     pub(crate) fn begin(frame: Frame, begun: Instant) -> Self {
         Self {
             frame,
@@ -68,7 +66,6 @@ impl FrameRecord {
             tree_age_frames: 0,
             asked: None,
             adopted: None,
-            returned: false,
             made: false,
             rejected: None,
             sah_ratio: None,
@@ -89,8 +86,8 @@ impl FrameRecord {
         }
     }
 
-    /// After the driver waited, saw its end and read its hits. What is reported so far, the submission that fetched
-    /// vertices for the frame's own tree, counts as part of the frame.
+    /// Completes the statistics after the driver has waited for the frame and read its results. An earlier
+    /// report is that of the submission that read back vertices for the frame's own tree, and counts for the frame.
     pub(crate) fn finish(&mut self, mut report: FrameReport, [waited, seen, read]: [Instant; 3]) {
         (self.traced.seen, self.traced.times) = (seen, report.times);
         let (times, fetched) = (&mut report.times, &self.report.times);
@@ -104,70 +101,70 @@ impl FrameRecord {
     }
 }
 
-/// Milliseconds.
+/// Returns a duration in milliseconds.
 pub(crate) fn ms(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1e3
 }
 
-/// What the driver did for a frame, on the host's clock, in order.
-/// Other frames may lie between `submitted` and `waited`.
+/// Times of the driver's steps for a frame, on the host's clock, in order. Other frames may run between `submitted` and
+/// `waited`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameMoments {
-    /// The driver took the frame up.
+    /// The driver started the frame.
     pub begun: Instant,
-    /// It had submitted it.
+    /// The driver had submitted the frame.
     pub submitted: Instant,
-    /// It came back to wait for it.
+    /// The driver started to wait for the frame.
     pub waited: Instant,
-    /// It saw that it was done.
+    /// The driver saw that the frame was finished.
     pub seen: Instant,
-    /// Hits were copied, if they were wanted.
+    /// Results were copied, if requested.
     pub read: Instant,
 }
 
-/// One submission, seen from both sides.
+/// One submission, timed by the host and by the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Submission {
-    /// The host was about to hand it in, so nothing of it ran before.
+    /// The host started to submit it. No part of it ran earlier.
     pub handed_in: Instant,
-    /// The host saw that it was done, so nothing of it ran after.
+    /// The host saw that it was finished. No part of it ran later.
     pub seen: Instant,
-    /// How long each stage took, and when it began, on the device's clock.
+    /// Start of the first stage and duration of each stage, on the device's clock.
     pub times: StageTimes,
 }
 
-/// A tree on the day it was swapped in.
+/// Statistics of a tree that a frame adopted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adopted {
-    /// Frames from the one that asked for it to the one that found it finished; it may have waited for its moment since.
+    /// Number of frames from the request to the frame that found the tree finished. It may have been adopted later.
     pub latency_frames: u64,
-    /// Milliseconds from vertices to binary tree.
+    /// Milliseconds from vertices to the binary tree.
     pub build_ms: f64,
-    /// Milliseconds from binary tree to record, and to lists of what moves.
+    /// Milliseconds from the binary tree to the topology, with its lists of moving nodes.
     pub convert_ms: f64,
-    /// Bytes of the record.
+    /// Bytes of the topology that are uploaded.
     pub upload_bytes: u64,
-    /// Bytes of the vertices that were read back for it.
+    /// Bytes of vertices that were read back for the build.
     pub snapshot_bytes: u64,
-    /// Triangles it holds.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Where the motion stands that it was built for: of [`Update::TSah`](crate::Update::TSah), the first frame.
+    /// Where the motion stands that it was built for.
     pub built_for: Pose,
-    /// How it came about.
+    /// Times of the steps from the request to the adoption.
     pub moments: TreeMoments,
 }
 
-/// The way of a tree on the host's clock, in order.
+/// Times of the steps from a tree's request to its adoption, on the host's clock, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeMoments {
-    /// A frame asked for it.
+    /// A frame requested it.
     pub asked: Instant,
-    /// Its vertices were seen on the host; if it was built from key frames, right away.
+    /// Its vertices were on the host; at once, if it was built from key frames.
     pub arrived: Instant,
-    /// It was built.
+    /// Times of the build.
     pub build: BuildMoments,
-    /// The driver began to hand it to the backend.
+    /// The driver started to pass it to the backend.
     pub taken: Instant,
-    /// The backend had it.
+    /// The backend had adopted it.
     pub adopted: Instant,
 }

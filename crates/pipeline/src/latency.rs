@@ -1,46 +1,47 @@
-//! Where the motion will be when a tree that is asked for now is in use.
+//! Predicts when a tree that is requested now will be used.
 //!
-//! Key frames are known before they are reached. So a tree may be built for the moment it is used, if somebody guesses
-//! when that is. The guess: frames go on by the last step of time, and trees take as many frames as the last ones did that
-//! were made by the same strategy. Before one has come, the first build and the pace of the first frames must do.
+//! Key frames are known before they are reached, so a tree can be built for the time at which it will be used. The
+//! prediction assumes that time continues by its last step. It also assumes that a build takes as many frames as
+//! earlier builds by the same strategy. Before the first such build, it uses the duration of the first tree's build and
+//! the rate of the first frames.
 
 use crate::tree_builder::BuildStrategy;
 use std::time::{Duration, Instant};
 
-/// Frames that say nothing of the pace: the first waits for its tree, others
-/// may come before the queue of frames under way is full.
+/// Number of initial frames that do not count for the frame rate. The first waits for its tree; others may begin before
+/// the queue of frames in flight is full.
 const UNSETTLED: u32 = 2;
-/// A later build takes about so much of the first one's time, as it finds its memory ready.
+/// Duration of a later build relative to the first, because later builds reuse allocated memory.
 pub(crate) const LATER_BUILD: f64 = 0.4;
-/// Key frames that a first tree is built for: within so many, motion is about straight.
+/// Number of key frames that the first tree is built for. Motion is nearly straight within one.
 const FIRST_USE: f64 = 1.0;
-/// A tree made of groups of the last one takes about so much of the time of one from scratch.
+/// Duration of a build from subtrees relative to a build from scratch.
 const GROUPS: f64 = 0.5;
 
-/// Watches frames go by and trees come; guesses what comes next.
+/// Observes frames and builds, and predicts when the next tree will be used.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LatencyPredictor {
     range: [f64; 2],
     time: f64,
     step: f64,
-    /// Frames between asking for a tree and swapping to it, by agreement.
+    /// Latency in frames from request to adoption, if it is fixed.
     agreed: Option<f64>,
-    /// The same as seen, of trees from scratch and of trees of groups.
+    /// Observed latency in frames, for each strategy: from scratch, from subtrees.
     seen: [Option<f64>; 2],
-    /// How the next tree will be made.
+    /// Strategy of the next build.
     next: BuildStrategy,
-    /// What it is taken for as long as none was seen.
+    /// Estimated latency in frames, used until one is observed.
     guess: Option<f64>,
     first_build: Option<Duration>,
-    /// Frames from the first one that may evaluate a tree to the one that may adopt it.
+    /// Number of frames from the first one that may evaluate a tree to the one that may adopt it.
     evaluation: f64,
-    /// Frames begun, and when the pace began to count.
+    /// Number of frames begun, and when the measurement of the frame rate began.
     frames: u32,
     settled: Option<Instant>,
 }
 
 impl LatencyPredictor {
-    /// Frames will lie within `range`; `agreed` is the latency if it is fixed.
+    /// Creates a predictor for times within `range`. `agreed` is the latency in frames, if it is fixed.
     pub(crate) fn new(range: [f64; 2], agreed: Option<u32>) -> Self {
         Self {
             range,
@@ -50,7 +51,7 @@ impl LatencyPredictor {
         }
     }
 
-    /// The next frame is at `time`; it begins `now`.
+    /// Records that a frame at `time` begins `now`.
     pub(crate) fn frame(&mut self, time: f64, now: Instant) {
         let since = time - self.time;
         self.step = if since.is_nan() { 0.0 } else { since };
@@ -68,23 +69,23 @@ impl LatencyPredictor {
         }
     }
 
-    /// The first tree, which a frame waited for, took so long.
+    /// Records the duration of the first tree's build.
     pub(crate) fn first_took(&mut self, build: Duration) {
         self.first_build = Some(build);
     }
 
-    /// Whether the last two frames were at the same time.
+    /// Returns whether the last two frames had the same time.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.step == 0.0
     }
 
-    /// Whether there is any ground for a guess.
+    /// Returns whether the latency is fixed, was observed or can be estimated.
     pub(crate) fn has_ground(&self) -> bool {
         self.latency().or(self.guess).is_some()
     }
 
-    /// A tree made by one strategy came so many frames after it was asked for. That it comes sooner than the ones before is
-    /// believed at once, for the first ones had to find their memory; that it comes later, by half.
+    /// Records that a tree arrived `frames` frames after its request. A shorter latency than before is used at once,
+    /// because early builds still allocate memory. A longer latency is averaged with the value before.
     pub(crate) fn observe_latency(&mut self, frames: u64, strategy: BuildStrategy) {
         let seen = &mut self.seen[strategy as usize];
         let frames = frames as f64;
@@ -92,31 +93,31 @@ impl LatencyPredictor {
         *seen = Some(seen.map_or(frames, |before| mean(before).min(frames)));
     }
 
-    /// A tree was evaluated, which took `frames` frames.
+    /// Records that the evaluation of a tree took `frames` frames.
     pub(crate) fn observe_evaluation(&mut self, frames: u64) {
         self.evaluation = frames as f64;
     }
 
-    /// How the next tree will be made.
+    /// Sets the strategy of the next build.
     pub(crate) fn next_strategy_is(&mut self, strategy: BuildStrategy) {
         self.next = strategy;
     }
 
-    /// Whether a tree for the moment `new` is to be used from now on, instead of one for `last`: when its moment is the
-    /// nearer one, or comes no nearer.
+    /// Returns whether a tree for the time `new` should replace one for the time `last`: `new` is at least as near as
+    /// `last`, or time does not approach `new`.
     pub(crate) fn should_adopt(&self, last: f64, new: f64) -> bool {
         let nearer = |left| left <= (last - self.time).abs();
         self.approach(new).is_none_or(nearer)
     }
 
-    /// Returns how far the moment `new` is away, in key frames, if time comes nearer to it.
+    /// Returns the distance in key frames to the time `new`, or `None` if time does not approach it.
     pub(crate) fn approach(&self, new: f64) -> Option<f64> {
         let comes_nearer = (new - self.time) * self.step > 0.0;
         comes_nearer.then_some((new - self.time).abs())
     }
 
-    /// Whether a tree for the moment `new` is to be evaluated again: half of the distance is left at which it cost too much, or
-    /// time comes no nearer to it.
+    /// Returns whether a tree for the time `new` should be evaluated: for the first time, or again because the distance
+    /// has halved since `dearer_at`, where it cost too much, or because time does not approach `new`.
     pub(crate) fn is_nearer(&self, new: f64, dearer_at: Option<f64>) -> bool {
         match self.approach(new).zip(dearer_at) {
             Some((left, before)) => left <= 0.5 * before,
@@ -124,39 +125,34 @@ impl LatencyPredictor {
         }
     }
 
-    /// Whether a tree asked for now would be there before one for the moment `new` is ripe, which came much too early.
+    /// Returns whether a tree requested now would arrive before one for the time `new` should be adopted.
     pub(crate) fn newer_tree_due_first(&self, last: f64, new: f64) -> bool {
         let ripe = f64::midpoint(last, new);
         (ripe - self.time) / self.step > self.expected()
     }
 
-    /// The middle of the frames traced with a tree asked for now: the next one
-    /// will be asked for when it is swapped in, and take as long.
+    /// Returns the middle of the time in which a tree requested now is used. Assumes that the next tree is requested
+    /// when this one is adopted, and that its build takes as long.
     pub(crate) fn middle_of_use(&self) -> f64 {
         self.in_use(0.5)
     }
 
-    /// The middles of both halves of that use.
+    /// Returns the middles of both halves of the time in which a tree requested now is used.
     pub(crate) fn halves_of_use(&self) -> [f64; 2] {
         [0.25, 0.75].map(|share| self.in_use(share))
     }
 
-    /// When that share of those frames has passed.
+    /// Returns the time at which a tree requested now has been used for `share` of its frames.
     fn in_use(&self, share: f64) -> f64 {
         let latency = self.expected();
         self.ahead(latency + share * (latency - 1.0).max(0.0))
     }
 
-    /// The middles of both halves of the time that a first tree is built for, as long as nobody knows how long it will
-    /// be used; `None` at the end of the range.
+    /// Returns the middles of both halves of the time that the first tree is built for, because its actual time of use
+    /// is unknown. Returns `None` at the end of the range.
     pub(crate) fn halves_of_first_use(&self) -> Option<[f64; 2]> {
         let left = FIRST_USE.min(self.range[1] - self.time);
         (left > 0.0).then(|| [0.25, 0.75].map(|share| self.time + share * left))
-    }
-
-    /// Returns for how many frames a tree that is adopted now is used, rounded up.
-    pub(crate) fn frames_of_use(&self) -> u64 {
-        self.expected().ceil() as u64
     }
 
     fn expected(&self) -> f64 {
@@ -164,7 +160,7 @@ impl LatencyPredictor {
         built + self.evaluation
     }
 
-    /// Of the next tree, where any was seen or agreed.
+    /// Returns the latency of the next tree in frames, if it is fixed or was observed.
     fn latency(&self) -> Option<f64> {
         let [scratch, groups] = self.seen;
         let seen = match self.next {
@@ -174,11 +170,11 @@ impl LatencyPredictor {
         self.agreed.or(seen)
     }
 
-    /// The time so many frames from now.
+    /// Returns the time `frames` frames from now, limited to the range.
     fn ahead(&self, frames: f64) -> f64 {
         let [first, last] = self.range;
         let time = self.time + self.step * frames;
-        // A frame outside the range is its own best guess.
+        // A frame outside the range extends the range to its own time.
         time.clamp(first.min(self.time), last.max(self.time))
     }
 }
@@ -198,10 +194,10 @@ mod tests {
         let mut f = watching([0.0, 100.0], None, &[0.0, 0.5, 1.0]);
         assert_eq!(f.middle_of_use(), 1.0);
         f.observe_latency(4, BuildStrategy::Scratch);
-        // Swapped in 4 frames on, used for frames 4 to 7 from now.
+        // The tree is adopted after 4 frames and used for frames 4 to 7 from now.
         assert_eq!(f.middle_of_use(), 1.0 + 5.5 * 0.5);
         assert_eq!(f.halves_of_use(), [1.0 + 4.75 * 0.5, 1.0 + 6.25 * 0.5]);
-        // The mean of both is 6: used for frames 6 to 11.
+        // The mean latency is 6: the tree is used for frames 6 to 11.
         f.observe_latency(8, BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 8.5 * 0.5);
     }
@@ -211,7 +207,7 @@ mod tests {
         let mut f = watching([0.0, 1000.0], None, &[0.0, 1.0]);
         f.observe_latency(40, BuildStrategy::Scratch);
         assert_eq!(f.middle_of_use(), 1.0 + 40.0 + 19.5);
-        // Nobody saw one of groups yet.
+        // No build from subtrees was observed, so it is assumed to take half as long.
         f.next_strategy_is(BuildStrategy::Subtrees);
         assert_eq!(f.middle_of_use(), 1.0 + 20.0 + 9.5);
         f.observe_latency(10, BuildStrategy::Subtrees);
@@ -229,11 +225,11 @@ mod tests {
         for (times, last, new, ripe) in [
             ([1.0, 2.0], 1.5, 4.0, false),
             ([2.0, 3.0], 1.5, 4.0, true),
-            // Nothing moves; time runs away from it, or ran past it.
+            // Without motion; time moves away from `new`; time has passed `new`.
             ([2.0, 2.0], 1.5, 4.0, true),
             ([2.0, 1.9], 1.5, 4.0, true),
             ([2.0, 5.0], 4.9, 4.0, true),
-            // Backwards.
+            // Time runs backwards.
             ([9.0, 8.0], 8.5, 6.0, false),
             ([8.0, 7.0], 8.5, 6.0, true),
         ] {
@@ -249,12 +245,12 @@ mod tests {
             f.observe_latency(latency, BuildStrategy::Scratch);
             f.newer_tree_due_first(1.0, 41.0)
         };
-        // Ripe at 21: in 19 frames, or in 38.
+        // The tree should be adopted at time 21: in 19 frames, or in 38.
         assert!(at(&[1.0, 2.0], 18));
         assert!(!at(&[1.0, 2.0], 19));
         assert!(at(&[1.5, 2.0], 37));
         assert!(!at(&[1.5, 2.0], 38));
-        // Backwards, from 40 to 21.
+        // Time runs backwards, from 40 to 21.
         assert!(at(&[41.0, 40.0], 18));
         assert!(!at(&[41.0, 40.0], 19));
     }
@@ -275,23 +271,23 @@ mod tests {
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.frame(0.0, start);
         f.first_took(ms(200));
-        // Neither the wait for the first tree nor a frame handed in at once is the pace.
+        // Neither the wait for the first tree nor a frame submitted immediately counts for the frame rate.
         f.frame(1.0, start + ms(900));
         f.frame(2.0, start + ms(901));
         assert!(!f.has_ground());
         assert_eq!(f.middle_of_use(), 2.0);
-        // A frame in 10 ms, two fifths of the first build: in use 8 to 15 frames on.
+        // A frame takes 10 ms and the next build 80 ms: the tree is used for frames 8 to 15.
         f.frame(3.0, start + ms(911));
         assert!(f.has_ground());
         assert!((f.middle_of_use() - (3.0 + 11.5)).abs() < 1e-9);
-        // The mean of frames of 10 and 22 ms: 5 frames.
+        // Frames of 10 and 22 ms take 16 ms in the mean, so the build takes 5 frames.
         f.frame(4.0, start + ms(933));
         assert!((f.middle_of_use() - (4.0 + 7.0)).abs() < 1e-9);
-        // What was seen takes its place.
+        // An observed latency replaces the estimate.
         f.observe_latency(3, BuildStrategy::Scratch);
         f.frame(5.0, start + ms(940));
         assert_eq!(f.middle_of_use(), 5.0 + 4.0);
-        // A tree takes a frame at least, however fast it is built.
+        // A tree takes at least one frame, however fast it is built.
         let mut f = LatencyPredictor::new([0.0, 1000.0], None);
         f.first_took(Duration::ZERO);
         (0..4).for_each(|i| f.frame(f64::from(i), start));

@@ -3,7 +3,7 @@
 //! The asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic Scenes*, 2007) as
 //! Kim, Kim, Lee, Han (2014) split it between a device and its host. A schedule decides and knows no thread and no clock; a
 //! builder works on a thread of its own. [`Driver`] owns the backend, carries out what the schedule says and never waits
-//! for the builder, unless [`Pace::Lockstep`] asks for it. Each [`FrameRecord`] says when what was done;
+//! for the builder, unless [`Policy::Lockstep`](backend::Policy::Lockstep) asks for it. Each [`FrameRecord`] says when what was done;
 //! [`place_on_host`] says where the device's share of it lies.
 
 mod builder_thread;
@@ -26,5 +26,4 @@ pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMomen
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
-pub use schedule::{Pace, Update};
 pub use tree_builder::BuildMoments;

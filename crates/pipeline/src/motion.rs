@@ -1,44 +1,44 @@
-//! How a scene moves, what in it cannot be hit, and how its first tree decays under refitting: the reason to rebuild.
+//! Measures how a scene moves, which triangles cannot be hit, and how much refits degrade the first tree.
 
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
 use geom::{Aabb, Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// How far vertices go.
+/// Motion of a scene's vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Motion {
-    /// Share of the vertices that are elsewhere in some key frame.
+    /// Share of the vertices that have another position in some key frame than in the first.
     pub moving: f64,
-    /// Mean way of a vertex from one key frame to the next, over the diagonal of the bounds.
+    /// Mean distance that a vertex moves per key frame, divided by the diagonal of the bounds.
     pub mean_step: f64,
-    /// The longest such way.
+    /// Largest such distance, divided by the same diagonal.
     pub max_step: f64,
 }
 
-/// The least and the most over all key frames.
+/// Minimum and maximum over all key frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Spread {
-    /// The least.
+    /// Minimum.
     pub min: usize,
-    /// The most.
+    /// Maximum.
     pub max: usize,
 }
 
-/// The first tree at another time.
+/// Costs of the first tree and of a fresh tree at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Decay {
-    /// In key frames.
+    /// Time in key frames.
     pub time: f64,
-    /// Its refitted cost.
+    /// Cost of the first tree, refitted.
     pub refitted: f64,
-    /// The cost of a tree built there.
+    /// Cost of a tree built for this time.
     pub fresh: f64,
-    /// One over the other; `None` where there is no cost.
+    /// `refitted` divided by `fresh`; `None` if `fresh` is 0.
     pub ratio: Option<f64>,
 }
 
-/// Measures the motion; steps to or from where a vertex is not finite count for nothing.
+/// Measures the motion. Ignores steps from or to positions that are not finite.
 ///
 /// # Errors
 /// A key frame cannot be read.
@@ -72,7 +72,7 @@ pub fn motion(animation: &Animation) -> Result<Motion, KeyFrameError> {
     })
 }
 
-/// Inactive and degenerate triangles of each key frame: their spread.
+/// Returns the numbers of inactive and of degenerate triangles: minimum and maximum over all key frames.
 ///
 /// # Errors
 /// A key frame cannot be read.
@@ -100,17 +100,17 @@ pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
     }))
 }
 
-/// Compares the tree of time 0, refitted, with a fresh one at `samples` times over the motion.
+/// Compares the tree of time 0, refitted, with a fresh tree at `samples` times of the animation.
 ///
 /// # Errors
-/// The builder's.
+/// Those of the builder.
 pub fn decay(animation: &Animation, samples: usize) -> Result<Vec<Decay>, BuildError> {
     let last = if animation.end() > 0.0 { samples } else { 1 };
     let time = |i| animation.end() * i as f64 / (samples.max(2) - 1) as f64;
     decay_at(animation, (0..last).map(time), 1)
 }
 
-/// Compares the first time's tree, refitted, with a fresh one at each, of every so many triangles.
+/// Compares the first time's tree, refitted, with a fresh tree at each time. Uses every `step`-th triangle.
 fn decay_at(
     animation: &Animation,
     times: impl Iterator<Item = f64>,
@@ -138,22 +138,22 @@ fn decay_at(
     times.map(&mut compare).collect()
 }
 
-/// Triangles that [`RefitDecay`] looks at, evenly taken from all.
+/// Maximum number of triangles that [`RefitDecay`] samples.
 const TRIANGLES: usize = 1 << 13;
-/// Moments of the run that it looks at, both ends included.
+/// Number of times that it samples, including both ends of the run.
 const MOMENTS: usize = 5;
 
-/// SAH cost of the first frame's tree, refitted, over that of a fresh tree.
+/// SAH cost of the first frame's tree, refitted, divided by that of a fresh tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefitDecay {
-    /// The mean over the run.
+    /// Mean over the run.
     pub mean: f64,
-    /// The largest.
+    /// Maximum over the run.
     pub worst: f64,
 }
 
 impl RefitDecay {
-    /// Of a tree that stays as good as a fresh one.
+    /// The first tree stays as good as a fresh one.
     pub const NONE: Self = Self {
         mean: 1.0,
         worst: 1.0,
@@ -162,7 +162,7 @@ impl RefitDecay {
     /// Samples a run of frames at `times`, in key frames. Runs in the rayon pool that the caller installed.
     ///
     /// # Errors
-    /// The builder's.
+    /// Those of the builder.
     pub fn sample(animation: &Animation, times: &[f64]) -> Result<Self, BuildError> {
         let [first, .., last] = *times else {
             return Ok(Self::NONE);
@@ -179,7 +179,7 @@ impl RefitDecay {
     }
 }
 
-/// How far two points are apart.
+/// Returns the distance between two points.
 pub(crate) fn distance(a: &Point, b: &Point) -> f64 {
     let squares = (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2));
     squares.sum::<f64>().sqrt()
@@ -213,7 +213,7 @@ mod tests {
         assert_eq!(motion(&a).unwrap().max_step, 0.0);
     }
 
-    /// A row that later stands in other places.
+    /// Returns a row of triangles that move to other places.
     fn moved(places: fn(u32) -> u32) -> Animation {
         row(64, 2, |key, i| [i, places(i)][key] as f32)
     }

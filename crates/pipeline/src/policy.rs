@@ -1,61 +1,61 @@
-//! Which update policy suits a run: a pure function of what is known before its first frame.
+//! Chooses the update policy of a run: a pure function of facts that are known before the first frame.
 //!
-//! The time of a whole run is estimated for each policy, from the first build to the last frame, by a model
-//! of a few terms that was fitted to measurements (the table in this file's tests). The least estimate wins.
+//! The duration of a whole run, from the first build to the last frame, is estimated for each policy. The model has a
+//! few terms and was fitted to measurements (the tables in this file's tests). The lowest estimate wins.
 
 use crate::latency::LATER_BUILD;
 use crate::motion::RefitDecay;
-use crate::schedule::{Pace, Update};
 use backend::DeviceKind;
+use backend::Policy;
 
-/// What a policy is chosen by.
+/// Facts that determine the policy of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunFacts {
-    /// Frames to come.
+    /// Number of frames.
     pub frames: usize,
-    /// Key frames from one frame to the next, in the mean.
+    /// Mean step from one frame to the next, in key frames.
     pub step: f64,
     /// Whether any vertex moves.
     pub moves: bool,
-    /// Triangles of the scene.
+    /// Number of triangles in the scene.
     pub triangles: usize,
-    /// Primary rays of a frame.
+    /// Number of primary rays per frame.
     pub rays: usize,
-    /// What refitting does to the first tree.
+    /// Cost of the first tree, refitted, relative to fresh trees.
     pub decay: RefitDecay,
-    /// Who traces.
+    /// Kind of the device that traces.
     pub device: DeviceKind,
-    /// Bytes of the device's memory where it builds trees itself ([`Update::DeviceRebuild`]), if it can.
+    /// Bytes of the device's memory where it builds trees itself ([`Policy::DeviceRebuild`]), if it can.
     pub rebuild_bytes: Option<u64>,
-    /// Threads of the host that trace, where it does.
+    /// Number of host threads that trace, if the host does.
     pub threads: usize,
-    /// Threads that build.
+    /// Number of threads that build.
     pub builder_threads: usize,
 }
 
-/// Key frames between frames from which on the tree of an earlier frame is of no use.
+/// Step in key frames from which on the tree of an earlier frame is of no use.
 const FAR_APART: f64 = 2.0;
-/// The first tree is as good as a fresh one up to so many times its cost.
+/// Cost ratio up to which the first tree is as good as a fresh one.
 const LASTS: f64 = 1.05;
-/// An estimate this many times the least is as good.
+/// Ratio to the lowest estimate up to which estimates count as equal. The first of these policies wins.
 const TIE: f64 = 1.05;
-/// Bytes of a device's memory from which on less memory is worth more than the seconds that trees built there save: what
-/// common GPUs have left beside a desktop.
+/// Bytes of device memory from which on trees are not built on the device, because the memory is worth more than the
+/// time saved. Common GPUs have this much free while they also drive a desktop.
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
     /// The policy that is expected to finish the run first, and why, in one line.
-    pub fn choose(&self) -> (Update, String) {
+    pub fn choose(&self) -> (Policy, String) {
         let (update, why) = if !self.moves {
             let why = "the scene does not move, so its first tree stays the best";
-            (Update::Refit, why)
+            (Policy::Refit, why)
         } else if self.frames <= 1 {
-            (Update::Refit, "one frame needs one tree")
+            (Policy::Refit, "one frame needs one tree")
         } else if self.step >= FAR_APART {
             let why = "the frames lie key frames apart: the tree of one is of no use to the next";
             (self.rebuild(), why)
         } else if self.decay.worst <= LASTS {
-            (Update::Refit, "the first tree stays as good as a fresh one")
+            (Policy::Refit, "the first tree stays as good as a fresh one")
         } else {
             return self.least();
         };
@@ -63,15 +63,15 @@ impl RunFacts {
     }
 
     /// A new tree for each frame.
-    fn rebuild(&self) -> Update {
+    fn rebuild(&self) -> Policy {
         match self.rebuild_bytes {
-            Some(_) => Update::DeviceRebuild,
-            None => Update::Rebuild,
+            Some(_) => Policy::DeviceRebuild,
+            None => Policy::Rebuild,
         }
     }
 
     /// The first policy whose estimate is about the least.
-    fn least(&self) -> (Update, String) {
+    fn least(&self) -> (Policy, String) {
         let all = self.estimates();
         let least = all.iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
         let taken = all.iter().find(|e| e.1 <= TIE * least).unwrap_or(&all[0]);
@@ -93,7 +93,7 @@ impl RunFacts {
     }
 
     /// Milliseconds of the whole run by each policy that may win.
-    fn estimates(&self) -> Vec<(Update, f64)> {
+    fn estimates(&self) -> Vec<(Policy, f64)> {
         let [build, frame, device_build, beside_builder] = self.times();
         let frames = self.frames as f64;
         let tracing = frames * frame;
@@ -102,23 +102,19 @@ impl RunFacts {
         let age = (LATER_BUILD * build / tracing).min(1.0);
         let aged = 1.0 + slower * age * age;
         let mut all = vec![
-            (Update::Refit, build + tracing * (1.0 + slower)),
-            (
-                Update::Async(Pace::Free),
-                build + tracing * beside_builder * aged,
-            ),
-            (Update::TSah, TSAH_BUILDS * build + tracing),
+            (Policy::Refit, build + tracing * (1.0 + slower)),
+            (Policy::Async, build + tracing * beside_builder * aged),
         ];
         match self.rebuild_bytes {
             Some(LARGE_REBUILD_BYTES..) => (),
-            Some(_) => all.push((Update::DeviceRebuild, frames * (frame + device_build))),
-            None => all.push((Update::Rebuild, frames * (frame + build))),
+            Some(_) => all.push((Policy::DeviceRebuild, frames * (frame + device_build))),
+            None => all.push((Policy::Rebuild, frames * (frame + build))),
         }
         all
     }
 
-    /// Milliseconds of a build, of a frame and of a tree made on the device; and how many times as long frames take while the
-    /// host builds.
+    /// Returns the milliseconds of a host build, of a frame and of a build on the device. The last value is the factor
+    /// by which frames take longer while the host builds.
     fn times(&self) -> [f64; 4] {
         let (triangles, rays) = (self.triangles as f64, self.rays as f64);
         let builders = self.builder_threads.max(1) as f64;
@@ -142,30 +138,29 @@ impl RunFacts {
     }
 }
 
-/// Share of a frame that grows with its tree's cost.
+/// Share of a frame's time that is proportional to its tree's cost.
 const TREE_SHARE: f64 = 0.5;
-/// A tree for the whole time range takes as long as so many others.
-const TSAH_BUILDS: f64 = 9.0;
 /// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
-/// Of an H100: milliseconds of any frame, and more a triangle; then of a tree made on the device.
+/// On an H100: milliseconds per frame and per triangle, then the same for a build on the device.
 const GPU_FRAME: f64 = 0.2;
 const GPU_TRIANGLE: f64 = 0.25e-6;
 const GPU_FRAME_BUILD: f64 = 0.4;
 const GPU_TRIANGLE_BUILD: f64 = 0.28e-6;
-/// Milliseconds of one thread of the host: a build a triangle, a primary ray with its shadow, a triangle's refit.
+/// Milliseconds on one host thread: per triangle of a build, per primary ray with its shadow ray, per refitted
+/// triangle.
 const HOST_BUILD: f64 = 0.8e-3;
 const HOST_RAY: f64 = 70e-6;
 const HOST_TRIANGLE: f64 = 40e-6;
 
-/// The rule, held against measured runs.
+/// Compares the choice with measured runs.
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`,
-    /// `t-sah`, and a tree a frame.
-    type Measured = (Scene, usize, [f64; 4]);
+    /// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`
+    /// and a tree a frame.
+    type Measured = (Scene, usize, [f64; 3]);
     type Scene = (&'static str, usize, f64);
 
     const GROVE: Scene = ("grove", 173_987, 1.06);
@@ -177,47 +172,48 @@ mod tests {
     const SHATTER: Scene = ("shatter", 1_599_900, 15.01);
     const SMALL_SHATTER: Scene = ("shatter:70000", 69_924, 13.01);
 
-    /// `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, sums of `wall_ms`, one run each,
-    /// commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200; a tree a frame by `device-rebuild`.
+    /// Sums of `wall_ms` of `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, one run
+    /// each, commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200. Last column:
+    /// `device-rebuild`.
     const H100: [Measured; 12] = [
-        (GROVE, 48, [0.05, 0.06, 0.16, 0.29]),
-        (COLLIDE, 48, [0.05, 0.05, 0.27, 0.04]),
-        (TWIST, 48, [0.02, 0.03, 0.10, 0.04]),
-        (SHATTER, 48, [7.23, 0.47, 1.52, 0.09]),
-        (SMALL_SHATTER, 48, [0.30, 0.05, 0.09, 0.04]),
-        (LARGE_TWIST, 48, [0.18, 0.19, 1.49, 0.15]),
-        (GROVE, 240, [0.15, 0.15, 0.29, 0.31]),
-        (COLLIDE, 240, [0.16, 0.11, 0.36, 0.20]),
-        (TWIST, 240, [0.07, 0.07, 0.15, 0.15]),
-        (SHATTER, 240, [26.66, 0.55, 1.57, 0.35]),
-        (SMALL_SHATTER, 240, [1.47, 0.08, 0.14, 0.15]),
-        (LARGE_TWIST, 240, [0.34, 0.38, 1.60, 0.37]),
+        (GROVE, 48, [0.05, 0.06, 0.29]),
+        (COLLIDE, 48, [0.05, 0.05, 0.04]),
+        (TWIST, 48, [0.02, 0.03, 0.04]),
+        (SHATTER, 48, [7.23, 0.47, 0.09]),
+        (SMALL_SHATTER, 48, [0.30, 0.05, 0.04]),
+        (LARGE_TWIST, 48, [0.18, 0.19, 0.15]),
+        (GROVE, 240, [0.15, 0.15, 0.31]),
+        (COLLIDE, 240, [0.16, 0.11, 0.20]),
+        (TWIST, 240, [0.07, 0.07, 0.15]),
+        (SHATTER, 240, [26.66, 0.55, 0.35]),
+        (SMALL_SHATTER, 240, [1.47, 0.08, 0.15]),
+        (LARGE_TWIST, 240, [0.34, 0.38, 0.37]),
     ];
 
-    /// The same machine, `taskset -c 0,1`.
+    /// The same machine, limited to two cores by `taskset -c 0,1`.
     const H100_TWO_CORES: [Measured; 2] = [
-        (SHATTER, 240, [f64::INFINITY, 2.70, 7.30, 0.36]),
-        (COLLIDE, 240, [f64::INFINITY, 0.21, 1.29, 0.20]),
+        (SHATTER, 240, [f64::INFINITY, 2.70, 0.36]),
+        (COLLIDE, 240, [f64::INFINITY, 0.21, 0.20]),
     ];
 
-    /// The same machine, `cpu` on its 16 cores, 960x600; a tree a frame by `rebuild`.
+    /// The same machine, `cpu` on its 16 cores, 960x600. Last column: `rebuild`.
     const SIXTEEN_CORES: [Measured; 6] = [
-        (GROVE, 48, [0.84, 0.88, 0.99, 1.61]),
-        (COLLIDE, 48, [0.62, 0.67, 0.80, 1.71]),
-        (TWIST, 48, [0.45, 0.47, 0.45, 0.91]),
-        (SHATTER, 48, [f64::INFINITY, 1.78, 2.13, 6.32]),
-        (SMALL_SHATTER, 48, [2.05, 0.32, 0.39, 0.61]),
-        (LARGE_TWIST, 48, [0.83, 1.51, 1.98, 6.27]),
+        (GROVE, 48, [0.84, 0.88, 1.61]),
+        (COLLIDE, 48, [0.62, 0.67, 1.71]),
+        (TWIST, 48, [0.45, 0.47, 0.91]),
+        (SHATTER, 48, [f64::INFINITY, 1.78, 6.32]),
+        (SMALL_SHATTER, 48, [2.05, 0.32, 0.61]),
+        (LARGE_TWIST, 48, [0.83, 1.51, 6.27]),
     ];
 
-    /// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360; a tree a frame by `rebuild`.
+    /// AMD EPYC (Zen 5), 2 cores of a virtual machine, `cpu`, 640x360. Last column: `rebuild`.
     const TWO_CORES: [Measured; 6] = [
-        (GROVE, 48, [1.01, 1.69, 1.39, 2.52]),
-        (COLLIDE, 48, [0.81, 1.03, 1.12, 2.67]),
-        (TWIST, 48, [0.38, 0.63, 0.55, 1.17]),
-        (SHATTER, 48, [173.53, 4.84, 5.70, 18.58]),
-        (SMALL_SHATTER, 48, [3.36, 0.60, 0.51, 0.97]),
-        (SMALL_COLLIDE, 48, [0.29, 0.35, 0.31, 0.43]),
+        (GROVE, 48, [1.01, 1.69, 2.52]),
+        (COLLIDE, 48, [0.81, 1.03, 2.67]),
+        (TWIST, 48, [0.38, 0.63, 1.17]),
+        (SHATTER, 48, [173.53, 4.84, 18.58]),
+        (SMALL_SHATTER, 48, [3.36, 0.60, 0.97]),
+        (SMALL_COLLIDE, 48, [0.29, 0.35, 0.43]),
     ];
 
     fn facts(measured: &Measured, device: DeviceKind, cores: usize, rays: usize) -> RunFacts {
@@ -259,15 +255,17 @@ mod tests {
                 let ((name, ..), _, seconds) = *measured;
                 let (update, why) = facts(measured, device, cores, rays).choose();
                 let taken = seconds[match update {
-                    Update::Refit => 0,
-                    Update::Async(_) => 1,
-                    Update::TSah => 2,
-                    Update::Rebuild | Update::DeviceRebuild => 3,
+                    Policy::Refit => 0,
+                    Policy::Async => 1,
+                    other => {
+                        assert!(other.rebuilds_every_frame());
+                        2
+                    }
                 }];
                 let best = seconds.into_iter().fold(f64::INFINITY, f64::min);
                 let about =
                     format!("{name} on {cores} cores of a {device:?}: {taken} s for {best}: {why}");
-                // Times have two places.
+                // Measured times have two decimal places.
                 assert!(taken <= 1.34 * best + 0.01, "{about}");
             }
         }
@@ -288,23 +286,23 @@ mod tests {
         };
         let [mut still, mut one, mut lasting] = [moving; 3];
         (still.moves, one.frames, lasting.decay) = (false, 1, RefitDecay::NONE);
-        // Of trees that fade.
+        // A long run of a scene whose trees degrade fast.
         let mut long = facts(&TWO_CORES[3], Cpu, 2, 640 * 360);
         long.frames = 20_000;
-        let huge = facts(&(HUGE_TWIST, 120, [0.0; 4]), Gpu, 16, 1920 * 1200);
+        let huge = facts(&(HUGE_TWIST, 120, [0.0; 3]), Gpu, 16, 1920 * 1200);
         let beside_others = RunFacts {
             rebuild_bytes: Some(1 << 30),
             ..huge
         };
         for (facts, update) in [
-            (still, Update::Refit),
-            (one, Update::Refit),
-            (lasting, Update::Refit),
-            (apart, Update::DeviceRebuild),
-            (on_host, Update::Rebuild),
-            (long, Update::TSah),
-            (huge, Update::Refit),
-            (beside_others, Update::DeviceRebuild),
+            (still, Policy::Refit),
+            (one, Policy::Refit),
+            (lasting, Policy::Refit),
+            (apart, Policy::DeviceRebuild),
+            (on_host, Policy::Rebuild),
+            (long, Policy::Async),
+            (huge, Policy::Refit),
+            (beside_others, Policy::DeviceRebuild),
         ] {
             assert_eq!(facts.choose().0, update, "{facts:?}");
         }

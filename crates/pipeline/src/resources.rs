@@ -1,46 +1,46 @@
-//! How cores are shared between rendering and building, and how much memory a run is going to take.
+//! Divides cores between rendering and building, and estimates the memory of a run.
 
-use crate::{Pace, Update};
+use backend::Policy;
 use backend::{DeviceKind, Intersector, Method};
 use geom::{Animation, Point};
 use serde::Serialize;
 
-/// Bytes a triangle of what the host holds at most while trees are built and traced: corners, colours, boxes, the tree
-/// in use, the one that is built and what it is built from. Measured: 215 to 345.
+/// Maximum bytes per triangle on the host while trees are built and traced: corners, colours, boxes, the current tree,
+/// the tree being built and its input. Measured: 215 to 345.
 pub const TREE_BYTES: u64 = 345;
-/// Bytes a ray, of hits, shadows and pixels in three frames.
+/// Bytes per ray: hits, shadows and pixels in three frames.
 const RAY_BYTES: u64 = 64;
 const BASE_BYTES: u64 = 16 << 20;
-/// Bytes a triangle of a tree on a device: its record, nodes, lists, and as many trees as may be under way.
-/// Measured: 122 to 141, docs/measured.md.
+/// Bytes per triangle of the trees on a device: records, nodes and lists of all trees that may exist at once. Measured:
+/// 122 to 141, docs/measured.md.
 const DEVICE_TREE_BYTES: u64 = 160;
-/// The same where the device makes the tree, with room to make it in.
+/// The same if the device builds the trees, including scratch memory.
 const DEVICE_REBUILD_BYTES: u64 = 260;
-/// Bytes a triangle of the tree that is evaluated next to the current one: its nodes, lists and triangle data.
+/// Bytes per triangle of a candidate tree: its nodes, lists and triangle data.
 const CANDIDATE_BYTES: u64 = 130;
-/// Bytes of a device's buffers that depend on nothing.
+/// Bytes of device buffers whose size is constant.
 const DEVICE_BASE_BYTES: u64 = 1 << 20;
-/// Bytes of the places where few rays are settled.
+/// Constant part of the buffers in which `exact` settles rays, in bytes.
 const EXACT_BASE_BYTES: u64 = 4 * (3 << 16) + 4 * 64 * 2048;
-/// Frames whose rays a device holds at a time.
+/// Number of frames whose rays a device stores at a time.
 const TRACES: u64 = backend::FRAMES_IN_FLIGHT as u64 + 1;
 
-/// What a run is expected to take at most, by what is known before trees are built.
+/// Expected maximum memory of a run, estimated before trees are built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ExpectedMemory {
-    /// Bytes of the host, a driver's own aside.
+    /// Bytes on the host, except for those of a graphics driver.
     pub host_bytes: u64,
-    /// Bytes of the device's buffers, if it is not the host.
+    /// Bytes of device buffers; `None` if the host traces.
     pub device_bytes: Option<u64>,
 }
 
 impl ExpectedMemory {
-    /// Of a run on a device that traces so many rays in each frame.
+    /// Estimates the memory of a run that traces `rays` rays per frame.
     #[must_use]
     pub fn of(
         animation: &Animation,
         device: DeviceKind,
-        (method, update): (Method, Update),
+        (method, update): (Method, Policy),
         rays: usize,
     ) -> Self {
         let keys = keys_bytes(animation);
@@ -59,10 +59,11 @@ impl ExpectedMemory {
 }
 
 /// Only a builder that runs free makes trees that are evaluated.
-fn candidate_bytes(animation: &Animation, update: Update) -> u64 {
-    match update {
-        Update::Async(Pace::Free) => animation.live_count() as u64 * CANDIDATE_BYTES,
-        _ => 0,
+fn candidate_bytes(animation: &Animation, update: Policy) -> u64 {
+    if update.adopts_by_cost() {
+        animation.live_count() as u64 * CANDIDATE_BYTES
+    } else {
+        0
     }
 }
 
@@ -71,24 +72,25 @@ fn keys_bytes(animation: &Animation) -> u64 {
     (kept * animation.vertex_count() * size_of::<Point>()) as u64
 }
 
-/// Bytes that the host takes for trees over so many triangles and for the answers to so many rays.
+/// Returns the bytes on the host for trees over `triangles` triangles and for the results of `rays` rays.
 #[must_use]
 pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
     let trees = (triangles as u64).saturating_mul(TREE_BYTES);
     trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
-fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays: usize) -> u64 {
+fn device_bytes(animation: &Animation, (method, update): (Method, Policy), rays: usize) -> u64 {
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
-    // Two frames' positions, and which rows of them move.
+    // Positions of two frames, the list of moving vertices, and the triangles' indices.
     let scene = keys_bytes(animation) + vertices * (2 * POINT + 4) + triangles * 12;
-    let tree = match update {
-        Update::DeviceRebuild => DEVICE_REBUILD_BYTES,
-        _ => DEVICE_TREE_BYTES,
+    let tree = if update.builds_on_device() {
+        DEVICE_REBUILD_BYTES
+    } else {
+        DEVICE_TREE_BYTES
     };
-    // A hit, a shadow and, for exact, places for what is settled later.
+    // A hit, a shadow and, for `exact`, space for rays to settle.
     let answers = match method.intersector {
         Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
         _ => rays as u64 * 20,
@@ -96,28 +98,28 @@ fn device_bytes(animation: &Animation, (method, update): (Method, Update), rays:
     DEVICE_BASE_BYTES + scene + animation.live_count() as u64 * tree + TRACES * answers
 }
 
-/// Threads of the host.
+/// Numbers of host threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Threads {
-    /// For the backend and for shading.
+    /// Threads for the backend and for shading.
     pub render: usize,
-    /// For trees.
+    /// Threads for builds.
     pub build: usize,
 }
 
 impl Threads {
-    /// Shares `cores` out, where threads that render or build are not given. With `async` both work at once: where the host
-    /// renders, a quarter builds on four cores or more; where a GPU does, all but the one that feeds it. With the other
-    /// policies one waits for the other, so both have all.
+    /// Divides `cores` between rendering and building, where the numbers are not given. With `async`, both run at once:
+    /// if the host renders, builds get a quarter of four or more cores; if a GPU renders, builds get all cores except
+    /// the one that feeds it. With other policies, both run alternately, so each gets all cores.
     #[must_use]
     pub fn share(
         cores: usize,
         kind: DeviceKind,
-        update: Update,
+        update: Policy,
         [render, build]: [Option<usize>; 2],
     ) -> Self {
         let quarter = |n: usize| (n / 4).max(1);
-        let concurrent = matches!(update, Update::Async(_));
+        let concurrent = update.builds_beside_frames();
         let n = render.unwrap_or(cores);
         let (render, default) = match (concurrent, kind, render) {
             (false, ..) => (n, n),
@@ -140,7 +142,7 @@ mod tests {
     #[test]
     fn cores_are_shared_where_builder_and_renderer_work_at_once() {
         use DeviceKind::{Cpu, Gpu, Software};
-        let (free, refit) = (Update::Async(Pace::Free), Update::Refit);
+        let (free, refit) = (Policy::Async, Policy::Refit);
         // Cores, what was asked for, and threads that render and that build.
         for (kind, update, cores, asked, expected) in [
             (Cpu, free, 16, [None, None], [12, 4]),
@@ -153,7 +155,7 @@ mod tests {
             (Gpu, free, 1, [None, None], [1, 1]),
             (Gpu, free, 16, [Some(1), None], [1, 1]),
             (Gpu, free, 16, [None, Some(3)], [16, 3]),
-            // Who waits lends all.
+            // Rendering and building run alternately, so each gets all cores.
             (Cpu, refit, 8, [None, None], [8, 8]),
             (Gpu, refit, 8, [Some(2), Some(5)], [2, 5]),
         ] {

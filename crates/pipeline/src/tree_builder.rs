@@ -1,9 +1,9 @@
-//! Vertices in, record out, in the rayon pool of whoever calls.
+//! Builds trees from vertices and converts them to a [`Topology`], in the rayon pool of the calling thread.
 
 mod degradation;
 mod extrapolation;
-pub(crate) mod for_all;
 mod moments;
+mod warm_up;
 
 use crate::builder_thread::{BuildInput, Job, Observed};
 use backend::Snapshot;
@@ -20,11 +20,11 @@ use moments::{Moments, blend, keep};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// What a tree is built from.
+/// Source of the vertices of a build.
 pub(crate) enum Vertices {
-    /// Positions that a backend interpolated and gave back.
+    /// Positions that a backend interpolated, read back.
     ReadBack(Snapshot),
-    /// Key frames, to be blended here: the same bits as any backend's.
+    /// Pose to blend from key frames on the host, to the same bits as in any backend.
     KeyFrames(Pose),
 }
 
@@ -32,32 +32,31 @@ pub(crate) enum Vertices {
 #[derive(Debug)]
 pub(crate) struct Built {
     pub(crate) topology: Topology,
-    /// Its [`sah_cost`] at the vertices it was built from; of a tree for a whole animation, that of one for the first
-    /// frame alone, there.
+    /// Its [`sah_cost`] at the vertices it was built from.
     pub(crate) cost: f64,
-    /// How it was made.
+    /// How it was built.
     pub(crate) strategy: BuildStrategy,
-    /// How the next one will be made.
+    /// How the next one will be built.
     pub(crate) next: BuildStrategy,
-    /// Whether it was built for the last positions that were seen instead of the moment asked for.
+    /// Whether it was built for the last observed positions instead of the requested time.
     pub(crate) gave_up_extrapolation: bool,
     pub(crate) moments: BuildMoments,
 }
 
-/// The stages of a build on the host's clock, in order.
+/// Times of the stages of a build, on the host's clock, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildMoments {
-    /// The builder took up the vertices, or key frames to blend.
+    /// The builder received the vertices, or key frames to blend.
     pub begun: Instant,
-    /// The binary tree stood.
+    /// The binary tree was complete.
     pub built: Instant,
-    /// Its cost was known, and where it was asked, that of the tree in use.
+    /// Its cost was known, and the current tree's if they are compared.
     pub weighed: Instant,
-    /// The record was written, and the tree finished.
+    /// The topology was complete.
     pub ended: Instant,
 }
 
-/// What a record carries beside itself, so that adopting it costs a frame little.
+/// Optional forms that a [`Topology`] contains, so that its adoption takes little time in a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Forms {
     /// [`Topology::treelets`].
@@ -66,14 +65,14 @@ pub(crate) struct Forms {
     pub(crate) blocks: bool,
 }
 
-/// Makes trees and records; keeps its memory.
+/// Builds trees and converts them. Keeps its memory between builds.
 #[derive(Debug, Default)]
 pub(crate) struct TreeBuilder {
     builder: Builder,
     subtree_rebuilder: SubtreeRebuilder,
-    /// The tree being built; until then the one before the last that was handed over.
+    /// The tree being built. Between builds, the one before the last.
     tree: BinaryTree,
-    /// The last one that was handed over.
+    /// The last built tree.
     in_use: BinaryTree,
     converter: Converter,
     positions: Vec<Point>,
@@ -82,12 +81,12 @@ pub(crate) struct TreeBuilder {
     forms: Forms,
     degradation: DegradationMonitor,
     extrapolation: ExtrapolationMonitor,
-    /// What was observed last.
+    /// The last two observed positions.
     observed: [KeyFrame; 2],
 }
 
 impl TreeBuilder {
-    /// One whose records carry these forms too.
+    /// Creates a builder whose topologies contain these forms.
     pub(crate) fn with_forms(forms: Forms) -> Self {
         let mut builder = Builder::default();
         if forms.blocks {
@@ -100,25 +99,25 @@ impl TreeBuilder {
         }
     }
 
-    /// Takes an old record's memory for the next one.
+    /// Takes the memory of an old topology for the next one.
     pub(crate) fn reuse(&mut self, spare: Spare) {
         if !spare.is_empty() {
             self.spare = spare;
         }
     }
 
-    /// From now on trees are made for rays that end at a point: see [`bvh_build::order_toward`].
+    /// From now on trees are made for rays that end at a point: see [`Builder::toward`].
     pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
         self.builder.toward = toward;
     }
 
-    /// The last tree that was handed over was never used: the one before it still is.
+    /// Restores the tree before the last one, because the last one was never used.
     pub(crate) fn revert(&mut self) {
         std::mem::swap(&mut self.tree, &mut self.in_use);
     }
 
-    /// Builds and converts a tree from `vertices`; or from each triangle's boxes at both of `halves`, as one. What it
-    /// costs is said of `vertices` either way.
+    /// Builds and converts a tree from vertices. With two poses, it is built over boxes that contain each triangle at
+    /// both. In either case, its cost refers to the vertices.
     pub(crate) fn build(
         &mut self,
         animation: &Animation,
@@ -137,7 +136,7 @@ impl TreeBuilder {
         Ok(self.send(animation, [begun, built], cost, BuildStrategy::Scratch))
     }
 
-    /// Makes a tree as a job says: see [`TreeBuilder::rebuild`].
+    /// Builds a tree for a job. See [`TreeBuilder::rebuild`].
     pub(crate) fn carry_out(
         &mut self,
         animation: &Animation,
@@ -156,7 +155,7 @@ impl TreeBuilder {
         Ok(built)
     }
 
-    /// Has what was observed stand in place of key frames.
+    /// Stores observed positions as key frames.
     fn keep(&mut self, seen: Observed) -> [KeyFrame; 2] {
         seen.frames
             .into_iter()
@@ -167,9 +166,9 @@ impl TreeBuilder {
 
     /// Builds a tree from `input` and converts it.
     ///
-    /// A tree that is `weighed` is made of subtrees of the last one, because that is soon done; but built from scratch where
-    /// trees hold so long that it need not be. Where trees degrade fast, it is built from each triangle's boxes at both halves
-    /// of its use, as one: what parts within the time of use is then parted by the tree, too.
+    /// If `weighed` is set, the tree is built from subtrees of the last one, which is faster. It is built from scratch
+    /// if trees degrade so slowly that build time does not matter. If trees degrade fast, the tree is built over boxes
+    /// that contain each triangle at both halves of its use. The tree then separates triangles that move apart.
     pub(crate) fn rebuild(
         &mut self,
         animation: &Animation,
@@ -207,8 +206,7 @@ impl TreeBuilder {
         })
     }
 
-    /// Has a tree for extrapolated positions be built for the last ones that were seen, if extrapolation failed before. Returns
-    /// whether it did so.
+    /// If extrapolation failed before, replaces extrapolated positions by the last observed ones and returns `true`.
     fn check_extrapolation(
         &mut self,
         moments: &Moments<'_>,
@@ -230,14 +228,15 @@ impl TreeBuilder {
         Ok(true)
     }
 
-    /// Whether a tree was handed over that holds all of an animation, so that the next one may be made of it.
+    /// Returns whether the last tree contains all live triangles, so that the next one can be built from its subtrees.
     fn holds_all_of(&self, animation: &Animation) -> bool {
         let leaves = self.in_use.leaf_count();
         leaves > 0 && leaves == animation.live_count()
     }
 
-    /// Makes a tree from `vertices` or from both of `halves`; boxes are then those of `vertices`. Where these are not
-    /// needed, gives what it costs at `vertices`, and leaves boxes as they were.
+    /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
+    /// boxes are those of the vertices. A build from subtrees computes no boxes if none are needed, and leaves the old
+    /// ones. Returns the costs at the vertices if the build computed them.
     fn make(
         &mut self,
         moments: &Moments<'_>,
@@ -260,7 +259,7 @@ impl TreeBuilder {
         self.build_over_boxes(strategy, cancel)
     }
 
-    /// Makes a tree of groups of the last one, which ask for boxes in their own order, each once: so none are kept.
+    /// Builds a tree from subtrees of the last one. Each box is read once, so boxes are computed but not stored.
     fn rebuild_subtrees_at(
         &mut self,
         moments: &Moments<'_>,
@@ -273,13 +272,13 @@ impl TreeBuilder {
             .build(&mut self.builder, from, cancel, &mut self.tree)
     }
 
-    /// What the tree in use and the new one cost with the boxes at hand.
+    /// Returns the costs of the last and the new tree with the current boxes.
     fn costs(&self) -> Costs {
         let [last, new] = [&self.in_use, &self.tree].map(|tree| sah_cost(tree, &self.boxes[..]));
         Costs { last, new }
     }
 
-    /// Brings boxes to hold each triangle at both poses.
+    /// Computes boxes that contain each triangle at both poses.
     fn sweep(&mut self, moments: &Moments<'_>, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
         self.take_in(moments, &Vertices::KeyFrames(a))?;
         blend(&moments.at(b)?, &mut self.positions);
@@ -287,14 +286,14 @@ impl TreeBuilder {
         Ok(())
     }
 
-    /// Brings boxes to `vertices`.
+    /// Computes the boxes of the triangles at `vertices`.
     fn take_in(&mut self, moments: &Moments<'_>, vertices: &Vertices) -> Result<(), KeyFrameError> {
         let positions = moments.stand(vertices, &mut self.positions)?;
         fill(&mut self.boxes, &(moments.animation, positions));
         Ok(())
     }
 
-    /// Makes a tree for the boxes at hand, of groups of the last one or from scratch.
+    /// Builds a tree over the current boxes, from subtrees of the last one or from scratch.
     fn build_over_boxes(
         &mut self,
         strategy: BuildStrategy,
@@ -310,7 +309,7 @@ impl TreeBuilder {
         Ok(Some(costs))
     }
 
-    /// Converts the tree just built, which then counts as in use.
+    /// Converts the new tree, which then becomes the last one.
     fn send(
         &mut self,
         animation: &Animation,
@@ -337,7 +336,7 @@ impl TreeBuilder {
         }
     }
 
-    /// The tree just built as a record, in the forms that were asked for, with lists of what moves.
+    /// Returns the new tree as a topology, in the requested forms, with lists of moving nodes.
     fn convert(&mut self, animation: &Animation) -> Topology {
         let spare = std::mem::take(&mut self.spare);
         let convert = match self.forms.treelets {
@@ -354,7 +353,7 @@ impl TreeBuilder {
     }
 }
 
-/// Grows the box of each triangle to hold that from `from`, too.
+/// Extends each triangle's box to contain its box in `from`.
 fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
     boxes
         .par_iter_mut()
@@ -363,7 +362,7 @@ fn grow<B: Boxes>(boxes: &mut [Aabb], from: &B) {
         .for_each(|(to, triangle)| *to = to.union(from.get(triangle)));
 }
 
-/// One box a triangle, in its order.
+/// Writes one box per triangle, in triangle order.
 fn fill<B: Boxes>(boxes: &mut Vec<Aabb>, from: &B) {
     (0..from.triangle_count() as u32)
         .into_par_iter()

@@ -194,7 +194,7 @@ impl Kernel {
     /// Returns whether the kernel serves `method`.
     pub fn serves(&self, method: Method) -> bool {
         let mut axes = self.slots.iter();
-        axes.all(|(axis, values)| values.contains(&method::value(axis, method)))
+        axes.all(|(axis, values)| values.contains(&&*method::value(axis, method)))
     }
 
     /// Returns the code to load on a device.

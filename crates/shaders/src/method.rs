@@ -4,14 +4,11 @@ use crate::{BufferName, Shape};
 use backend::{Intersector, Layout, Method};
 
 /// Returns the value along `axis` of the kernels that serve `method`: the host's part of `build/variants.rs`.
-pub(crate) fn value(axis: &str, method: Method) -> &'static str {
-    match (axis, method.intersector) {
-        ("intersector", Intersector::MollerTrumbore) => "moller_trumbore",
-        ("intersector", Intersector::Woop) => "woop",
-        ("intersector", Intersector::Watertight) => "watertight",
-        ("intersector", Intersector::Exact) => "exact",
-        ("layout", _) => method.layout.name(),
-        (axis, _) => panic!("no axis is named {axis}"),
+pub(crate) fn value(axis: &str, method: Method) -> String {
+    match axis {
+        "intersector" => method.intersector.name().replace('-', "_"),
+        "layout" => method.layout.name().to_owned(),
+        axis => panic!("no axis is named {axis}"),
     }
 }
 

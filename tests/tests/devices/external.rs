@@ -25,7 +25,7 @@ fn tracer(scene: Scene, update: Update) -> Tracer {
 
 /// Returns the reason if memory cannot be shared on this machine.
 pub(crate) fn lacks() -> Option<String> {
-    let memory = tracer(Scene::new(), Update::Auto).external_buffer(16);
+    let memory = tracer(Scene::new(), Update::Async).external_buffer(16);
     memory.err().map(|e| e.to_string())
 }
 
@@ -116,7 +116,7 @@ pub(crate) struct SharedRays<O: Importer> {
 
 impl<O: Importer> SharedRays<O> {
     pub(crate) fn new(scene: Scene, rays: &[Ray]) -> Self {
-        let mut tracer = tracer(scene, Update::Auto);
+        let mut tracer = tracer(scene, Update::Async);
         let made = [0; 2].map(|_| tracer.external_buffer(size_of_val(rays) as u64));
         let made = made.map(Result::unwrap);
         let other = O::open(made[0].device_uuid());
@@ -168,7 +168,7 @@ pub(crate) fn rays_and_answers_may_lie_in_external_memory() {
 }
 
 pub(crate) fn misuse_of_external_memory_is_an_error() {
-    let open = || Shared::<OtherDevice>::open(Update::Auto);
+    let open = || Shared::<OtherDevice>::open(Update::Async);
     let (mut own, other) = (open(), open());
     let (mesh, (buffer, _)) = (own.sheets[0], &own.memory[0]);
     let foreign = &other.memory[0].0;
@@ -222,7 +222,7 @@ pub(crate) fn misuse_of_external_memory_is_an_error() {
         );
     }
     let moved = [Some((0.5, false)), None];
-    assert!(own.see(moved) == OnHost::open(Update::Auto).see(moved));
+    assert!(own.see(moved) == OnHost::open(Update::Async).see(moved));
 }
 
 /// Runs `meanwhile`, then unblocks a submission that waits for an odd value. Checks that the submission was blocked

@@ -144,7 +144,7 @@ pub(crate) fn stay_while_another_is_replaced<S: Sheets>() {
 }
 
 fn one_replaced<S: Sheets>() -> S {
-    let mut own = S::open(Update::Auto);
+    let mut own = S::open(Update::Async);
     own.see([Some((0.5, true)), Some((1.0, true))]);
     let with = Mesh::streamed(&sheet(1.25)[..60], &triangles()[..76]).unwrap();
     let (tracer, [first, _]) = own.traced();

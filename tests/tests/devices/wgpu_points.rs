@@ -76,7 +76,7 @@ pub(crate) fn vertices_may_lie_in_a_buffer_of_the_programs() {
 }
 
 pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
-    let mut own = Own::open(Update::Auto);
+    let mut own = Own::open(Update::Async);
     let buffer = own.buffer(&sheet(0.0), BufferUsages::COPY_SRC);
     let stored = own.buffer(&sheet(0.0), BufferUsages::STORAGE);
     let mesh = own.sheets[0];
@@ -86,7 +86,7 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
     assert!(matches!(ask(buffer.slice(2..4802)), Err(Error::Misuse(_))));
     ask(buffer.slice(12..)).unwrap();
     for usage in USAGES {
-        let foreign = Own::open(Update::Auto).buffer(&sheet(0.0), usage);
+        let foreign = Own::open(Update::Async).buffer(&sheet(0.0), usage);
         // The trace or the submission detects another device's buffer. Later steps are not affected.
         let mut step = own.tracer.step(0.0);
         let said = step.vertices(mesh, Source::Wgpu(foreign.slice(12..)));
@@ -97,7 +97,7 @@ pub(crate) fn a_buffer_that_does_not_fit_is_an_error() {
         let again = own.tracer.step(0.0).trace(&[], Query::Any);
         assert_eq!(again, Err(Error::VerticesLost(mesh)));
         let hits = own.see([Some((0.5, true)), None]);
-        assert!(hits == OnHost::open(Update::Auto).see([Some((0.5, false)), None]));
+        assert!(hits == OnHost::open(Update::Async).see([Some((0.5, false)), None]));
     }
 }
 

@@ -173,7 +173,6 @@ pub(crate) fn policies(device: &Device) {
         Update::Lockstep(5),
         Update::Async,
         Update::Refit,
-        Update::TSah,
         Update::Rebuild,
     ] {
         for (time_range, predict) in [
@@ -201,7 +200,7 @@ pub(crate) fn policies(device: &Device) {
                 assert!(found == *picture, "{update:?} at {time}");
             }
             let trees = tracer.statistics().unwrap().generation;
-            let is_one = matches!(update, Update::Refit | Update::TSah);
+            let is_one = update == Update::Refit;
             // With `Update::Async`, the builder thread decides when new trees arrive.
             if update != Update::Async {
                 assert_eq!(trees == 1, is_one, "{update:?}");

@@ -182,7 +182,7 @@ const LEAPS: [(usize, Point); 4] = [
 
 fn streamed(device: &Device) {
     for (name, update) in [
-        ("demo:collide:3000", Update::Auto),
+        ("demo:collide:3000", Update::Async),
         ("demo:twist:2000", Update::Rebuild),
         ("demo:shatter:2000", Update::Refit),
         ("demo:twist:1000", Update::DeviceRebuild),
@@ -194,7 +194,7 @@ fn streamed(device: &Device) {
             continue;
         }
         let mut demo = demo(name);
-        if update == Update::Auto {
+        if update == Update::Async {
             for (key, place) in LEAPS {
                 demo.keys[key][7] = place;
             }
@@ -237,7 +237,7 @@ fn streamed(device: &Device) {
         let is_rebuilt = matches!(update, Update::Rebuild | Update::DeviceRebuild);
         assert!(trees > if is_rebuilt { 8 } else { 0 }, "{name}: {trees}");
         // A tree that a step waits for is adopted by the same step.
-        assert_eq!(built, update == Update::Auto, "{name}");
+        assert_eq!(built, update == Update::Async, "{name}");
     }
 }
 

@@ -145,7 +145,7 @@ fn exchange(tracer: &mut Tracer, mesh: MeshId, with: Mesh) {
 pub(crate) fn anew(device: &Device) {
     let stage = Stage::new();
     for (before, after, update) in [
-        (Kind::Streamed, Kind::Streamed, Update::Auto),
+        (Kind::Streamed, Kind::Streamed, Update::Async),
         (Kind::Fixed, Kind::Keys, Update::Refit),
         (Kind::Keys, Kind::Rigid, Update::Rebuild),
     ] {

@@ -85,7 +85,7 @@ impl Moving {
 }
 
 pub(crate) fn held(device: &Device) {
-    let mut live = Moving::new(device, Update::Auto);
+    let mut live = Moving::new(device, Update::Async);
     let first = live.submit(0);
     let [closest, any] = first.map(|asked| live.hits(asked).unwrap());
     let (met, again) = live.read(first);
@@ -115,7 +115,7 @@ pub(crate) fn held(device: &Device) {
 }
 
 pub(crate) fn dropped(device: &Device) {
-    let mut live = Moving::new(device, Update::Auto);
+    let mut live = Moving::new(device, Update::Async);
     let asked = live.submit(3);
     let expected = live.read(asked);
     for unread in [false, true] {
@@ -166,7 +166,7 @@ pub(crate) fn refused(device: &Device) {
 }
 
 pub(crate) fn polled(device: &Device) {
-    let mut live = Moving::new(device, Update::Auto);
+    let mut live = Moving::new(device, Update::Async);
     let begun = Instant::now();
     for i in 0..4 {
         let asked = live.submit(i);

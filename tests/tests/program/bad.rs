@@ -75,8 +75,9 @@ paint demo:twist | paint
 bench demo:twist:500 --backend vulkan-rt --update rebuild --layout fast | nothing is left to measure | vulkan-rt | fast
 bench demo:twist:500 --backend vulkan-rt --update device-rebuild | nothing is left to measure | vulkan-rt | device-rebuild
 render demo:twist:100 --backend vulkan-rt --update device-rebuild | policy 'device-rebuild'
-render demo:twist:100 --backend vulkan-rt --intersector auto | intersector 'auto'
-render demo:twist:100 --backend vulkan-rt --tolerance 0 | intersector 'auto'
+render demo:twist:100 --intersector auto | --intersector auto was removed | watertight
+render demo:twist:100 --tolerance 0 | --tolerance was removed | watertight
+render demo:twist:100 --update t-sah | --update t-sah was removed | --update refit
 render demo:twist:100 --backend vulkan --adapter none | vulkan
 inspect a.obj+ | a.obj+ | no name
 inspect + | no name

@@ -35,7 +35,7 @@ fn streamed(sandbox: &Sandbox, backend: &str) {
 
 fn refused(sandbox: &Sandbox) {
     let policy = "stress demo:collide:600 --update device-rebuild";
-    sandbox.refuses(policy, &["stress takes async, refit and rebuild"]);
+    sandbox.refuses(policy, &["stress takes rebuild, refit, async"]);
     let backend = "stress demo:collide:600 --backend vulkan-rt";
     sandbox.refuses(backend, &["vulkan-rt takes no streamed vertices"]);
 }

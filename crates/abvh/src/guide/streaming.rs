@@ -60,7 +60,7 @@
 //!
 //! # Trees ahead of the motion
 //!
-//! [`Update::Auto`](crate::Update::Auto) selects [`Update::Async`](crate::Update::Async) for scenes that can move. The
+//! [`Update::Async`](crate::Update::Async) is the default for scenes that can move. The
 //! next tree is then built for predicted positions, on the line through the last two positions of each vertex. If the
 //! motion turns or jumps, the tree fits worse and queries take longer, but no hit changes. For motion that jumps in
 //! every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) makes the GPU build a tree in each step.

@@ -1,60 +1,15 @@
 //! Properties of the tree of any triangle soup: a permutation of the active triangles, consistent counts, bounded
 //! depth, and the same bits for every number of threads and every earlier use of the workspace.
 
-mod quality;
-
-use bvh_build::{
-    BinaryTree, Boxes, Builder, Cancel, MAX_DEPTH, MAX_MOMENTS, Moment, Subtree, TemporalBuilder,
-    sah_cost,
-};
+use bvh_build::{BinaryTree, Builder, Cancel, MAX_DEPTH, Subtree, sah_cost};
 use fastrand::Rng;
 use geom::Aabb;
 use proptest::prelude::*;
 
-struct Frozen<'a>(&'a [Aabb]);
-
-impl Boxes for Frozen<'_> {
-    fn triangle_count(&self) -> usize {
-        self.0.len()
-    }
-    fn get(&self, triangle: u32) -> Aabb {
-        self.0[triangle as usize]
-    }
-}
-
-fn moments(all: &[Vec<Aabb>]) -> Vec<Moment<Frozen<'_>>> {
-    let moment = |(boxes, weight): (_, f64)| Moment { boxes, weight };
-    let weights = (1..).map(f64::from);
-    (all.iter().map(|b| Frozen(b)).zip(weights).map(moment)).collect()
-}
-
-/// Builds a tree for the first moment, or for all.
-type AnyBuilder = Box<dyn FnMut(&[Vec<Aabb>], &mut BinaryTree)>;
-
-/// A builder for one moment and one for several, each with memory of its own.
-fn builders() -> [AnyBuilder; 2] {
-    let (mut one, mut temporal) = (Builder::default(), TemporalBuilder::default());
-    let one: AnyBuilder = Box::new(move |all, tree| {
-        let built = one.build(&all[0][..], &Cancel::new(), tree);
-        built.unwrap();
-    });
-    let temporal: AnyBuilder = Box::new(move |all, tree| {
-        let built = temporal.build(&moments(all), &Cancel::new(), tree);
-        built.unwrap();
-    });
-    [one, temporal]
-}
-
-/// Builds with each builder and checks what holds for every tree; gives the depths.
-fn check(all: &[Vec<Aabb>]) -> [u32; 2] {
-    let mut built_for = [&all[..1], all].into_iter();
-    builders().map(|mut build| {
-        let mut tree = BinaryTree::default();
-        build(all, &mut tree);
-        let moments = built_for.next().unwrap();
-        let usable = |i: &u32| moments.iter().any(|boxes| is_usable(&boxes[*i as usize]));
-        check_holds((0..all[0].len() as u32).filter(usable).collect(), &tree)
-    })
+/// Builds a tree and checks the properties of every tree. Returns its depth.
+fn check(boxes: &[Aabb]) -> u32 {
+    let active = (0..boxes.len() as u32).filter(|&i| is_usable(&boxes[i as usize]));
+    check_holds(active.collect(), &BinaryTree::over(boxes))
 }
 
 fn is_usable(b: &Aabb) -> bool {
@@ -140,33 +95,21 @@ fn soup() -> impl Strategy<Value = Vec<Aabb>> {
     })
 }
 
-/// Soups of one size at several moments.
-fn moving_soup() -> impl Strategy<Value = Vec<Vec<Aabb>>> {
-    prop::collection::vec(soup(), 1..=MAX_MOMENTS).prop_map(|mut soups| {
-        let n = soups.iter().map(Vec::len).min().unwrap_or(0);
-        soups.iter_mut().for_each(|s| s.truncate(n));
-        soups
-    })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_tree_holds_each_active_triangle_once_and_is_not_deep(one in soup(), all in moving_soup()) {
-        check(&[one]);
-        check(&all);
+    fn a_tree_holds_each_active_triangle_once_and_is_not_deep(boxes in soup()) {
+        check(&boxes);
     }
 
     #[test]
-    fn the_workspace_leaves_no_trace_in_the_tree(first in moving_soup(), second in moving_soup()) {
-        for (mut build, mut other) in builders().into_iter().zip(builders()) {
-            let (mut reused, mut fresh) = (BinaryTree::default(), BinaryTree::default());
-            build(&first, &mut reused);
-            build(&second, &mut reused);
-            other(&second, &mut fresh);
-            prop_assert_eq!(reused, fresh);
+    fn the_workspace_leaves_no_trace_in_the_tree(first in soup(), second in soup()) {
+        let (mut builder, mut reused) = (Builder::default(), BinaryTree::default());
+        for boxes in [&first, &second] {
+            builder.build(&boxes[..], &Cancel::new(), &mut reused).unwrap();
         }
+        prop_assert_eq!(reused, BinaryTree::over(&second[..]));
     }
 }
 
@@ -182,20 +125,18 @@ proptest! {
     #[test]
     fn the_tree_and_its_cost_are_the_same_for_every_number_of_threads(small in soup(), seed: u64) {
         let (kinds, mut random) = ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], Rng::with_seed(seed));
-        let large = [(); 3].map(|()| boxes(70_000, &kinds, &mut random));
-        let with = |all: &[Vec<Aabb>], threads| {
+        let large = boxes(70_000, &kinds, &mut random);
+        let with = |boxes: &[Aabb], threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let built = |mut build: AnyBuilder| {
-                let mut tree = BinaryTree::default();
-                build(all, &mut tree);
-                let cost = sah_cost(&tree, &all[0][..]).to_bits();
+            pool.install(|| {
+                let tree = BinaryTree::over(boxes);
+                let cost = sah_cost(&tree, boxes).to_bits();
                 (tree, cost)
-            };
-            pool.install(|| builders().map(built))
+            })
         };
-        for all in [vec![small], large.to_vec()] {
-            let one = with(&all, 1);
-            prop_assert!([2, 3].into_iter().all(|threads| with(&all, threads) == one));
+        for boxes in [small, large] {
+            let one = with(&boxes, 1);
+            prop_assert!([2, 3].into_iter().all(|threads| with(&boxes, threads) == one));
         }
     }
 }
@@ -206,12 +147,12 @@ fn a_small_stack_suffices() {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(2)
         .stack_size(256 << 10);
-    pool.build().unwrap().install(|| check(&[boxes]));
+    pool.build().unwrap().install(|| check(&boxes));
 }
 
 #[test]
 fn identical_triangles_make_a_balanced_tree() {
-    assert_eq!(check(&[vec![cube([1.0; 3], 2.0); 1 << 17]]), [17; 2]);
+    assert_eq!(check(&vec![cube([1.0; 3], 2.0); 1 << 17]), 17);
 }
 
 #[test]
@@ -224,17 +165,15 @@ fn odd_scenes_stay_within_the_depth_bound() {
         };
         (0..30_000).map(next).collect()
     };
-    let all = [0.5, 0.9, 0.99].map(series);
-    check(&all);
-    for i in 0..3 {
-        check(&all[i..=i]);
+    for ratio in [0.5, 0.9, 0.99] {
+        check(&series(ratio));
     }
     let nested = |i: u16| cube([-f32::from(i); 3], 2.0 * f32::from(i));
-    check(&[(0..5_000).map(nested).collect()]);
+    check(&(0..5_000).map(nested).collect::<Vec<_>>());
     // Boxes too small to distinguish share a scene with a large box.
     let speck = |i: u32| cube([f32::from_bits(i), 0.0, 0.0], 0.0);
     let large = cube([0.5; 3], 0.5);
-    check(&[(0..1_000).map(speck).chain([large]).collect()]);
+    check(&(0..1_000).map(speck).chain([large]).collect::<Vec<_>>());
 }
 
 #[test]
@@ -251,7 +190,7 @@ fn a_scene_that_wants_a_deeper_tree_gets_the_deepest_allowed() {
         }
     }
     boxes.extend((0..32).map(|i| cube([2.0_f32.powi(-60 - i); 3], 0.0)));
-    assert_eq!(check(&[boxes])[0], MAX_DEPTH);
+    assert_eq!(check(&boxes), MAX_DEPTH);
 }
 
 #[test]

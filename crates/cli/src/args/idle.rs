@@ -1,16 +1,16 @@
-//! Options that would do nothing with what they stand beside: refused, before any work.
+//! Rejects options that would have no effect, before any work starts.
 
-use super::{BackendName, Command, DeviceArgs, IntersectorName, UpdateName};
+use super::{BackendName, Command, DeviceArgs, UpdateName};
 use crate::open::has_own_trees;
 use crate::stop::Stop;
+use backend::Policy;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 
-/// An option, whether it does something here, and what it would need or what leaves it without work.
+/// An option, whether it has an effect here, and otherwise the reason.
 type Bond = (&'static str, bool, &'static str);
 
 const ASYNC: &str = "goes only with --update async";
-const AUTO: &str = "goes only with --intersector auto";
 const CLIP: &str = "goes only with a .gltf or .glb scene";
 const RECENTRE: &str = "goes only with a scene of files";
 const ORACLE: &str = "goes only with --oracle-rays";
@@ -18,10 +18,10 @@ const AIMED: &str = "goes only with --leak-rays or --oracle-rays";
 const FILES: &str = "goes only with pictures or --hits";
 const HOST: &str = "goes only with trees that the host builds";
 
-/// What `bench --compare` heeds beside its files.
+/// Options that `bench --compare` uses.
 const COMPARED: [&str; 3] = ["compare", "fail_above", "quiet"];
 
-/// Refuses an option that was given and does nothing.
+/// Refuses an option that was given but has no effect.
 pub(super) fn check(command: &Command, given: &ArgMatches) -> Result<(), Stop> {
     let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
     if let Command::Bench(args) = command
@@ -50,7 +50,6 @@ fn bonds(command: &Command) -> Vec<Bond> {
     let has_clip = |scenes: &[String]| ("fps", scenes.iter().any(|s| may_have_clip(s)), CLIP);
     let has_files = |scenes: &[String]| ("recentre", scenes.iter().any(|s| has_file(s)), RECENTRE);
     let scene = std::slice::from_ref::<String>;
-    let is_auto = |i: IntersectorName| i == IntersectorName::Auto;
     match command {
         Command::Render(args) => {
             let update = args.update;
@@ -59,7 +58,6 @@ fn bonds(command: &Command) -> Vec<Bond> {
             vec![
                 ("lockstep", may_be_async(update), ASYNC),
                 ("predict", may_be_async(update), ASYNC),
-                ("tolerance", is_auto(args.method.intersector), AUTO),
                 builders(&args.device, update),
                 ("resume", writes, FILES),
                 ("overwrite", writes, FILES),
@@ -68,10 +66,9 @@ fn bonds(command: &Command) -> Vec<Bond> {
             ]
         }
         Command::Trace(args) => {
-            let is_refit = args.update == UpdateName::Refit;
+            let is_refit = args.update == Some(Policy::Refit);
             vec![
                 ("tree_time", is_refit, "goes only with --update refit"),
-                ("tolerance", is_auto(args.method.intersector), AUTO),
                 builders(&args.device, args.update),
                 has_clip(scene(&args.scene)),
                 has_files(scene(&args.scene)),
@@ -81,10 +78,8 @@ fn bonds(command: &Command) -> Vec<Bond> {
             let mut updates = args.measure.update.iter();
             let builds = |&b: &BackendName| updates.clone().any(|&u| host_builds(b, u));
             let builds = args.measure.backend.iter().any(builds);
-            let samples = args.measure.intersector.iter().any(|&i| is_auto(i));
             vec![
                 ("predict", updates.any(|&u| may_be_async(u)), ASYNC),
-                ("tolerance", samples, AUTO),
                 ("builder_threads", builds, HOST),
                 ("fail_above", false, "goes only with --compare"),
                 has_clip(&args.measure.scenes),
@@ -101,7 +96,6 @@ fn bonds(command: &Command) -> Vec<Bond> {
             vec![
                 has_clip(scene(&args.scene)),
                 has_files(scene(&args.scene)),
-                ("tolerance", !reduces, "does nothing beside --reduce-keys"),
                 ("reduced_out", reduces, "goes only with --reduce-keys"),
             ]
         }
@@ -124,19 +118,19 @@ fn builders(device: &DeviceArgs, update: UpdateName) -> Bond {
 }
 
 fn may_be_async(update: UpdateName) -> bool {
-    matches!(update, UpdateName::Async | UpdateName::Auto)
+    update.is_none_or(Policy::builds_beside_frames)
 }
 
 fn host_builds(backend: BackendName, update: UpdateName) -> bool {
-    !has_own_trees(backend) && update != UpdateName::DeviceRebuild
+    !has_own_trees(backend) && !update.is_some_and(Policy::builds_on_device)
 }
 
-/// Whether an input of the scene can be a file: demos are no files.
+/// Returns whether an input of the scene can be a file, which a demo is not.
 fn has_file(scene: &str) -> bool {
     scene.split('+').any(|input| !input.starts_with("demo:"))
 }
 
-/// Whether the word can name a clip: by its ending, or as a pattern.
+/// Returns whether the scene can contain a clip: by its extension, or because it is a pattern.
 fn may_have_clip(scene: &str) -> bool {
     let scene = scene.to_lowercase();
     let mut parts = [".gltf", ".glb", "*", "?", "["].iter();

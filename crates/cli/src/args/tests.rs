@@ -1,4 +1,4 @@
-//! Command lines that are taken, and those that are refused in one line.
+//! Command lines that are accepted, and those that are rejected in one line.
 
 use super::*;
 use crate::values::Frames;
@@ -42,9 +42,7 @@ fn bench(line: &str) -> BenchArgs {
 fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates() {
     let args = render("");
     assert_eq!((&*args.scene, args.size), ("demo:grove", [1280, 720]));
-    assert_eq!(args.method.intersector, IntersectorName::Watertight);
-    let tolerant = render("render --tolerance 3").method;
-    assert_eq!(tolerant.intersector, IntersectorName::Auto);
+    assert_eq!(args.method.intersector, Intersector::Watertight);
     assert_eq!(args.out, PathBuf::from("abvh-out"));
     let measure = bench("bench").measure;
     assert_eq!((measure.size, measure.update.len()), ([640, 360], 3));
@@ -52,7 +50,10 @@ fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates
     let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
     assert_eq!([args.eye, args.light], points);
     let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
-    assert_eq!(args.measure.update, [UpdateName::Refit, UpdateName::Async]);
+    assert_eq!(
+        args.measure.update,
+        [Policy::Refit, Policy::Async].map(Some)
+    );
     assert_eq!(args.measure.scenes, ["demo:twist"]);
     assert_eq!(args.measure.frames, Frames::Count(3));
     assert_eq!(args.layout, [LayoutName::Fast]);
@@ -83,7 +84,8 @@ fn a_tolerance_is_a_length_or_a_share() {
     }
 }
 
-/// A command line, and what its refusal says: of an option that would do nothing, also what it stands beside or needs.
+/// Rejected command lines, each with parts of its message. For an option without effect, the message also names the
+/// option that it needs or conflicts with.
 const REFUSED: &str = "\
 render --timeline - | only --stats
 render --rays-out - | only --stats
@@ -112,8 +114,11 @@ stability --rays 0 | --rays
 stability --record b.json --seed 2 | --seed
 inspect demo:twist --reduce-keys -1 | -1
 render --update refit --lockstep 1 | --lockstep | --update async
-render --update t-sah --predict off | --predict | --update async
-render --tolerance 3 --intersector exact | --tolerance | --intersector auto
+render --update rebuild --predict off | --predict | --update async
+render --update t-sah | t-sah | use --update refit
+bench --update refit,t-sah | t-sah | use --update refit
+render --tolerance 3 | --tolerance was removed | use --intersector
+trace a.ply --tolerance=3 | --tolerance was removed | use --intersector
 render --backend vulkan-rt --builder-threads 2 | --builder-threads | trees that the host builds
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
 render --no-images --resume | --resume | --hits
@@ -122,10 +127,9 @@ render demo:twist --fps 30 | --fps | .glb
 render a.obj+b/ --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --fps 30 | --fps | .glb
 trace a.ply --time 0 --rays r --out o --tree-time 1 | --tree-time | --update refit
-trace a.ply --time 0 --rays r --out o --intersector woop --tolerance 1 | --tolerance | auto
 trace a.ply --time 0 --rays r --out o --backend vulkan-rt --builder-threads 1 | --builder-threads | host
 bench --update refit,rebuild --predict on,off | --predict | --update async
-bench --intersector exact --tolerance 1 | --tolerance | --intersector auto
+bench --intersector exact,auto | --intersector auto was removed | use --intersector watertight
 bench --backend vulkan-rt --builder-threads 2 | --builder-threads | host
 bench a.obj b.ply --fps 12 | --fps | .gltf
 bench --compare a b --size 8x8 | --size | --compare
@@ -134,7 +138,6 @@ bench --fail-above 2 | --fail-above | --compare
 chart --fps 12 | --fps | .gltf
 inspect demo:twist --fps 12 | --fps | .gltf
 inspect demo:twist+demo:hall --recentre | --recentre | files
-inspect a.glb --reduce-keys 1 --tolerance 1 | --tolerance | --reduce-keys
 inspect a.glb --reduced-out d | --reduced-out | --reduce-keys
 conform --cases 3 --case 2 | --cases | --case
 conform --intersector exact | --intersector | --oracle-rays
@@ -148,7 +151,7 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 29);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 30);
 }
 
 #[test]
@@ -157,7 +160,6 @@ fn what_does_something_is_taken() {
         "render --stats -",
         "render --lockstep 1",
         "render --update async --lockstep 1 --predict off",
-        "render --tolerance 3",
         "render --no-images --hits h --resume",
         "render --update refit --builder-threads 2",
         "render hall.obj+figure.GLB@2,0,-1*0.5 --fps 30",
@@ -165,7 +167,7 @@ fn what_does_something_is_taken() {
         "render demo:hall+a.obj --recentre",
         "trace a.glb --time 0 --rays r --out o --fps 9 --update refit --tree-time 1",
         "bench --predict on,off --builder-threads 2",
-        "bench --backend cpu,vulkan-rt --builder-threads 2 --tolerance 2",
+        "bench --backend cpu,vulkan-rt --builder-threads 2",
         "bench --compare a b --fail-above 3 --quiet",
         "bench --update async --builder-threads 1,2 --csv c",
         "conform --cases 0 --leak-rays 9 --intersector exact",

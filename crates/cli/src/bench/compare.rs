@@ -1,4 +1,4 @@
-//! Two files of results side by side: what changed, and what of that is more than noise.
+//! Compares two files of results: which times changed, and which changes exceed noise.
 
 use crate::args::BenchArgs;
 use crate::stop::Stop;
@@ -8,17 +8,18 @@ use output::Summary;
 use serde_json::Value;
 use std::path::Path;
 
-/// What is compared of every run: what makes it slower as a whole, and its stages.
+/// Times that are compared: those of whole frames, which `--fail-above` checks, and those of stages.
 const WHOLE: [&str; 2] = ["device_ms", "wall_ms"];
 const STAGES: &str =
     "interpolate_ms preprocess_ms refit_ms trace_primary_ms trace_shadow_ms build_ms";
-/// What tells runs apart.
+/// Fields that identify a run.
 const NAMES: &str = "scene backend update predict intersector layout rays";
-/// Standard errors beyond which a change is no noise.
+/// Number of standard errors above which a change is not noise.
 const SIGMAS: f64 = 3.0;
-/// Changes below this share are taken for noise, for machines drift.
+/// Relative change below which a difference counts as noise, since machines drift.
 const DRIFT: f64 = 0.02;
-/// Standard error of a median of `n`, over the median absolute deviation and the root of `n`, of normal noise.
+/// Standard error of the median of `n` values with normal noise, as a multiple of the median absolute deviation over
+/// the square root of `n`.
 const ERROR_OF_MEDIAN: f64 = 1.4826 * 1.2533;
 
 struct ComparedRun {
@@ -33,14 +34,14 @@ struct Change {
     quantity: &'static str,
     old_ms: f64,
     new_ms: f64,
-    /// New over old: the median over frames of equal times, else of medians.
+    /// New over old: the median of the ratios of frames if their times are equal, else the ratio of medians.
     ratio: f64,
-    /// Half the width of what noise explains, as a share.
+    /// Largest relative change that noise explains.
     noise: f64,
     beyond_noise: bool,
 }
 
-/// Changes, and runs that are in one file alone.
+/// Changes, and the runs that only one file contains.
 type Comparison = (Vec<Change>, [Vec<String>; 2]);
 
 pub(super) fn run(args: &BenchArgs) -> Result<(), Stop> {
@@ -82,7 +83,7 @@ fn refuse_slower(changes: &[Change], percent: f64) -> Result<(), Stop> {
     Err(Stop::failed(why))
 }
 
-/// The runs of a file of `bench` or of `render --stats`.
+/// Reads the runs of a file of `bench` or of `render --stats`.
 fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
     let at = |e: &dyn std::fmt::Display| Stop::bad(format!("{}: {e}", file.display()));
     let bytes = std::fs::read(file).map_err(|e| at(&e))?;
@@ -117,7 +118,7 @@ fn name(row: &Value) -> String {
     words.join(" ")
 }
 
-/// What became of one quantity; `None` if a file does not know it.
+/// Returns the change of one quantity, or `None` if a file lacks it.
 fn change(old: &ComparedRun, new: &ComparedRun, quantity: &'static str) -> Option<Change> {
     let (a, b) = (series(old, quantity), series(new, quantity));
     let values = |s: &[(f64, f64)]| s.iter().map(|p| p.1).collect::<Vec<_>>();
@@ -143,7 +144,7 @@ fn change(old: &ComparedRun, new: &ComparedRun, quantity: &'static str) -> Optio
     })
 }
 
-/// Time and value of every frame that knows a quantity, but the first frame, which builds the first tree.
+/// Returns time and value of each frame that has a quantity. Skips the first frame, which builds the first tree.
 fn series(run: &ComparedRun, quantity: &str) -> Vec<(f64, f64)> {
     let frames = run.frames.iter().skip(usize::from(run.frames.len() > 1));
     let known = frames.filter_map(|f| Some((f["time"].as_f64()?, f[quantity].as_f64()?)));
@@ -194,7 +195,7 @@ mod tests {
 
     #[test]
     fn what_differs_from_frame_to_frame_hides_no_change() {
-        // A frame's own load, and noise that frames share with no other run.
+        // The load of a frame, with noise that differs between runs.
         let load = |t: f64, seed: f64| (10.0 + t) * (1.0 + 0.01 * (t * seed).sin());
         let run = |count, step, factor, seed| {
             let times = (0..count).map(|i| f64::from(i) * step);
@@ -203,7 +204,7 @@ mod tests {
             ComparedRun { name, frames }
         };
         let old = run(41, 1.0, 1.0, 3.1);
-        // Of other frames the load hides as little a change as that, but not one of a half.
+        // If the frames differ, the load hides a change of 5 %, but not a factor of 2.5.
         for (new, beyond_noise) in [
             (run(41, 1.0, 1.05, 7.7), true),
             (run(41, 1.0, 1.0, 5.3), false),

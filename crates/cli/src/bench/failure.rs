@@ -1,12 +1,12 @@
 //! A combination that could not be measured, with the reason.
 
-use crate::args::{RaysName, word};
+use crate::args::{RaysName, update_name, word};
 use crate::choose::Ask;
 use crate::stop::Stop;
 use serde::Serialize;
 use std::fmt;
 
-/// One combination without results. Names are those of [`Row`](super::Row).
+/// One combination without results. Fields are named as in [`Row`](super::Row).
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Failure {
     pub(super) scene: String,
@@ -30,9 +30,9 @@ impl Failure {
         Self {
             scene: spec.to_owned(),
             backend: word(&ask.backend),
-            update: word(&ask.update),
+            update: update_name(ask.update).to_owned(),
             predict: ask.predict,
-            intersector: word(&ask.method.intersector),
+            intersector: ask.method.intersector.to_string(),
             layout: word(&ask.method.layout),
             rays: (rays == RaysName::Random).then_some("random"),
             builder_threads: ask.builder_threads,

@@ -1,4 +1,4 @@
-//! Results of a bench: as CSV, for people, and every run over every other of the same scene.
+//! Formats the results of a bench: as JSON, as CSV, as text, and as ratios between all runs of a scene.
 
 use super::{Failure, Results, Row, frame_ms};
 use crate::stop::Stop;
@@ -7,15 +7,16 @@ use output::plot::csv_table;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, but for the first frame's.
+/// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, except for the first frame's time.
 const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
      device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,error";
 
-/// The most runs of a scene that are all set against each other for people; of more, only the baseline is.
+/// Maximum number of runs of a scene that are all compared with each other in text. More runs are compared only with
+/// the baseline.
 const MANY: usize = 12;
 
-/// Returns all rows, those of combinations that failed last.
+/// Returns all rows, with failed combinations last.
 pub(super) fn json(results: &Results) -> Vec<Value> {
     let rows = results.rows.iter().map(|row| json!(row));
     rows.chain(results.failures.iter().map(|failure| json!(failure)))
@@ -40,7 +41,7 @@ pub(super) fn csv(results: &Results) -> Result<String, Stop> {
     csv_table(columns(), rows).map_err(Stop::failed)
 }
 
-/// Returns one row a run, the reasons of runs that failed, the device of each backend, and how runs compare.
+/// Returns one row per run, the reasons of failures, the device of each backend, and ratios between runs.
 pub(super) fn text(results: &Results, against: Option<&str>) -> String {
     let (rows, failures) = (&results.rows, &results.failures);
     let adapter = |r: &Row| format!("{}: {}\n", r.setup.backend, r.setup.adapter);
@@ -128,7 +129,7 @@ fn rays(r: &Row, after: &str) -> String {
     rays.unwrap_or_default()
 }
 
-/// What a run is called among those of its scene.
+/// Returns the name of a run within its scene.
 fn name(r: &Row) -> String {
     let how = &r.setup;
     let words = [how.backend, how.update, how.intersector, how.layout].join(" ");
@@ -136,12 +137,12 @@ fn name(r: &Row) -> String {
     format!("{words}{without}{}", rays(r, " "))
 }
 
-/// Whether two runs did the same work.
+/// Returns whether two runs did the same work.
 fn comparable(a: &Row, b: &Row) -> bool {
     (&a.scene, a.rays) == (&b.scene, b.rays)
 }
 
-/// Device and host times of one run over those of another.
+/// Returns the device and host times of one run, divided by those of another.
 fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
     let device = |r: &Row| {
@@ -153,7 +154,7 @@ fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     [over(ours[0], theirs[0]), over(ours[1], theirs[1])]
 }
 
-/// Every run over every other of its scene: device times with what a frame waited for its tree, and host times.
+/// Returns the ratios of every run to every other of its scene. Device times include a frame's wait for its tree.
 pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
     let is_rival = |a: &Row, b: &Row| !std::ptr::eq(a, b) && comparable(a, b);
     let with_each = |run| rows.iter().map(move |rival| (run, rival));
@@ -166,7 +167,7 @@ pub(super) fn ratios(rows: &[Row]) -> Vec<Value> {
     pairs.filter(|(a, b)| is_rival(a, b)).map(ratio).collect()
 }
 
-/// The run of every scene that all others are set against: the first whose name has all words of `against`, else the first.
+/// Returns the run that all others are compared with: the first whose name has all words of `against`, in order.
 fn baseline<'a>(rows: &'a [Row], against: Option<&str>) -> Option<&'a Row> {
     let words = against.unwrap_or_default();
     rows.iter().find(|row| {
@@ -177,7 +178,7 @@ fn baseline<'a>(rows: &'a [Row], against: Option<&str>) -> Option<&'a Row> {
     })
 }
 
-/// Refuses a baseline that is no run of any scene.
+/// Refuses a baseline that matches no run of any scene.
 pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
     if rows.is_empty() || baseline(rows, against).is_some() {
         return Ok(());
@@ -188,7 +189,7 @@ pub(super) fn check(rows: &[Row], against: Option<&str>) -> Result<(), Stop> {
     Err(Stop::bad(why))
 }
 
-/// Every run over the baseline, and over every other where they are few.
+/// Returns the ratios of every run to the baseline, and to every other run if there are few.
 fn matrix(rows: &[Row], baseline: &Row) -> String {
     let show = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |x| format!("{x:.2}"));
     let few = if rows.len() <= MANY { rows } else { &[] };

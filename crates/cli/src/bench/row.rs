@@ -1,4 +1,4 @@
-//! One run of a bench: its rays (a camera's with shadows, or such as have nothing in common), and how it is measured.
+//! One run of a bench: its rays (a camera's with shadows, or random ones), and how it is measured.
 
 use super::FOV;
 use crate::args::RaysName;
@@ -24,33 +24,33 @@ pub(crate) struct Row {
     pub(super) moving: usize,
     #[serde(flatten)]
     pub(crate) setup: Setup,
-    /// What kind of rays, if not a camera's.
+    /// Kind of rays, if not a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
     pub(super) frames: usize,
-    /// What the device did uncounted after the first frame, where it was warmed up.
+    /// Warm-up of the device after the first frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) warm_up: Option<Warmed>,
     /// Medians by name: of [`TIMES`] and [`MORE`].
     #[serde(flatten)]
     medians: BTreeMap<&'static str, Option<f64>>,
-    /// Primary and shadow rays in the time of both.
+    /// Millions of rays per second, from primary and shadow rays and the time of both.
     pub(crate) mrays_per_s: Option<f64>,
     pub(super) build_ns_per_triangle: Option<f64>,
     convert_ns_per_triangle: Option<f64>,
     pub(super) trees: usize,
-    /// Trees that were no better than the one in use.
+    /// Number of trees that were no better than the current one.
     rejected: usize,
-    /// Of the first frame, which waits for the first tree.
+    /// Milliseconds of the first frame, which waits for the first tree.
     first_ms: Option<f64>,
     memory: Option<Value>,
-    /// At most.
+    /// Maximum over all frames.
     device_bytes: Option<u64>,
     /// Every frame, as in the statistics of `render`.
     pub(crate) per_frame: Vec<FrameStats>,
 }
 
-/// What is summed up beside the times of [`TIMES`]. `geometry_ms` is all that comes before rays.
+/// Quantities that are summarized in addition to [`TIMES`]. `geometry_ms` covers all stages before tracing.
 const MORE: [(&str, Time); 4] = [
     ("geometry_ms", geometry),
     ("tree_age_frames", |f| Some(f.tree_age_frames as f64)),
@@ -63,14 +63,14 @@ impl Row {
         self.medians.get(name).copied().flatten()
     }
 
-    /// All frames but the first, which waits for the first tree, unless there is no other.
+    /// Returns all frames but the first, which waits for the first tree. Returns the first if it is the only one.
     pub(crate) fn later_frames(&self) -> &[FrameStats] {
         let later = self.per_frame.get(1..).filter(|rest| !rest.is_empty());
         later.unwrap_or(&self.per_frame)
     }
 }
 
-/// What the device took, after what the frame waited for its tree.
+/// Returns the device time of a frame plus its wait for its tree, in milliseconds.
 pub(crate) fn frame_ms(frame: &FrameStats) -> Option<f64> {
     Some(frame.device_ms? + frame.build_wait_ms.unwrap_or(0.0))
 }
@@ -82,12 +82,12 @@ pub(crate) struct Combination<'a> {
     pub(crate) frames: &'a [Frame],
     pub(crate) rays: RaysName,
     pub(crate) size: [u32; 2],
-    /// Seconds for which the device is warmed up, unless that is left to the kind of device.
+    /// Seconds of warm-up, or `None` for the default of the kind of device.
     pub(crate) warm_up: Option<f64>,
     pub(crate) ask: &'a Ask<'a>,
 }
 
-/// Measures on the backend that is being opened. Returns the driver too, with the scene loaded.
+/// Measures on the backend that is being opened. Also returns the driver, with the scene loaded.
 pub(crate) fn measure(
     combination: &Combination<'_>,
     opening: Opening,
@@ -159,7 +159,7 @@ pub(crate) fn measure(
     Ok((row, driver))
 }
 
-/// Memory of a device by what it holds, whole and a triangle.
+/// Returns device memory by use, in total and per triangle.
 fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
     let parts = [held.tree, held.scratch, held.scene, held.frames];
     let named = |[tree, scratch, scene, frames]: [Value; 4]| json!({ "tree": tree, "scratch": scratch, "scene": scene, "frames": frames });
@@ -170,14 +170,14 @@ fn device_memory(held: DeviceBytes, triangles: usize) -> Value {
     })
 }
 
-/// Milliseconds of a frame's stages before rays; `None` if it left all of them out.
+/// Returns the milliseconds of a frame's stages before tracing, or `None` if it skipped every stage.
 fn geometry(frame: &FrameStats) -> Option<f64> {
     let moved = [frame.interpolate_ms, frame.preprocess_ms];
     let stages = moved.into_iter().chain([frame.rebuild_ms, frame.refit_ms]);
     stages.flatten().reduce(|a, b| a + b)
 }
 
-/// Rays from anywhere in a box in any direction, the same on every machine.
+/// Returns rays from random points in a box in random directions, the same on every machine.
 pub(crate) fn random_rays(bounds: &Aabb, count: usize) -> Vec<Ray> {
     let mut rng = Rng::with_seed(0);
     let mut ray = || {
@@ -188,7 +188,7 @@ pub(crate) fn random_rays(bounds: &Aabb, count: usize) -> Vec<Ray> {
     (0..count).map(|_| ray()).collect()
 }
 
-/// A direction, all equally likely: a point of the unit ball, found by rejection.
+/// Returns a uniformly distributed direction: a point of the unit ball, found by rejection.
 fn direction(rng: &mut Rng) -> Point {
     loop {
         let mut side = || 2.0 * rng.f32() - 1.0;
@@ -229,7 +229,7 @@ mod tests {
         assert!((mean(&|r| r.origin[1]) - 10.5).abs() < 0.02);
         for i in 0..3 {
             assert!(mean(&|r| r.direction[i]).abs() < 0.02);
-            // A third of the length, each way.
+            // Each axis has a third of the squared length.
             let share = |r: &Ray| {
                 let squares = r.direction.map(|x| x * x);
                 squares[i] / squares.iter().sum::<f32>()

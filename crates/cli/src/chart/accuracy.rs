@@ -1,14 +1,14 @@
-//! Rays of a scene with their exact answers; how often a method is wrong, and how far off where it is right.
+//! Compares a scene's rays with exact answers: how often a method is wrong, and by how much `t` is off otherwise.
 //!
-//! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector get more
-//! rays. Intervals are Wilson's, or the rule of three where no answer was wrong ([`Rate`]).
+//! Sampling is sequential. After each stage, only methods whose 95 % interval overlaps that of another intersector
+//! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
 
-use crate::args::{BackendName, ChartArgs, IntersectorName, LayoutName, MethodArgs, UpdateName};
+use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs};
 use crate::bench;
 use crate::choose::Ask;
 use crate::session;
 use crate::stop::Stop;
-use backend::{Hits, Intersector, QueryKind};
+use backend::{Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
@@ -19,25 +19,25 @@ use shading::View;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Moments of a scene at which it is traced.
+/// Number of times of a scene at which rays are traced.
 const MOMENTS: usize = 4;
-/// The most rays that are traced at a time.
+/// Maximum number of rays that are traced at a time.
 const MOST: usize = 1 << 20;
-/// Rays are numbered modulo the end of the last stage. Each stage traces those of some remainders: an eighth of the rays, then
-/// three eighths, then the other half. The stages of any scene are the same on every machine.
+/// Rays are numbered modulo the end of the last stage. Each stage traces the rays with some remainders: an eighth of
+/// the rays, then three eighths, then the other half. The stages of any scene are the same on every machine.
 pub(super) const STAGES: [Range<usize>; 3] = [0..1, 1..4, 4..8];
-/// Rays of a probe at each of two moments.
+/// Number of plain rays of a probe at each of two times.
 const PROBE: usize = 1 << 10;
 
-/// Rays of a scene, and how they are traced.
+/// Generates and traces the rays of a scene.
 pub(super) struct Sampler<'a> {
     animation: &'a Arc<Animation>,
     view: View,
-    /// Rays of all stages that are not aimed.
+    /// Number of plain rays in all stages.
     rays: usize,
 }
 
-/// Rays that are traced at a time, without answers.
+/// Rays that are traced together, without answers.
 struct Sheet {
     time: f64,
     rays: Vec<Ray>,
@@ -48,23 +48,23 @@ struct Sheet {
 /// A sheet with its reference answers.
 struct Answered {
     sheet: Sheet,
-    /// By exact arithmetic: the triangle and the distance.
+    /// Triangle and distance by exact arithmetic.
     closest: Vec<Option<(u32, f64)>>,
-    /// By the reference: 1 where the hit is in shadow. Empty for aimed rays.
+    /// Shadows by the reference: 1 where the hit is in shadow. Empty for aimed rays.
     blocked: Vec<u8>,
 }
 
 /// The reference answers of one stage, which all methods share.
 pub(super) struct Stage(Vec<Answered>);
 
-/// One method on one backend, with what was counted so far.
+/// One method on one backend, with its counts so far.
 pub(super) struct Tally {
     /// The way that traces the rays.
     pub(super) way: Ask<'static>,
     intersector: Intersector,
-    /// The number of the group of ways that answer alike.
+    /// Index of the group of ways that give the same answers.
     pub(super) group: usize,
-    /// Whether the next stage traces more rays, by sort: plain ones and aimed ones.
+    /// Whether the next stage traces more rays: plain rays, aimed rays.
     goes_on: [bool; 2],
     counted: plot::Point,
     errors: Vec<f64>,
@@ -79,7 +79,7 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Traces a few rays of both sorts.
+    /// Traces a few plain and aimed rays.
     pub(super) fn probe(&self, driver: &mut Driver) -> Result<Vec<Hits>, Stop> {
         let mut sheets = Vec::new();
         for time in moments(self.animation, 2) {
@@ -91,7 +91,7 @@ impl<'a> Sampler<'a> {
         session::trace_lists(driver, self.kind(false), lists)
     }
 
-    /// Returns the rays of a stage. Those of all stages are the same whichever stages are traced.
+    /// Returns the rays of a stage. The rays of a stage do not depend on which stages are traced.
     fn sheets(&self, stage: &Range<usize>, sorts: [bool; 2]) -> Vec<Sheet> {
         let moments = moments(self.animation, MOMENTS);
         let count = self.rays.div_ceil(moments.len());
@@ -116,7 +116,7 @@ impl<'a> Sampler<'a> {
         sheets
     }
 
-    /// Answers the rays of a stage exactly: those sorts that any method goes on with.
+    /// Computes exact answers for the rays of a stage, for those sorts of rays that any method still traces.
     pub(super) fn stage(&self, stage: &Range<usize>, tallies: &[Tally]) -> Result<Stage, Stop> {
         let sorts = [0, 1].map(|sort| tallies.iter().any(|tally| tally.goes_on[sort]));
         let mut oracle: Option<(f64, Oracle)> = None;
@@ -134,8 +134,8 @@ impl<'a> Sampler<'a> {
             });
         }
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
-        let ask = Ask::of(BackendName::Cpu, method, UpdateName::Rebuild);
+        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
+        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild));
         let (mut driver, _) = session::start_driver(self.animation, &ask)?;
         for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
             answered.blocked = self.trace(&mut driver, &answered.sheet)?.blocked;
@@ -166,7 +166,7 @@ impl<'a> Sampler<'a> {
         stage: &Stage,
         tally: &mut Tally,
     ) -> Result<(), Stop> {
-        // The first tree is of the motion's begin.
+        // Build the first tree at the beginning of the motion.
         session::trace_lists(driver, QueryKind::Closest, [(0.0, &[][..])])?;
         for answered in &stage.0 {
             if tally.goes_on[usize::from(answered.sheet.is_aimed)] {
@@ -191,12 +191,12 @@ impl Tally {
         }
     }
 
-    /// Whether the next stage traces rays of any sort.
+    /// Returns whether the next stage traces rays of any sort.
     pub(super) fn is_going(&self) -> bool {
         self.goes_on.contains(&true)
     }
 
-    /// The rates of wrong answers so far, of plain rays and of aimed ones.
+    /// Returns the rates of wrong answers so far, of plain rays and of aimed rays.
     fn rates(&self) -> [Option<Rate>; 2] {
         let (plain, aimed) = (&self.counted, &self.counted.aimed);
         [
@@ -214,14 +214,14 @@ impl Tally {
         point.t_error_ulp = spread;
     }
 
-    /// How far `t` was off.
+    /// Returns the distribution of errors of `t`, and clears them.
     pub(super) fn take_errors(&mut self) -> Option<TError> {
         spread(std::mem::take(&mut self.errors))
     }
 }
 
-/// Decides which methods the next stage traces. A method goes on with a sort of rays while its interval overlaps that of
-/// another intersector on the same backend. One without a rival goes on to the end.
+/// Decides which methods the next stage traces. A method continues with a sort of rays while its interval overlaps that
+/// of another intersector on the same backend. A method without a rival continues to the end.
 pub(super) fn decide(tallies: &mut [Tally]) {
     let rates: Vec<_> = tallies
         .iter()
@@ -244,7 +244,7 @@ pub(super) fn decide(tallies: &mut [Tally]) {
     }
 }
 
-/// Counts wrong answers. How far off `t` is in units in the last place, wherever the triangle is right.
+/// Counts wrong answers. Returns the errors of `t`, in units in the last place, of plain rays with the right triangle.
 fn count(answered: &Answered, hits: &Hits, point: &mut plot::Point) -> Vec<f64> {
     let mut errors = Vec::new();
     for (i, (truth, hit)) in answered.closest.iter().zip(&hits.closest).enumerate() {
@@ -278,19 +278,19 @@ fn spread(mut errors: Vec<f64>) -> Option<TError> {
     })
 }
 
-/// How far a hit's `t` is from the exact one, in units in the last place of that, rounded to f32.
+/// Returns the error of a hit's `t`, in units in the last place of the exact value rounded to f32.
 fn off(hit: &Hit, exact: f64) -> f64 {
     let rounded = (exact as f32).abs();
     let unit = f64::from(rounded.next_up()) - f64::from(rounded);
     (f64::from(hit.t) - exact).abs() / unit
 }
 
-/// Where rays begin, in sizes of the scene's box.
+/// Size of the region in which aimed and random rays begin, relative to the scene's box.
 const ROOM: f64 = 2.0;
-/// How often a triangle is drawn before a scene counts as having none to aim at.
+/// Number of triangles that are drawn before a scene counts as having no triangle to aim at.
 const DRAWS: usize = 64;
 
-/// The middle of each of `count` equal stretches of the motion; one moment if nothing moves.
+/// Returns the middle of each of `count` equal parts of the motion, or one time if nothing moves.
 fn moments(animation: &Animation, count: usize) -> Vec<f64> {
     let end = animation.end();
     let count = if end > 0.0 { count } else { 1 };
@@ -298,7 +298,7 @@ fn moments(animation: &Animation, count: usize) -> Vec<f64> {
     (0..count).map(at).collect()
 }
 
-/// `count` rays, half of them a camera's and half at random; and a quarter as many that are aimed.
+/// Returns `count` plain rays, half from a camera and half random, and a quarter as many aimed rays.
 fn rays_at(animation: &Animation, view: &View, time: f64, count: usize) -> [Vec<Ray>; 2] {
     let mut rng = Rng::with_seed(time.to_bits());
     let bounds = animation.bounds();
@@ -309,7 +309,7 @@ fn rays_at(animation: &Animation, view: &View, time: f64, count: usize) -> [Vec<
     [plain, (0..count / 4).filter_map(aim).collect()]
 }
 
-/// Of a camera of about that many pixels, row by row; fewer if there is no camera.
+/// Returns the first `count` rays of a camera of about that many pixels, row by row. Empty without a camera.
 fn of_camera(view: &View, count: usize) -> Vec<Ray> {
     let width = (count as f64 * 1.6).sqrt().ceil().max(1.0) as u32;
     let height = count.div_ceil(width as usize).max(1) as u32;
@@ -317,13 +317,13 @@ fn of_camera(view: &View, count: usize) -> Vec<Ray> {
     camera.map_or_else(Vec::new, |c| c.rays().take(count).collect())
 }
 
-/// From somewhere around the box to somewhere in it.
+/// Returns a ray from a random point around the box to a random point in the box.
 fn at_random(bounds: &Aabb, rng: &mut Rng) -> Ray {
     let from = within(bounds, ROOM, rng);
     towards(from, within(bounds, 1.0, rng))
 }
 
-/// From somewhere around the box at a vertex, or at a point on an edge as near as its coordinates can be.
+/// Returns a ray from a random point around the box to a vertex, or to a point on an edge after rounding.
 fn aimed(moment: &Moment<'_>, bounds: &Aabb, rng: &mut Rng) -> Option<Ray> {
     let count = u32::try_from(moment.animation().triangle_count()).ok()?;
     let mut draw = || (count > 0).then(|| moment.corners(rng.u32(..count)));
@@ -339,7 +339,7 @@ fn towards(from: Point, to: Point) -> Ray {
     Ray::new(from, std::array::from_fn(|i| to[i] - from[i]))
 }
 
-/// Anywhere in the box blown up about its middle; the origin if there is no box.
+/// Returns a random point in the box scaled about its centre, or the origin if the box is empty.
 fn within(bounds: &Aabb, by: f64, rng: &mut Rng) -> Point {
     if bounds.is_empty() {
         return [0.0; 3];
@@ -394,8 +394,8 @@ mod tests {
     }
 
     fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {
-        let method = MethodArgs::of(IntersectorName::Exact, LayoutName::Fast);
-        let way = Ask::of(BackendName::Cpu, method, UpdateName::Refit);
+        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
+        let way = Ask::of(BackendName::Cpu, method, Some(Policy::Refit));
         let mut tally = Tally::new(way, intersector, 0);
         (tally.counted.rays_tested, tally.counted.wrong) = (1_000_000, wrong);
         tally.counted.aimed = plot::Aimed {
@@ -415,11 +415,11 @@ mod tests {
             tally(Exact, [0, 0]),
         ];
         decide(&mut all);
-        // Two pairs are close. Aimed rays tell all but the first two apart.
+        // Two pairs are close. Aimed rays distinguish all but the first two.
         let goes_on: Vec<_> = all.iter().map(|t| t.goes_on).collect();
         let (both, plain) = ([true, true], [true, false]);
         assert_eq!(goes_on, [both, both, plain, plain]);
-        // A method that was told apart stays so, and another backend is no rival.
+        // A method that has stopped does not continue, and another backend is no rival.
         all[1].counted.wrong = 90;
         all[3].way.backend = BackendName::Vulkan;
         decide(&mut all);

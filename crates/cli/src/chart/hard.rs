@@ -1,4 +1,4 @@
-//! Rays at closed bodies and in scenes of mixed range, by every method.
+//! Rays at closed meshes and in scenes of mixed range, for every method.
 
 use crate::stop::Stop;
 use backend::{Backend, Intersector, Method};
@@ -7,22 +7,23 @@ use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
 
 const SEED: u64 = 1;
-/// Rays at closed bodies at each offset: at least and at most. Rates there differ so much that more rays tell nothing.
+/// Minimum and maximum number of rays at closed meshes per offset. Rates there differ so much that more rays add
+/// nothing.
 const LEAKS: [usize; 2] = [6_000, 48_000];
-/// Rays of each family of mixed range: at least and at most.
+/// Minimum and maximum number of rays of each family of mixed range.
 const MIXED: [usize; 2] = [1 << 11, 1 << 12];
 /// Scenes in which sizes or distances differ by many orders of magnitude.
 const MIXED_RANGE: [Family; 3] = [Family::Outlier, Family::Exploding, Family::ExtremeKeys];
 
-/// Scenes of mixed range with their exact answers.
+/// Returns scenes of mixed range with their exact answers.
 pub(super) fn families(rays: usize) -> Vec<StressTest> {
     let rays = (rays / 32).clamp(MIXED[0], MIXED[1]) as u32;
     let plan = Plan { seed: SEED, rays };
     MIXED_RANGE.map(|f| StressTest::new(f, &plan)).into()
 }
 
-/// Counts wrong answers in scenes of mixed range, and what closed bodies lose of a quarter of `rays` at each offset. A third
-/// of those rays are aimed from inside at edges and vertices.
+/// Counts wrong answers in scenes of mixed range, and leaks and double hits of closed meshes. Each offset gets a
+/// quarter of `rays`, within [`LEAKS`]. A third of its rays are aimed from inside at edges and vertices.
 pub(super) fn ask(
     backend: &mut dyn Backend,
     intersector: Intersector,
@@ -48,7 +49,7 @@ pub(super) fn ask(
     let found = leaks::run(backend, &plan, &mut |_| {})?;
     let mut leaks: Vec<Leaks> = OFFSETS.map(|o| sum(&found.rows, o)).to_vec();
     if method.intersector == Intersector::Exact {
-        // Its triangles are closed, so that two may share a hit: no fault, and not counted as one.
+        // Its triangles include their edges, so two may share a hit. That is correct and not counted.
         for at in &mut leaks {
             (at.counted, at.double_hits) = (0, 0);
         }
@@ -56,7 +57,7 @@ pub(super) fn ask(
     Ok((mixed_range, leaks))
 }
 
-/// All bodies at one offset.
+/// Sums the rows of all meshes at one offset.
 fn sum(rows: &[LeakRow], offset: f32) -> Leaks {
     let is_here = |r: &&LeakRow| r.offset.to_bits() == offset.to_bits();
     let is_aimed = |r: &&LeakRow| r.inside && r.aim != Aim::Random;

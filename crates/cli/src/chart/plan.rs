@@ -1,8 +1,8 @@
-//! Which ways of tracing there are here, and what measures one again.
+//! Ways of tracing that this machine can chart, and the command that measures one again.
 
 use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
 use crate::bench::Row;
-use crate::choose::{self, Ask};
+use crate::choose::Ask;
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::values::Frames;
@@ -35,7 +35,7 @@ pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Ask<'static>>, Vec<String>),
 /// Returns the number of pairs of a backend and an intersector among `ways`.
 pub(super) fn methods(ways: &[Ask<'_>]) -> usize {
     let method = |way: &Ask<'_>| {
-        let intersector = choose::intersector(way.method.intersector).0;
+        let intersector = way.method.intersector;
         format!("{} {intersector}", word(&way.backend))
     };
     ways.iter().map(method).collect::<BTreeSet<_>>().len()
@@ -47,13 +47,13 @@ pub(super) fn failure(scene: &str, way: &Ask<'_>, stop: &Stop) -> Failure {
         scene: scene.to_owned(),
         backend: word(&way.backend),
         layout: word(&way.method.layout),
-        intersector: choose::intersector(way.method.intersector).0.to_string(),
+        intersector: way.method.intersector.to_string(),
         update: way.update().0.name().to_owned(),
         error: stop.to_string(),
     }
 }
 
-/// Backends to be charted: those that were named, then what `auto` finds, the host first.
+/// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
 fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     let (auto, named): (Vec<BackendName>, Vec<_>) =
         (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
@@ -74,7 +74,7 @@ fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
     found
 }
 
-/// Why `auto` takes no such backend.
+/// Returns the reason why `auto` skips a backend that finds no GPU.
 fn why_not(presence: Presence) -> Option<String> {
     let is_fit = |a: &AdapterInfo| a.kind != DeviceKind::Software;
     if presence.own_trees || presence.adapters.iter().any(is_fit) {
@@ -86,7 +86,7 @@ fn why_not(presence: Presence) -> Option<String> {
     }))
 }
 
-/// The first of those that read the same, in order.
+/// Returns the elements in order, without those whose text occurred before.
 pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in all {
@@ -101,7 +101,7 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
 impl fmt::Display for Ask<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [backend, layout] = [word(&self.backend), word(&self.method.layout)];
-        let intersector = choose::intersector(self.method.intersector).0;
+        let intersector = self.method.intersector;
         let update = self.update().0.name();
         write!(f, "{backend} {layout} {intersector} {update}")
     }
@@ -111,7 +111,7 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     let [width, height] = args.measure.size;
     let frames = match &args.measure.frames {
         Frames::Count(n) => n.to_string(),
-        // One alone would be a count.
+        // A single number would be read as a count.
         Frames::Keys(keys) => keys.iter().map(|key| format!("{key},")).collect(),
     };
     let mut source = String::new();
@@ -133,7 +133,7 @@ pub(super) fn command(args: &ChartArgs, spec: &str, row: &Row) -> String {
     )
 }
 
-/// As a shell takes it for one word.
+/// Quotes a word so that a shell reads it as one.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:,=+@%".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn what_is_named_twice_is_done_once() {
-        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,auto,exact";
+        let words = "abvh chart a b a --update refit,async,refit --backend cpu --intersector woop,exact,woop";
         let parsed = parse(words.split(' ').map(Into::into));
         let Ok(Command::Chart(args)) = parsed else {
             panic!("{words}: {parsed:?}");

@@ -1,61 +1,56 @@
-//! What is settled by rule, and for a small scene on the host.
+//! Choices by rule, and choices for a small scene on the host.
 
 use super::*;
-use crate::open;
-use backend::QueryKind;
+use crate::{open, session};
+use backend::{QueryKind, Rays};
 use clap::ValueEnum;
-use geom::Hit;
 use scene::Scene;
 
 const AUTO: MethodArgs = MethodArgs {
-    intersector: IntersectorName::Auto,
+    intersector: Intersector::Watertight,
     layout: LayoutName::Auto,
 };
 
 #[test]
 fn names_mean_what_they_name_and_lockstep_is_async() {
-    use UpdateName as U;
     let asked = |backend, update, lockstep| Ask {
         lockstep,
         ..Ask::of(backend, AUTO, update)
     };
     let (host, driver) = (BackendName::Cpu, BackendName::VulkanRt);
-    let three = Update::Async(Pace::Lockstep(3));
-    let free = Update::Async(Pace::Free);
+    let three = Policy::Lockstep(3);
+    let free = Policy::Async;
     for (ask, update, is_named) in [
-        (asked(host, U::Async, Some(3)), three, true),
-        (asked(host, U::Auto, Some(3)), three, false),
-        (asked(host, U::Auto, None), free, false),
-        (asked(host, U::Refit, None), Update::Refit, true),
+        (asked(host, Some(Policy::Async), Some(3)), three, true),
+        (asked(host, None, Some(3)), three, false),
+        (asked(host, None, None), free, false),
+        (asked(host, Some(Policy::Refit), None), Policy::Refit, true),
         // A driver rebuilds where nobody asked for more.
-        (asked(driver, U::Auto, None), Update::Rebuild, false),
-        (asked(driver, U::Async, None), free, true),
+        (asked(driver, None, None), Policy::Rebuild, false),
+        (asked(driver, Some(Policy::Async), None), free, true),
     ] {
         let (taken, why) = ask.update();
         assert_eq!((taken, why.is_none()), (update, is_named), "{ask:?}");
     }
-    assert!(asked(host, U::Auto, None).is_open() && !asked(host, U::Auto, Some(3)).is_open());
-    let woop = intersector(IntersectorName::Woop);
-    assert_eq!(woop, (Intersector::Woop, None));
+    assert!(asked(host, None, None).is_open() && !asked(host, None, Some(3)).is_open());
     assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
     assert_eq!(layout(LayoutName::Auto), None);
 }
 
 #[test]
 fn a_drivers_own_intersector_stands_for_the_usual_one_alone() {
-    use IntersectorName as I;
+    use Intersector as I;
     use LayoutName as L;
     let usual = MethodArgs::of(I::Watertight, L::Auto);
-    let beyond = beyond_drivers(usual, UpdateName::DeviceRebuild);
+    let beyond = beyond_drivers(usual, Some(Policy::DeviceRebuild));
     assert_eq!(beyond.as_deref(), Some("update policy 'device-rebuild'"));
     for (intersector, layout, beyond) in [
-        (I::Auto, L::Auto, Some("intersector 'auto'")),
         (I::Watertight, L::Auto, None),
         (I::Woop, L::Auto, Some("intersector 'woop'")),
         (I::Watertight, L::Bvh2, Some("layout 'bvh2'")),
     ] {
         let method = MethodArgs::of(intersector, layout);
-        let found = beyond_drivers(method, UpdateName::Rebuild);
+        let found = beyond_drivers(method, Some(Policy::Rebuild));
         assert_eq!(found.as_deref(), beyond);
     }
 }
@@ -70,8 +65,9 @@ fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
             let layouts = LayoutName::value_variants().iter();
             layouts.map(move |&layout| (kind, layout))
         }) {
-            for (&update, &by) in UpdateName::value_variants().iter().flat_map(|update| {
-                let intersectors = IntersectorName::value_variants().iter();
+            let updates = [None].into_iter().chain(Policy::ALL.map(Some));
+            for (update, &by) in updates.flat_map(|update| {
+                let intersectors = Intersector::ALL.iter();
                 intersectors.map(move |by| (update, by))
             }) {
                 let ask = Ask::of(name, MethodArgs::of(by, usual), update);
@@ -83,7 +79,7 @@ fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
                     assert!(beyond.flatten().is_some(), "{context} is refused");
                     continue;
                 };
-                let intersector = intersector(settled.method.intersector).0;
+                let intersector = settled.method.intersector;
                 let capabilities = Capabilities {
                     device,
                     layouts: layouts(known.supports, intersector),
@@ -108,7 +104,7 @@ fn every_backend_supports_what_is_chosen_for_it_on_every_kind_of_device() {
     }
     let ours = backends::KNOWN.iter().filter(|known| !known.has_own_trees);
     let devices: usize = ours.map(|known| known.kinds.len()).sum();
-    assert!(chosen > devices * 6 * 5 * 3, "{chosen} combinations");
+    assert!(chosen > devices * 5 * 4 * 3, "{chosen} combinations");
 }
 
 #[test]
@@ -121,12 +117,12 @@ fn trees_are_left_to_a_device_only_where_it_can_build_them() {
         frames: &frames,
         query: Query { rays, kind },
     };
-    let ask = Ask::of(BackendName::Vulkan, AUTO, UpdateName::Auto);
+    let ask = Ask::of(BackendName::Vulkan, AUTO, None);
     for (device, makes_trees, expected) in [
-        (DeviceKind::Gpu, true, Update::DeviceRebuild),
-        (DeviceKind::Gpu, false, Update::Rebuild),
-        (DeviceKind::Software, true, Update::Rebuild),
-        (DeviceKind::Cpu, false, Update::Rebuild),
+        (DeviceKind::Gpu, true, Policy::DeviceRebuild),
+        (DeviceKind::Gpu, false, Policy::Rebuild),
+        (DeviceKind::Software, true, Policy::Rebuild),
+        (DeviceKind::Cpu, false, Policy::Rebuild),
     ] {
         let capabilities = Capabilities {
             device,
@@ -144,7 +140,7 @@ fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
         let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
-        let usual = Ask::of(BackendName::Cpu, AUTO, UpdateName::Refit);
+        let usual = Ask::of(BackendName::Cpu, AUTO, Some(Policy::Refit));
         usual.over(frames, query).time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
@@ -152,102 +148,37 @@ fn frames_last_from_the_earliest_to_the_latest() {
     assert_eq!(range(&[]), [0.0, 0.0]);
 }
 
-/// What is settled for a run of so many frames.
-fn settled(
-    scene: &Scene,
-    (count, query): (u64, Query<'_>),
-    intersector: IntersectorName,
-    tolerance: f64,
-) -> Settled {
-    let frame = |index| Frame {
-        index,
-        time: index as f64 / 8.0,
-    };
-    let frames: Vec<Frame> = (0..count).map(frame).collect();
-    let method = MethodArgs::of(intersector, LayoutName::Auto);
-    let ask = Ask {
-        threads: Some(2),
-        tolerance,
-        ..Ask::of(BackendName::Cpu, method, UpdateName::Auto)
-    };
-    let ask = ask.over(&frames, query);
-    let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
-    settle(backend, &scene.animation, &ask).unwrap().1
-}
-
 fn demo(name: &str) -> Scene {
     scene::open(name, &scene::Options::default()).unwrap()
 }
 
 #[test]
-fn what_is_left_open_is_settled_with_a_reason_and_what_is_named_without() {
-    use IntersectorName::{Auto, Watertight};
+fn what_is_left_open_is_settled_with_a_reason() {
     let scene = demo("demo:collide:400");
     let view = shading::frame_scene(&scene.animation, 40.0, [64, 36]);
     let camera = view.camera([64, 36]).unwrap();
     let query = shading::query((&camera, view.light));
-    let settled = |count, intersector, ppm| settled(&scene, (count, query), intersector, ppm);
-    let taken = settled(32, Watertight, 0.0);
-    let (method, _, [why, none, some]) = taken;
-    let why = why.unwrap();
+    let settled = |count| {
+        let frame = |index| Frame {
+            index,
+            time: index as f64 / 8.0,
+        };
+        let frames: Vec<Frame> = (0..count).map(frame).collect();
+        let ask = Ask {
+            threads: Some(2),
+            ..Ask::of(BackendName::Cpu, AUTO, None)
+        };
+        let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
+        settle(
+            backend.as_ref(),
+            &scene.animation,
+            &ask.over(&frames, query),
+        )
+        .unwrap()
+    };
+    let (method, _, [why_update, why_layout]) = settled(32);
+    let why = why_update.unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
-    assert_eq!(method.layout, Layout::Fast);
-    assert!(some.is_some() && none.is_none());
-    assert_eq!(settled(1, Watertight, 0.0).1, Update::Refit);
-    // Nothing but exact meets a tolerance of nought, and of a little too many rays would be needed.
-    for (tolerance, takes, says) in [
-        (0.0, Intersector::Exact, "by definition"),
-        (0.5, Intersector::Exact, "too many rays"),
-        (500.0, Intersector::Watertight, "rays wrong, at most"),
-    ] {
-        let (method, _, [_, why, _]) = settled(32, Auto, tolerance);
-        assert_eq!(method.intersector, takes);
-        let why = why.unwrap();
-        assert!(why.contains(says), "{why}");
-    }
-}
-
-/// Rays that begin far away are rounded by more than a triangle's size by all but `exact`.
-#[test]
-fn what_is_wrong_too_often_is_not_taken_however_fast() {
-    let scene = demo("demo:twist:600");
-    let bounds = scene.animation.bounds();
-    let mut rng = Rng::with_seed(3);
-    let mut within = |i: usize| bounds.min[i] + rng.f32() * (bounds.max[i] - bounds.min[i]);
-    let origin = [1e6, 2e6, 3e6];
-    let ray = |_| Ray::new(origin, [0, 1, 2].map(|i| within(i) - origin[i]));
-    let rays: Vec<Ray> = (0..500).map(ray).collect();
-    let (rays, kind) = (Rays::List(&rays), QueryKind::Closest);
-    let query = Query { rays, kind };
-    let (method, _, [_, why, _]) = settled(&scene, (32, query), IntersectorName::Auto, 200.0);
-    let why = why.unwrap();
-    assert_eq!(method.intersector, Intersector::Exact, "{why}");
-    assert!(why.contains("watertight ") && why.contains("woop "));
-}
-
-#[test]
-fn none_wrong_shows_less_the_more_is_tolerated() {
-    for tolerance in [5.0, 10.0, 1000.0] {
-        let rays = needed(tolerance).unwrap() as u64;
-        let most = output::plot::Rate::of(0, rays).unwrap().high;
-        assert!(most < tolerance, "{tolerance}: {rays} rays");
-    }
-    assert_eq!(needed(1.0), None, "more rays than are asked");
-    assert_eq!(needed(0.0), None);
-}
-
-#[test]
-fn a_ray_is_wrong_once_by_its_triangle_or_its_shadow() {
-    let hit = |triangle| Hit {
-        triangle,
-        ..Hit::MISS
-    };
-    let hits = |all: [(u32, u8); 4]| Hits {
-        closest: all.map(|(triangle, _)| hit(triangle)).to_vec(),
-        blocked: all.map(|(_, blocked)| blocked).to_vec(),
-    };
-    let exact = hits([(1, 0), (2, 1), (3, 0), (4, 0)]);
-    let found = hits([(1, 0), (2, 0), (9, 0), (9, 1)]);
-    assert_eq!(differing(&exact, &found), 3);
-    assert_eq!(differing(&exact, &exact.clone()), 0);
+    assert_eq!((method.layout, why_layout.is_some()), (Layout::Fast, true));
+    assert_eq!(settled(1).1, Policy::Refit);
 }

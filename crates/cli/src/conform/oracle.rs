@@ -1,4 +1,4 @@
-//! Rays by the million against the oracle, on every backend at once.
+//! Millions of rays against the oracle, on every backend.
 
 use super::{Report, command};
 use crate::args::ConformArgs;
@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Rays whose answers are found at a time.
+/// Number of rays whose exact answers are computed at a time.
 const AHEAD: u64 = 1 << 19;
-/// Wrong rays that are told of in full.
+/// Maximum number of wrong rays per backend that are reported in full.
 const TOLD: usize = 12;
 
 /// A scene and its name.
@@ -64,7 +64,7 @@ pub(super) fn hold(
     let make = |specs: &[BatchSpec]| specs.par_iter().map(|l| audit.batch(l)).collect();
     let mut now: Vec<Batch> = chunks.first().map_or(Vec::new(), |c| make(c));
     for i in 1..=chunks.len() {
-        // While the backends answer, the host finds what is right about the next.
+        // While the backends trace a chunk, the host computes the exact answers of the next.
         let (asked, next) = rayon::join(
             || ask(args, &audit, &mut ours, &now, report),
             || chunks.get(i).map_or(Vec::new(), |c| make(c)),
@@ -76,7 +76,7 @@ pub(super) fn hold(
     Ok(())
 }
 
-/// Consecutive batches of about [`AHEAD`] rays together.
+/// Splits batches into consecutive chunks of about [`AHEAD`] rays.
 fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     let mut sum = 0;
     let together = |spec: &BatchSpec, _: &BatchSpec| {
@@ -88,7 +88,8 @@ fn chunks(specs: &[BatchSpec]) -> Vec<&[BatchSpec]> {
     specs.chunk_by(together).collect()
 }
 
-/// Of `exact`, keeps the first wrong rays of a backend, each with the command that asks it again.
+/// Traces batches on all backends. With `exact`, keeps a backend's first wrong rays with the command that reproduces
+/// them.
 fn ask(
     args: &ConformArgs,
     audit: &Audit,
@@ -118,26 +119,26 @@ fn ask(
     Ok(())
 }
 
-/// All rays at meshes of one kind, or at one scene.
+/// Counts of all rays at meshes of one kind, or at one scene.
 #[derive(Clone, Serialize)]
 pub(super) struct OracleRow {
     backend: &'static str,
     mesh: String,
     intersector: &'static str,
-    /// Meshes of this kind, or moments of this scene.
+    /// Number of meshes of this kind, or of times of this scene.
     scenes: u64,
     #[serde(flatten)]
     tally: AuditCounts,
 }
 
 impl OracleRow {
-    /// `exact` errs nowhere; what others do is only counted.
+    /// Returns whether the row is a failure. Wrong answers of other intersectors than `exact` are only counted.
     pub(super) fn is_failure(&self) -> bool {
         let wrong = self.tally.wrong + self.tally.wrong_any + self.tally.wrong_t;
         self.intersector == Intersector::Exact.name() && wrong > 0
     }
 
-    /// What people read; `wrong` names the column of the intersector's wrong answers.
+    /// Formats the row. `wrong` names the column of the intersector's wrong answers.
     fn cells<'a>(&self, wrong: &'a str) -> Cells<'a> {
         let t = &self.tally;
         let count = |n: u64| grouped(n as usize);
@@ -159,7 +160,7 @@ impl OracleRow {
     }
 }
 
-/// Adds a scene's rays to the row of its backend and mesh.
+/// Adds a scene's counts to the row of its backend and mesh.
 fn add(
     rows: &mut Vec<OracleRow>,
     backend: &'static str,
@@ -169,7 +170,7 @@ fn add(
 ) {
     let same = |r: &OracleRow| (r.backend, &*r.mesh) == (backend, mesh);
     let at = rows.iter().position(same).unwrap_or_else(|| {
-        // Below those of the same backend.
+        // Insert after the rows of the same backend.
         let last = rows.iter().rposition(|r| r.backend == backend);
         let at = last.map_or(rows.len(), |last| last + 1);
         let row = OracleRow {
@@ -186,7 +187,7 @@ fn add(
     rows[at].tally += tally;
 }
 
-/// Backends one below the other, each with the sum of all its rows; nothing where there are none.
+/// Formats the rows of each backend, with their sum. Empty without rows.
 pub(super) fn text(rows: &[OracleRow]) -> String {
     let Some(first) = rows.first() else {
         return String::new();

@@ -114,9 +114,7 @@ fn exact(c: &Check<'_>) -> Result<Vec<Method>> {
 
 /// Returns the methods whose results are the same on every backend.
 fn robust(c: &Check<'_>) -> Result<Vec<Method>> {
-    by(c, |i| {
-        matches!(i, Intersector::Watertight | Intersector::Exact)
-    })
+    by(c, |i| i.is_equal_across_backends())
 }
 
 fn all_in_turn(c: &Check<'_>) -> Result<Vec<Method>> {

@@ -143,28 +143,6 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
         // A tree and a candidate exchange their buffers, so check the cost once more.
         let (_, report) = ask(c.subject, rays, QueryKind::Closest)?;
         same_cost(report.sah_cost, adopted.sah_cost)?;
-        returned(c, [then, now], [&fresh_then, &fresh])?;
-    }
-    Ok(())
-}
-
-/// The tree that the current one has replaced answers as any other after it returns, and so does the newer one after that.
-fn returned(c: &mut Check<'_>, times: [f64; 2], fresh: [&Hits; 2]) -> Result<()> {
-    let (case, rays) = (c.case, c.rays());
-    for _ in 0..2 {
-        c.interpolate(times[1])?;
-        ensure!(c.subject.evaluate_retained()?, "the replaced tree is gone");
-        boxes_anew(c.subject)?;
-        let (hits, report) = ask(c.subject, rays, QueryKind::Closest)?;
-        answers(case, times[1], rays, &hits, fresh[1]).context("beside the replaced tree")?;
-        c.subject.adopt_retained()?;
-        boxes_anew(c.subject)?;
-        let (hits, adopted) = ask(c.subject, rays, QueryKind::Closest)?;
-        answers(case, times[1], rays, &hits, fresh[1]).context("returned")?;
-        same_cost(report.candidate_cost, adopted.sah_cost)?;
-        c.stand(times[0])?;
-        answers(case, times[0], rays, &c.closest()?, fresh[0])
-            .context("returned, at another time")?;
     }
     Ok(())
 }

@@ -61,18 +61,15 @@ static BASELINES: LazyLock<Vec<Baseline>> = LazyLock::new(|| {
 /// Returns whether an event must never happen, by the definition of the intersector: `exact` has no errors,
 /// `watertight` neither leaks nor hits twice.
 pub(super) fn is_never(intersector: Intersector, measure: Measure) -> bool {
-    match intersector {
-        Intersector::Exact => true,
-        Intersector::Watertight => measure != Measure::Wrong,
-        Intersector::Woop | Intersector::MollerTrumbore => false,
-    }
+    intersector.is_exact() || (intersector.is_watertight() && measure != Measure::Wrong)
 }
 
 /// Returns the arithmetic that determines an intersector's answers on a device.
 fn decisive(by: Intersector, device: Arithmetic) -> Arithmetic {
-    match by {
-        Intersector::Woop | Intersector::MollerTrumbore => device,
-        Intersector::Watertight | Intersector::Exact => Arithmetic::IEEE,
+    if by.is_equal_across_backends() {
+        Arithmetic::IEEE
+    } else {
+        device
     }
 }
 

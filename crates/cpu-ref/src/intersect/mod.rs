@@ -11,6 +11,33 @@ pub use moller_trumbore::MollerTrumbore;
 pub use watertight::{Watertight, has_equal_signs};
 pub use woop::Woop;
 
+/// Evaluates an expression in which `$Test` is the test of an intersector. The expression is compiled once for each.
+macro_rules! by_test {
+    ($intersector:expr, $Test:ident => $value:expr) => {{
+        use backend::Intersector;
+        use $crate::intersect::{Exact, MollerTrumbore, Watertight, Woop};
+        match $intersector {
+            Intersector::MollerTrumbore => {
+                type $Test = MollerTrumbore;
+                $value
+            }
+            Intersector::Woop => {
+                type $Test = Woop;
+                $value
+            }
+            Intersector::Watertight => {
+                type $Test = Watertight;
+                $value
+            }
+            Intersector::Exact => {
+                type $Test = Exact;
+                $value
+            }
+        }
+    }};
+}
+pub(crate) use by_test;
+
 use crate::Geometry;
 use crate::extreme::Rule;
 use crate::scale::{PreparedRay, Scale};
@@ -51,6 +78,25 @@ pub trait TriangleTest {
 
     /// Intersects the ray's whole line with the triangle. The caller clamps `t` and applies the limits.
     fn meet(ray: &Self::Ray, record: &Record) -> Option<Meeting>;
+}
+
+/// The triangle data that an intersector reads.
+pub(crate) trait Preprocess {
+    /// Preprocesses an active, non-degenerate triangle, given in scaled units.
+    fn record(corners: &Triangle) -> Record;
+}
+
+impl<T: TriangleTest> Preprocess for T {
+    fn record(corners: &Triangle) -> Record {
+        T::record(corners)
+    }
+}
+
+/// The exact test filters by the watertight test's numbers.
+impl Preprocess for Exact {
+    fn record(corners: &Triangle) -> Record {
+        <Watertight as TriangleTest>::record(corners)
+    }
 }
 
 /// A ray with the scene to trace it in.

@@ -4,6 +4,7 @@
 //! vision. They also differ in lightness, for print in black and white.
 
 use super::Point;
+use backend::{Intersector, Policy};
 use plotters::style::RGBColor;
 use std::f64::consts::{PI, TAU};
 
@@ -59,20 +60,19 @@ const BACKENDS: &[(&str, RGBColor)] = &[
     ("vulkan", RGBColor(0xd5, 0x5e, 0x00)),
     ("wgpu", RGBColor(0x56, 0xb4, 0xe9)),
 ];
-const INTERSECTORS: &[(&str, Shape)] = &[
-    ("moller-trumbore", (3, 0.0)),
-    ("woop", (4, 0.125)),
-    ("watertight", CIRCLE),
-    ("exact", (4, 0.0)),
-];
-const UPDATES: &[(&str, f64)] = &[
-    ("rebuild", 0.0),
-    ("refit", 0.4),
-    ("t-sah", 0.2),
-    ("device-rebuild", 0.7),
-    ("async", 1.0),
-];
+/// The shapes of [`Intersector::ALL`], in that order.
+const SHAPES: [Shape; Intersector::ALL.len()] = [(3, 0.0), (4, 0.125), CIRCLE, (4, 0.0)];
+/// The fills of [`Policy::ALL`], in that order.
+const FILLS: [f64; Policy::ALL.len()] = [0.0, 0.4, 1.0, 0.7];
 const LAYOUTS: &[(&str, f64)] = &[("fast", 7.5), ("bvh2", 5.0)];
+
+/// Pairs each name with its mark.
+fn pair<T: Copy, const N: usize>(
+    names: [&'static str; N],
+    marks: [T; N],
+) -> [(&'static str, T); N] {
+    std::array::from_fn(|i| (names[i], marks[i]))
+}
 
 /// Returns the value of a name in a list, or `other` for an unknown name.
 fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
@@ -84,8 +84,16 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
 pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Look {
     Look {
         colour: find(BACKENDS, backend, PLAIN.colour),
-        shape: find(INTERSECTORS, intersector, PLAIN.shape),
-        fill: find(UPDATES, update, PLAIN.fill),
+        shape: find(
+            &pair(Intersector::ALL.map(Intersector::name), SHAPES),
+            intersector,
+            PLAIN.shape,
+        ),
+        fill: find(
+            &pair(Policy::ALL.map(Policy::name), FILLS),
+            update,
+            PLAIN.fill,
+        ),
         radius: find(LAYOUTS, layout, PLAIN.radius),
     }
 }

@@ -1,4 +1,4 @@
-//! The tree to come: its states from the request to the adoption or rejection.
+//! The requested tree and its states, from the request to the adoption or rejection.
 
 use crate::builder_thread::BuildResult;
 use crate::tree_builder::Built;
@@ -10,35 +10,37 @@ use std::time::Instant;
 pub(super) struct Candidate {
     pub(super) request: Request,
     pub(super) state: State,
-    /// How far its moment was away, in key frames, when it was last found to cost more than the current tree.
+    /// Distance in key frames to the middle of its use when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
+    /// Its cost divided by the current tree's, by the evaluation that accepted it.
+    pub(super) share: Option<f64>,
 }
 
-/// Which tree was requested, when, and what for.
+/// Which tree was requested, when, and for what time of use.
 pub(super) struct Request {
     pub(super) generation: Generation,
     /// Frames begun before the one that requested it.
     pub(super) frame: u64,
-    /// The time of that frame.
+    /// Time of that frame, in key frames.
     pub(super) time: f64,
-    /// The time of the next frame that moves, if its positions are read back, too.
+    /// Time of the next frame that moves, if its positions are read back too.
     pub(super) moved_at: Option<f64>,
-    /// The positions of the first of these frames, until those of the second arrive.
+    /// Positions of the first of these frames, until those of the second arrive.
     pub(super) observed: Option<Snapshot>,
-    /// The pose that it is built for.
+    /// Pose that the tree is built for.
     pub(super) pose: Pose,
-    /// The moment that it is best used at.
+    /// Middle of the expected time of use, in key frames.
     pub(super) middle: f64,
-    /// Moments early and late in its use.
+    /// Middles of both halves of the expected time of use, in key frames.
     pub(super) halves: [f64; 2],
     pub(super) requested: Instant,
-    /// How many frames the build took, once it is finished.
+    /// Number of frames that the build took, once it is finished.
     pub(super) latency: Option<u64>,
-    /// When its vertices were there on the host, and how many bytes were read back for them; `None` before.
+    /// When its vertices arrived on the host, and the number of bytes read back for them; `None` before.
     pub(super) vertices_arrived: Option<(Instant, u64)>,
 }
 
-/// How far a candidate is.
+/// State of a candidate.
 ///
 /// ```text
 /// Building -> Arrived -> Due -> Evaluating -> Accepted -> (adopted)
@@ -47,9 +49,9 @@ pub(super) struct Request {
 ///                `- still dearer, but its moment is yet to come
 /// ```
 pub(super) enum State {
-    /// It waits for vertices, or the builder works on it.
+    /// It waits for vertices or is being built.
     Building,
-    /// It is on the host, on its way to the device, or its moment is too far off.
+    /// It is on the host, is being uploaded, or its time of use is too far ahead.
     Arrived(Built),
     /// The next frame evaluates it.
     Due(Built),
@@ -57,27 +59,28 @@ pub(super) enum State {
     Evaluating(Built, Evaluation),
     /// It is adopted at the next frame boundary.
     Accepted(Built),
-    /// It is dropped at the next frame boundary. The pose says where it cost more than the current tree, if that is why.
+    /// It is dropped at the next frame boundary. Contains the pose at which it cost more than the current tree, if that
+    /// is the reason.
     Rejected(Option<Pose>),
 }
 
-/// The frame that evaluates a candidate.
+/// Evaluation of a candidate in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Evaluation {
     /// `None` until the frame is submitted.
     pub(super) ticket: Option<Ticket>,
-    /// Frames begun before it.
+    /// Number of frames begun before the one that evaluates it.
     pub(super) frame: u64,
     pub(super) pose: Pose,
-    /// How far the candidate's moment was away, in key frames; `None` if it came no nearer.
+    /// Distance in key frames to the middle of the candidate's use; `None` if time does not approach it.
     pub(super) approach: Option<f64>,
 }
 
-/// What follows from an evaluation.
+/// Result of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Accept,
-    /// It costs more, but its moment is yet to come.
+    /// It costs more, but its time of use is still to come.
     Wait,
     Reject,
 }
@@ -101,6 +104,7 @@ impl Candidate {
             request,
             state: State::Building,
             dearer_at: None,
+            share: None,
         }
     }
 
@@ -108,12 +112,12 @@ impl Candidate {
         matches!(self.state, State::Building)
     }
 
-    /// Whether a frame boundary adopts or drops it.
+    /// Returns whether it is adopted or dropped at the next frame boundary.
     pub(super) fn is_decided(&self) -> bool {
         matches!(self.state, State::Accepted(_) | State::Rejected(_))
     }
 
-    /// Returns the tree that is to be brought to the device.
+    /// Returns the tree if it waits for its upload or its evaluation.
     pub(super) fn arrived(&self) -> Option<&Built> {
         match &self.state {
             State::Arrived(built) => Some(built),
@@ -121,7 +125,7 @@ impl Candidate {
         }
     }
 
-    /// Takes the tree out, which leaves the candidate rejected.
+    /// Removes the tree, which leaves the candidate rejected.
     pub(super) fn take(&mut self) -> Option<Built> {
         match std::mem::replace(&mut self.state, State::Rejected(None)) {
             State::Arrived(built)
@@ -135,28 +139,28 @@ impl Candidate {
         }
     }
 
-    /// Has the tree go on in another state, if there is one.
+    /// Moves the tree, if it is built, to another state.
     pub(super) fn advance(&mut self, to: impl FnOnce(Built) -> State) {
         if let Some(built) = self.take() {
             self.state = to(built);
         }
     }
 
-    /// Notes the ticket of the frame that evaluates it.
+    /// Sets the ticket of the frame that evaluates it.
     pub(super) fn submitted(&mut self, ticket: Ticket) {
         if let State::Evaluating(_, evaluation) = &mut self.state {
             evaluation.ticket.get_or_insert(ticket);
         }
     }
 
-    /// Has the evaluation be recorded again, because its frame was not submitted.
+    /// Schedules the evaluation again, because its frame was not submitted.
     pub(super) fn abandoned(&mut self) {
         if matches!(&self.state, State::Evaluating(_, evaluation) if evaluation.ticket.is_none()) {
             self.advance(State::Arrived);
         }
     }
 
-    /// Returns the evaluation that a frame was submitted with.
+    /// Returns the evaluation that the submission `ticket` contains.
     pub(super) fn evaluated_by(&self, ticket: Ticket) -> Option<Evaluation> {
         match &self.state {
             State::Evaluating(_, evaluation) if evaluation.ticket == Some(ticket) => {
@@ -167,7 +171,7 @@ impl Candidate {
     }
 }
 
-/// Files what a builder made: `None` if it failed.
+/// Stores the result of a build in its candidate. Returns `None` if the build failed.
 pub(super) fn file(candidate: Option<Candidate>, result: BuildResult<Built>) -> Option<Candidate> {
     let (mut candidate, built) = (candidate?, result.ok()?);
     if built.gave_up_extrapolation {

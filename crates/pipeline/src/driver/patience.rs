@@ -1,12 +1,14 @@
-//! When a tree may be requested again after others were rejected.
+//! Pauses requests after trees were rejected.
 //!
-//! A build takes cores and memory bandwidth from the frames. Where motion comes back to where it was, as to and fro, the current
-//! tree may be as good as any other, and builds are in vain. So each further rejection doubles the pause before the next
-//! request, in units of the time that the build took. A tree that is adopted ends that, and so does a current tree that comes to
-//! cost more than ever before.
+//! A build takes cores and memory bandwidth from the frames. While vertices move to and fro, the current tree may be about as good
+//! as any other, so builds gain nothing. Each further rejection therefore doubles the pause before the next request, in units of
+//! the time that the build took. An adopted tree that saves little counts as a rejection. A tree that saves more ends the pauses,
+//! and so does a current tree that costs more than ever before.
 
-/// Rejections in a row after which pauses grow no longer. Builds then take a thirty-second of the time.
+/// Number of rejections in a row after which pauses stop growing. Builds then take a thirty-second of the time.
 const MOST: u32 = 6;
+/// An adopted tree ends the pauses if it costs at most this share of the cost of the tree that it replaces.
+const WORTHWHILE: f64 = 0.9;
 /// A current tree costs more than ever before if it does by this factor.
 const DEARER: f64 = 1.1;
 
@@ -15,26 +17,31 @@ const DEARER: f64 = 1.1;
 pub(super) struct Patience {
     /// Trees rejected since the last one was adopted.
     rejections: u32,
-    /// The frame from which on a tree may be requested.
+    /// Frame from which on trees may be requested.
     until: u64,
-    /// The largest cost of the current tree so far.
+    /// Largest cost of the current tree since a tree was last adopted.
     dearest: f64,
 }
 
 impl Patience {
-    /// A tree whose request, build and evaluation took `frames` frames is rejected in frame `now`.
+    /// Records that frame `now` rejects a tree. Its request, build and evaluation took `frames` frames.
     pub(super) fn rejected(&mut self, now: u64, frames: u64) {
         let pause = (1 << self.rejections) - 1;
         self.rejections = (self.rejections + 1).min(MOST - 1);
         self.until = now + pause * frames;
     }
 
-    /// A tree is adopted.
-    pub(super) fn adopted(&mut self) {
-        *self = Self::default();
+    /// A tree whose request, build and evaluation took `frames` frames is adopted in frame `now`. It costs `share` of the
+    /// replaced tree's cost at the same positions.
+    pub(super) fn adopted(&mut self, now: u64, frames: u64, share: f64) {
+        if share > WORTHWHILE {
+            self.rejected(now, frames);
+        } else {
+            *self = Self::default();
+        }
     }
 
-    /// The current tree costs that much in a frame.
+    /// Records the cost of the current tree in a frame.
     pub(super) fn observe(&mut self, cost: f64) {
         if cost > DEARER * self.dearest && self.dearest > 0.0 {
             (self.rejections, self.until) = (0, 0);
@@ -42,7 +49,7 @@ impl Patience {
         self.dearest = self.dearest.max(cost);
     }
 
-    /// Whether a tree may be requested in frame `now`.
+    /// Returns whether a tree may be requested in frame `now`.
     pub(super) fn is_over(&self, now: u64) -> bool {
         now >= self.until
     }
@@ -52,7 +59,7 @@ impl Patience {
 mod tests {
     use super::*;
 
-    /// Frames until the next request may come, after each of `count` rejections.
+    /// Returns the number of frames until the next request, after each of `count` rejections.
     fn pauses(patience: &mut Patience, count: usize) -> Vec<u64> {
         let pause = |_| {
             patience.rejected(100, 10);
@@ -66,12 +73,20 @@ mod tests {
         let mut patience = Patience::default();
         let all = [0, 10, 30, 70, 150, 310, 310];
         assert_eq!(pauses(&mut patience, 7), all);
-        patience.adopted();
+        patience.adopted(100, 10, 0.9);
         assert_eq!(pauses(&mut patience, 2), all[..2]);
         for (cost, is_over) in [(2.0, false), (1.0, false), (2.1, false), (2.4, true)] {
             patience.observe(cost);
             assert_eq!(patience.is_over(101), is_over, "{cost}");
         }
         assert_eq!(pauses(&mut patience, 2), all[..2]);
+    }
+
+    #[test]
+    fn a_tree_that_saves_less_than_a_tenth_counts_as_rejected() {
+        let mut patience = Patience::default();
+        pauses(&mut patience, 2);
+        patience.adopted(100, 10, 0.91);
+        assert!(!patience.is_over(129) && patience.is_over(130));
     }
 }

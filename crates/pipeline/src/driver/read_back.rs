@@ -1,46 +1,46 @@
-//! Positions that the backend gives back for trees: of the frame that asks, or, where the backend alone knows where vertices
-//! are, also of the next that moves, which shows where they go.
+//! Reads positions back from the backend for builds: those of the requesting frame. If only the backend has the
+//! positions, also those of the next frame that moves, to extrapolate the motion.
 
 use super::candidate::Request;
 use super::trees::bytes;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, Observed};
 use crate::frame::Submission;
-use crate::schedule::{Pace, Update};
 use crate::tree_builder::{Vertices, pose_between};
 use backend::{Query, Snapshot};
 use geom::Pose;
 use std::time::Instant;
 
-/// Frames after which a scene is taken to be at rest.
+/// Number of frames without motion after which a scene is considered at rest.
 const AT_REST: u64 = 32;
 
 impl Driver {
-    /// Whether two frames' positions are read back for a tree. In lockstep it may be due before the second.
+    /// Returns whether a build uses the positions of two frames. In lockstep a tree may be due before the second frame.
     fn observes(&self) -> bool {
-        let is_free = self.options.update == Update::Async(Pace::Free);
+        let is_free = self.options.update.adopts_by_cost();
         is_free && !self.knows_key_frames && self.builds_ahead()
     }
 
-    /// Whether the host has to know how far coordinates reach, by which shadow rays are offset, of vertices that it does not.
+    /// Returns whether the range of coordinates must be measured because only the backend has the positions. The range
+    /// determines the offset of shadow rays.
     pub(super) fn needs_look(&self, queries: &[Query<'_>]) -> bool {
         let casts_shadows = || queries.iter().any(|query| query.kind.light().is_some());
         !self.knows_key_frames && casts_shadows()
     }
 
-    /// Reads positions at `pose` back for that, unless somebody looked at them.
+    /// Reads positions at `pose` back and measures their range, unless it is known.
     pub(super) fn look(&mut self, pose: Pose, queries: &[Query<'_>]) -> Result<(), PipelineError> {
         if !self.needs_look(queries) || self.animation.known_range(pose).is_some() {
             return Ok(());
         }
         let positions = self.read_now(pose)?;
         self.animation.measure(pose, &positions);
-        // Whatever follows from positions comes with the frame.
+        // The frame itself records `interpolate` and the later stages again.
         self.pose = None;
         Ok(())
     }
 
-    /// Positions at `pose`, which a submission of its own brings while the frame waits.
+    /// Returns the positions at `pose`, from a separate submission that the frame waits for.
     pub(super) fn read_now(&mut self, pose: Pose) -> Result<Snapshot, PipelineError> {
         self.backend.interpolate(pose)?;
         self.backend.request_positions()?;
@@ -62,7 +62,7 @@ impl Driver {
         }
     }
 
-    /// Whether the builder needs the positions of the frame at hand.
+    /// Returns whether the builder needs the positions of the current frame.
     pub(super) fn wants_positions(&mut self, moved: bool) -> bool {
         let (observes, frame) = (self.observes(), self.frames);
         let time = self.record.frame.time;
@@ -77,7 +77,7 @@ impl Driver {
         is_first || is_second
     }
 
-    /// Begins the build that waits for positions, once all are there.
+    /// Starts the build that waits for positions, once all have arrived or the scene is at rest.
     pub(super) fn poll_read_back(&mut self) -> Result<(), PipelineError> {
         let waits = self.waiting_request().is_some();
         if waits && let Some((_, positions)) = self.backend.take_positions()? {
@@ -127,7 +127,7 @@ impl Driver {
         self.start_build(input, 2 * bytes(self.animation.vertex_count()))
     }
 
-    /// Begins a build for the frame that asked.
+    /// Starts a build from the positions of the frame that requested the tree.
     fn build_read_back(&mut self, positions: Snapshot) -> Result<(), PipelineError> {
         let input = self.input(Vertices::ReadBack(positions));
         self.start_build(input, bytes(self.animation.vertex_count()))

@@ -1,19 +1,19 @@
-//! Frames one after another, and what is fetched of each.
+//! Renders sequences of frames and fetches their results.
 
 use super::{Driver, PipelineError};
 use crate::frame::{Frame, FrameRecord};
 use backend::{FRAMES_IN_FLIGHT, Hits, Query, Ticket};
 use std::time::Instant;
 
-/// Frames whose key frames are read before they come, where not all are held.
+/// Number of frames whose key frames are read ahead, if not all key frames are in memory.
 pub const LOOK_AHEAD: usize = 64;
 
-/// What is fetched of a frame.
+/// Results to fetch of each frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// Hits and shadows.
     pub hits: bool,
-    /// Pixels, or hits and shadows where the backend leaves pictures to the host.
+    /// Pixels. If the backend does not shade, hits and shadows instead.
     pub pixels: bool,
 }
 
@@ -31,21 +31,22 @@ impl Wanted {
     };
 }
 
-/// What was fetched of a frame.
+/// Results of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answers {
-    /// Hits and shadows, where they are wanted.
+    /// Hits and shadows, if requested.
     pub hits: Hits,
-    /// As [`backend::Backend::pixels`]; empty where the host is to shade.
+    /// Pixels, as [`backend::Backend::pixels`] returns them; empty if the host must shade.
     pub pixels: Vec<u8>,
 }
 
 impl Driver {
-    /// Renders `frames` in order, as many under way as the backend allows, and hands each to `on_frame` when it is done,
-    /// with what is wanted of it, in the memory that `on_frame` leaves in place of the last answers.
+    /// Renders `frames` in order, with as many in flight as the backend allows. Passes each finished frame to
+    /// `on_frame`, with the results selected by `wanted`. `on_frame` may swap the memory of the results for other
+    /// memory, which later frames then use.
     ///
     /// # Errors
-    /// The backend's, or whatever `on_frame` returns.
+    /// Those of the backend and of `on_frame`.
     pub fn run<E: From<PipelineError>>(
         &mut self,
         frames: impl IntoIterator<Item = Frame>,
@@ -74,11 +75,11 @@ impl Driver {
         Ok(())
     }
 
-    /// Waits for the oldest frame under way and takes what is wanted of it, in exchange for the memory of earlier answers;
-    /// `None` if there is none.
+    /// Waits for the oldest frame in flight and writes the results selected by `wanted` to `answers`. The backend
+    /// reuses the previous memory of `answers`. Returns `None` if no frame is in flight.
     ///
     /// # Errors
-    /// The backend's.
+    /// Those of the backend.
     pub fn finish(
         &mut self,
         wanted: Wanted,
@@ -104,10 +105,10 @@ impl Driver {
         Ok(Some(record))
     }
 
-    /// Frames that may be under way when another of such queries is [begun](Self::begin), that one included.
+    /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
     pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
         // A frame that waits for its own tree or positions takes two submissions, so none may be left open before it.
-        let waits_for_tree = self.options.update.waits_at_once() && !self.makes_trees();
+        let waits_for_tree = self.options.update.waits_for_tree() && !self.makes_trees();
         match waits_for_tree || self.needs_look(queries) {
             true => 1,
             false => FRAMES_IN_FLIGHT,

@@ -1,4 +1,4 @@
-//! The driver against a backend that does nothing but check the contract.
+//! Tests of the driver with a backend that only checks the contract.
 
 mod ahead;
 mod allocations;
@@ -19,13 +19,13 @@ pub(super) fn drifting(keys: usize) -> Arc<Animation> {
     Arc::new(row(2, keys, |k, i| (k as u32 * i) as f32))
 }
 
-/// So many triangles in a row, a power of two, whose order is another in every key frame.
+/// Returns `n` triangles in a row, in another order in each key frame. `n` is a power of two.
 fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
     let odd = |k: usize| 2 * (k * k * 7 % 29) as u32 + 1;
     Arc::new(row(n, keys, |k, i| (i * odd(k) % n) as f32))
 }
 
-/// The record of a tree for one moment, for rays that end at a point.
+/// Returns the words of a tree for one time, for rays that end at `toward`.
 fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Vec<u32> {
     let mut builder = TreeBuilder::default();
     builder.order_toward(toward);
@@ -41,13 +41,13 @@ fn words(built: Result<Built, BuildError>) -> Vec<u32> {
 }
 
 /// How trees follow the motion, and whether they are built ahead.
-pub(super) type Policy = (Update, bool);
+pub(super) type Config = (Policy, bool);
 
-/// A driver of `animation` by the fake, with one thread that builds.
+/// Creates a driver of `animation` with the fake backend and one builder thread.
 pub(super) fn driver(
     fake: Fake,
     animation: &Arc<Animation>,
-    (update, predict): Policy,
+    (update, predict): Config,
 ) -> Result<Driver, PipelineError> {
     let options = DriverOptions {
         method: Method::default(),
@@ -59,7 +59,7 @@ pub(super) fn driver(
     Driver::new(Box::new(fake), Arc::clone(animation), options, threads)
 }
 
-/// A query of four pixels: what they see, the fake makes up.
+/// Returns a query of four pixels.
 pub(super) fn query(kind: QueryKind) -> Query<'static> {
     static CAMERA: LazyLock<Camera> = LazyLock::new(|| {
         Camera::look_at([0.0, 0.0, 9.0], [0.0; 3], [0.0, 1.0, 0.0], 40.0, [2, 2]).unwrap()
@@ -68,7 +68,7 @@ pub(super) fn query(kind: QueryKind) -> Query<'static> {
     Query { rays, kind }
 }
 
-/// What a fake wrote that is gone with its driver.
+/// Returns the log of a fake that was dropped with its driver.
 pub(super) fn read(log: Arc<Mutex<Log>>) -> Log {
     Arc::into_inner(log).unwrap().into_inner().unwrap()
 }
@@ -80,26 +80,26 @@ struct Run {
 }
 
 /// Frames of two triangles that drift apart, evenly over so many key frames.
-fn run(keys: usize, frames: u64, update: Update, polls: Option<u32>) -> Run {
+fn run(keys: usize, frames: u64, update: Policy, polls: Option<u32>) -> Run {
     run_scene(&drifting(keys), frames, (update, false), polls)
 }
 
 /// Each frame is followed by a millisecond: the builder is a real thread, and needs time to be heard.
-fn run_scene(animation: &Arc<Animation>, frames: u64, by: Policy, polls: Option<u32>) -> Run {
+fn run_scene(animation: &Arc<Animation>, frames: u64, by: Config, polls: Option<u32>) -> Run {
     let times = evenly(frames, animation);
     render(Fake::new(polls), (animation, by), times, |_| 1)
 }
 
-/// Times of so many frames.
+/// Returns the times of `frames` frames, evenly distributed over the animation.
 fn evenly(frames: u64, animation: &Animation) -> impl Iterator<Item = f64> + use<> {
     let step = animation.end() / frames as f64;
     (0..frames).map(move |index| index as f64 * step)
 }
 
-/// Frames at these times, each followed by a rest of so many milliseconds.
+/// Renders frames at these times, and sleeps for `rest` milliseconds after each.
 fn render(
     fake: Fake,
-    (animation, by): (&Arc<Animation>, Policy),
+    (animation, by): (&Arc<Animation>, Config),
     times: impl Iterator<Item = f64>,
     rest: impl Fn(u64) -> u64,
 ) -> Run {
@@ -126,7 +126,7 @@ fn play(
     let run = driver.run(frames, query, Wanted::HITS, |record, _| {
         records.push(record.clone());
         let rest = Duration::from_millis(rest(record.frame.index));
-        // Not even for nothing: who sleeps is woken late.
+        // Even a sleep of 0 ms could delay the thread.
         if !rest.is_zero() {
             std::thread::sleep(rest);
         }
@@ -138,7 +138,7 @@ fn play(
 
 #[test]
 fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
-    for update in [Update::Rebuild, Update::Refit, Update::Async(Pace::Free)] {
+    for update in [Policy::Rebuild, Policy::Refit, Policy::Async] {
         let r = run(1, 5, update, Some(0));
         assert!(!r.built);
         assert_eq!((r.log.interpolated, r.log.refitted), (1, 1), "{update:?}");
@@ -150,7 +150,7 @@ fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
 
 #[test]
 fn rebuild_traces_each_frame_with_its_own_tree() {
-    for update in [Update::Rebuild, Update::Async(Pace::Lockstep(0))] {
+    for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));
         assert!(!r.built);
         let own = |f: &FrameRecord| f.tree_age_frames == 0 && f.adopted.is_some();
@@ -163,13 +163,13 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
 
 #[test]
 fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
-    let r = run(9, 8, Update::DeviceRebuild, Some(0));
+    let r = run(9, 8, Policy::DeviceRebuild, Some(0));
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
     assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
     let own = |f: &FrameRecord| f.made && f.tree_age_frames == 0 && f.sah_ratio == Some(1.0);
     assert!(r.records.iter().all(own));
-    let r = run(1, 5, Update::DeviceRebuild, Some(0));
+    let r = run(1, 5, Policy::DeviceRebuild, Some(0));
     assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
     assert!(r.records[0].made && !r.records[1].made);
 }
@@ -177,9 +177,9 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
 #[test]
 fn lockstep_swaps_k_frames_after_asking() {
     for k in [1_u64, 3, 7] {
-        let r = run(30, 24, Update::Async(Pace::Lockstep(k as u32)), Some(5));
+        let r = run(30, 24, Policy::Lockstep(k as u32), Some(5));
         for (n, f) in (0..).zip(&r.records) {
-            // The first frame builds its own tree; the next asks, and so on every k frames.
+            // The first frame builds its own tree. From the next frame on, a tree is requested every k frames.
             let expected = match u64::saturating_sub(n, 1) / k {
                 0 => (1, n),
                 cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
@@ -193,19 +193,19 @@ fn lockstep_swaps_k_frames_after_asking() {
 #[test]
 fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
     // Busy cores are slow to hear it.
-    let r = run(60, 200, Update::Async(Pace::Free), Some(2));
+    let r = run(60, 200, Policy::Async, Some(2));
     let generations = r.records.iter().map(|f| f.tree_generation);
     assert!(r.built && generations.is_sorted());
     assert!(r.records[199].tree_generation > Generation(3));
     assert!(r.records.iter().filter(|f| f.adopted.is_some()).count() > 3);
-    let r = run(60, 50, Update::Async(Pace::Free), None);
+    let r = run(60, 50, Policy::Async, None);
     assert_eq!(r.records.len(), 50);
     assert!(!r.built && r.log.adopted == [Generation(1)]);
 }
 
 /// Of a backend that makes its trees itself: their generations over six frames, the third of which stands where the
 /// second did. Nobody builds beside it, and nothing is read back.
-fn made_by_itself(update: Update) -> Vec<u64> {
+fn made_by_itself(update: Policy) -> Vec<u64> {
     let times = [0.0, 0.5, 0.5, 1.0, 2.0, 3.0];
     let by = (update, false);
     let scene = (&drifting(5), by);
@@ -221,25 +221,24 @@ fn made_by_itself(update: Update) -> Vec<u64> {
 
 #[test]
 fn a_backend_makes_a_tree_for_each_frame_that_moved_or_the_first_alone() {
-    assert_eq!(made_by_itself(Update::Rebuild), [1, 2, 3, 4, 5]);
-    assert_eq!(made_by_itself(Update::DeviceRebuild), [1, 2, 3, 4, 5]);
-    assert_eq!(made_by_itself(Update::Refit), [1]);
+    assert_eq!(made_by_itself(Policy::Rebuild), [1, 2, 3, 4, 5]);
+    assert_eq!(made_by_itself(Policy::DeviceRebuild), [1, 2, 3, 4, 5]);
+    assert_eq!(made_by_itself(Policy::Refit), [1]);
 }
 
 #[test]
 fn a_backend_that_makes_its_trees_takes_none_built_beside_the_frames() {
-    for update in [Update::Async(Pace::Free), Update::TSah] {
-        let refused = driver(Fake::with_own_trees(), &drifting(5), (update, false));
-        let why = refused.err().unwrap().to_string();
-        assert!(
-            why.starts_with("fake does not support update policy"),
-            "{why}"
-        );
-    }
+    let policy = (Policy::Async, false);
+    let refused = driver(Fake::with_own_trees(), &drifting(5), policy);
+    let why = refused.err().unwrap().to_string();
+    assert!(
+        why.starts_with("fake does not support update policy"),
+        "{why}"
+    );
 }
 
 /// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
-fn trees_for(by: Policy, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
+fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
     let fake = Fake::new(Some(0));
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(6, 256), by).unwrap();
@@ -259,7 +258,7 @@ fn trees_for(by: Policy, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
 #[test]
 fn every_tree_faces_the_light_of_the_frame_that_asks() {
     let animation = shuffled(6, 256);
-    // One light and, from frame 3 on, another, at either end of the row.
+    // One light, and another from frame 3 on, at opposite ends of the row.
     let lights = [[300.0, 40.0, 10.0], [-40.0, 40.0, 10.0]];
     let light = |index: u64| lights[usize::from(index >= 3)];
     let ordered = |time: u64, of: u64| tree_at(&animation, time as f64, Some(light(of)));
@@ -268,25 +267,25 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
     let kind = |index| QueryKind::ClosestAndShadow {
         light: light(index),
     };
-    let rebuilt = trees_for((Update::Rebuild, false), kind);
+    let rebuilt = trees_for((Policy::Rebuild, false), kind);
     assert_eq!((&rebuilt[0], &rebuilt[5]), (&ordered(0, 0), &ordered(5, 5)));
-    assert_eq!(trees_for((Update::Refit, false), kind), [ordered(0, 0)]);
+    assert_eq!(trees_for((Policy::Refit, false), kind), [ordered(0, 0)]);
     // Asked for in one frame, such a tree is in use from the next one on; foreseen, it is built for that one.
     for (predict, ahead) in [(false, 0), (true, 1)] {
-        let found = trees_for((Update::Async(Pace::Lockstep(1)), predict), kind);
+        let found = trees_for((Policy::Lockstep(1), predict), kind);
         for (tree, asked) in found[1..].iter().zip(1..) {
             assert_eq!(*tree, ordered(asked + ahead, asked), "{predict} {asked}");
         }
         assert!(found.len() > 4, "{}", found.len());
     }
-    // Trees for other rays face nothing.
+    // Trees for other rays are not ordered for a light.
     for kind in [QueryKind::Closest, QueryKind::Any] {
-        let found = trees_for((Update::Rebuild, false), |_| kind);
+        let found = trees_for((Policy::Rebuild, false), |_| kind);
         assert_eq!(found[3], tree_at(&animation, 3.0, None));
     }
 }
 
-/// Records of frames whose builder gets nowhere until `held` more frames are rendered.
+/// Returns the statistics of frames whose builder is blocked until `held` more frames are rendered.
 fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
     let (said, heard) = std::sync::mpsc::channel();
     let mut fake = Fake::new(Some(1));
@@ -294,12 +293,12 @@ fn beside_a_slow_builder(frames: u64, held: u64) -> Vec<FrameRecord> {
         frames: held,
         rendered: Mutex::new(heard),
     }));
-    let (scene, by) = (drifting(200), (Update::Async(Pace::Free), false));
+    let (scene, by) = (drifting(200), (Policy::Async, false));
     let rest = move |_| said.send(()).map(|()| 1).unwrap();
     render(fake, (&scene, by), evenly(frames, &scene), rest).records
 }
 
-/// If a frame waited for the builder, each would wait for the other, and trees adopted later would be young.
+/// If a frame waited for the builder, both would wait for each other, and trees adopted later would be young.
 #[test]
 fn frames_go_on_while_the_builder_waits_for_them() {
     let records = beside_a_slow_builder(100, 20);
@@ -320,18 +319,18 @@ fn frames_go_on_while_the_builder_waits_for_them() {
 
 #[test]
 fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
-    let refit = run(30, 20, Update::Refit, Some(0));
+    let refit = run(30, 20, Policy::Refit, Some(0));
     assert!(!refit.built && refit.log.adopted == [Generation(1)]);
     assert_eq!(
         (refit.records[19].tree_age_frames, refit.log.refitted),
         (19, 20)
     );
     assert!(refit.records[1..].iter().all(|r| r.build_wait_ms == 0.0));
-    let rebuild = run(30, 20, Update::Rebuild, Some(0)).records;
+    let rebuild = run(30, 20, Policy::Rebuild, Some(0)).records;
     let waits = |r: &FrameRecord| 0.0 < r.build_wait_ms && r.build_wait_ms <= r.wall_ms;
     assert!(rebuild.iter().all(waits), "{rebuild:?}");
     // Vertices take more polls to arrive than there are frames to swap in.
-    let lockstep = run(30, 24, Update::Async(Pace::Lockstep(2)), Some(9)).records;
+    let lockstep = run(30, 24, Policy::Lockstep(2), Some(9)).records;
     for r in lockstep {
         assert_eq!(r.build_wait_ms > 0.0, r.adopted.is_some(), "{r:?}");
         assert!(r.build_wait_ms <= r.wall_ms);
@@ -340,11 +339,7 @@ fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
 
 #[test]
 fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
-    for update in [
-        Update::Rebuild,
-        Update::Async(Pace::Free),
-        Update::Async(Pace::Lockstep(3)),
-    ] {
+    for update in [Policy::Rebuild, Policy::Async, Policy::Lockstep(3)] {
         let records = run(60, 50, update, Some(2)).records;
         let mut newest = Generation(0);
         for (i, r) in records.iter().enumerate() {

@@ -1,37 +1,33 @@
-//! Requests trees, hands vertices to the builder, and evaluates and adopts the trees that it makes.
+//! Requests trees, passes vertices to the builder thread, and evaluates and adopts the trees that it builds.
 
 use super::candidate::{Candidate, Evaluation, Request, State, Verdict, file};
-use super::retained::Retained;
 use super::{Driver, PipelineError};
 use crate::builder_thread::{BuildInput, BuildResult, Job};
 use crate::frame::{Adopted, TreeMoments, ms};
-use crate::schedule::{FramePlan, InFlight, Pace, Update};
-use crate::tree_builder::for_all::samples;
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::schedule::{FramePlan, InFlight};
+use crate::tree_builder::{Built, Vertices};
 use backend::{FrameReport, Generation, Ticket};
-use bvh_build::{BuildError, Cancel};
-use geom::{Animation, Point, Pose};
+use bvh_build::Cancel;
+use geom::{Point, Pose};
 use std::time::Instant;
 
-/// The generation of the tree that the first frame builds.
+/// Generation of the first frame's tree.
 pub(super) const FIRST: Generation = Generation(1);
 
-/// The tree in use.
+/// The current tree.
 pub(super) struct Tree {
     pub(super) generation: Generation,
-    /// Count of frames begun when it was asked for.
+    /// Number of frames begun before the one that requested it.
     pub(super) frame: u64,
-    /// What it was built for.
+    /// Pose that it was built for.
     pub(super) pose: Pose,
-    /// The moment that it is best used at.
+    /// Middle of its expected time of use, in key frames.
     pub(super) middle: f64,
     pub(super) cost: f64,
-    /// Whether it replaced a newer tree that came to cost more.
-    pub(super) returned: bool,
 }
 
 impl Driver {
-    /// Hands vertices to the builder and takes finished trees. Never waits.
+    /// Passes vertices to the builder and takes finished trees. Never blocks.
     pub(super) fn poll_builder(&mut self) -> Result<(), PipelineError> {
         self.poll_read_back()?;
         if let Some(result) = self.builder_thread.try_take() {
@@ -40,7 +36,7 @@ impl Driver {
         self.bring_candidate().map(drop)
     }
 
-    /// Sends a finished tree on its way to the device, piece by piece. Returns whether nothing is on its way.
+    /// Uploads a finished tree while frames are rendered. Returns `false` while the upload is unfinished.
     fn bring_candidate(&mut self) -> Result<bool, PipelineError> {
         let candidate = self.candidate.as_ref();
         let arrived = candidate.and_then(|c| Some((c.arrived()?, c.request.generation)));
@@ -50,7 +46,7 @@ impl Driver {
         }
     }
 
-    /// The pose that a tree asked for now should be built for, at a frame that stands at `pose`.
+    /// Returns the pose that a tree should be built for if the frame at `pose` requests it.
     pub(super) fn wanted(&self, pose: Pose) -> Pose {
         if self.predicts() {
             self.animation.pose(self.predictor.middle_of_use())
@@ -63,7 +59,7 @@ impl Driver {
         times.map(|time| self.animation.pose(time))
     }
 
-    /// Returns the candidate as the schedule sees it.
+    /// Returns the state of the candidate, for the schedule.
     pub(super) fn in_flight(&mut self) -> Result<Option<InFlight>, PipelineError> {
         if self.bring_candidate()? {
             self.review_candidate();
@@ -74,8 +70,8 @@ impl Driver {
         }))
     }
 
-    /// Decides what becomes of a tree that has arrived on the device: it is evaluated once its moment is nearer than that of the
-    /// current tree. If a newer tree would be there before that, it is dropped.
+    /// Decides about a candidate that has arrived on the device. It is evaluated once the time is nearer to the middle
+    /// of its use than to that of the current tree. It is dropped if a newer tree would arrive before that.
     fn review_candidate(&mut self) {
         let (builds_ahead, weighs) = (self.builds_ahead(), self.weighs());
         let (frames, last) = (self.frames, self.tree.as_ref().map(|tree| tree.middle));
@@ -107,7 +103,7 @@ impl Driver {
         }
     }
 
-    /// Has a finished tree never be used, because it costs more at a pose or came too early.
+    /// Rejects a finished tree, because it costs more at a pose or was built for a time too far ahead.
     fn drop_candidate(&mut self, dearer_at: Option<Pose>) {
         let Some(candidate) = &mut self.candidate else {
             return;
@@ -119,17 +115,15 @@ impl Driver {
         candidate.state = State::Rejected(dearer_at);
     }
 
-    /// Records the evaluation of a candidate that is due, at positions that stand.
+    /// Records the evaluation of a candidate that is due, at the positions recorded for this frame.
     pub(super) fn record_evaluation(&mut self) -> Result<(), PipelineError> {
         let builds_ahead = self.builds_ahead();
         let (Some(candidate), Some(pose)) = (&mut self.candidate, self.pose) else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
         let State::Due(built) = &candidate.state else {
-            return self.record_evaluation_of_retained();
+            return Ok(());
         };
-        // The candidate takes its place on the device.
-        self.retained = None;
         let (tree, generation) = (&built.topology, candidate.request.generation);
         let approach = self.predictor.approach(candidate.request.middle);
         let evaluation = Evaluation {
@@ -145,46 +139,10 @@ impl Driver {
         Ok(())
     }
 
-    /// Records the evaluation of the replaced tree if it is due.
-    fn record_evaluation_of_retained(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.as_mut().filter(|retained| retained.is_due()) else {
-            return Ok(());
-        };
-        match self.backend.evaluate_retained()? {
-            true => retained.recorded(),
-            false => self.retained = None,
-        }
-        Ok(())
-    }
-
-    /// Makes the replaced tree current again if it costs less than the one that replaced it.
-    pub(super) fn return_cheaper(&mut self) -> Result<(), PipelineError> {
-        let Some(retained) = self.retained.take_if(|retained| retained.is_cheaper()) else {
-            return Ok(());
-        };
-        self.backend.adopt_retained()?;
-        self.record.returned = true;
-        let mut tree = retained.into_tree();
-        tree.returned = true;
-        let middle = self.record.frame.time;
-        let replaced = self.tree.replace(Tree { middle, ..tree });
-        // A scene at rest needs no further tree for its pose.
-        let built_for = replaced.as_ref().map(|newer| newer.pose);
-        self.has_best_for = built_for.filter(|_| built_for == self.pose);
-        self.retained = replaced.map(Retained::new);
-        // The newer tree was built in vain.
-        let frames = self.predictor.frames_of_use();
-        self.patience.rejected(self.frames, frames);
-        Ok(())
-    }
-
     /// Compares costs once the frame that evaluated a candidate is done.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
-        }
-        if let Some(retained) = &mut self.retained {
-            retained.observe(ticket, report);
         }
         let Some(candidate) = &mut self.candidate else {
             return;
@@ -195,7 +153,11 @@ impl Driver {
         self.predictor
             .observe_evaluation(self.frames - evaluation.frame);
         match Verdict::of(report, evaluation.approach.is_some()) {
-            Verdict::Accept => candidate.advance(State::Accepted),
+            Verdict::Accept => {
+                let costs = report.candidate_cost.zip(report.sah_cost);
+                candidate.share = costs.map(|(candidate, current)| candidate / current);
+                candidate.advance(State::Accepted);
+            }
             Verdict::Wait => {
                 candidate.dearer_at = evaluation.approach;
                 candidate.advance(State::Arrived);
@@ -208,27 +170,28 @@ impl Driver {
         }
     }
 
-    /// Whether it is known when a tree asked for now would be in use, or of no account.
+    /// Returns whether trees may be requested. If trees are adopted by cost, this requires a latency estimate. A pause
+    /// after rejections then prevents requests, unless the scene is at rest.
     pub(super) fn may_ask(&self) -> bool {
         let is_patient = self.predictor.is_at_rest() || self.patience.is_over(self.frames);
         (self.predictor.has_ground() && is_patient) || !self.weighs()
     }
 
-    /// Whether trees are adopted by their cost. In lockstep each is, whatever it costs.
+    /// Returns whether trees are adopted only if they cost less than the current tree. Lockstep adopts every tree.
     fn weighs(&self) -> bool {
-        self.options.update == Update::Async(Pace::Free)
+        self.options.update.adopts_by_cost()
     }
 
     fn predicts(&self) -> bool {
         self.knows_key_frames && self.builds_ahead()
     }
 
-    /// Whether trees are for moments to come.
+    /// Returns whether trees are built for a future time.
     pub(super) fn builds_ahead(&self) -> bool {
-        self.options.predict && !self.options.update.waits_at_once()
+        self.options.predict && !self.options.update.waits_for_tree()
     }
 
-    /// Does what the plan says before the frame is traced; a tree asked for is built for `pose`.
+    /// Carries out the plan before the frame is traced. A requested tree is built for `pose`.
     pub(super) fn follow(&mut self, plan: FramePlan, pose: Pose) -> Result<(), PipelineError> {
         if plan.swap {
             self.swap(plan.wait)?;
@@ -238,7 +201,7 @@ impl Driver {
         }
         self.newest.0 += 1;
         let mut request = self.ask(self.newest, pose);
-        if self.options.update.waits_at_once() {
+        if self.options.update.waits_for_tree() {
             let built = self.build_now(&mut request, None)?;
             return built.map_or(Ok(()), |built| self.adopt(built, &request));
         }
@@ -249,22 +212,14 @@ impl Driver {
         }
     }
 
-    /// Builds the first tree, while the first frame waits.
+    /// Builds the first tree while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.ask(FIRST, pose);
-        let built = if self.options.update == Update::TSah {
-            let range = self.options.time_range;
-            self.build_waiting(&mut request, 0, |builder, animation| {
-                let samples = samples(animation, range)?;
-                builder.build_for_all(animation, &samples, pose, &Cancel::new())
-            })
-        } else {
-            // Built ahead, it is built for more than the frame.
-            let ahead = self.predicts() && self.weighs();
-            let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
-            request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
-            self.build_now(&mut request, halves.map(|times| self.poses(times)))?
-        };
+        // Built ahead, it is built for more than the frame.
+        let ahead = self.predicts() && self.weighs();
+        let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
+        request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));
+        let built = self.build_now(&mut request, halves.map(|times| self.poses(times)))?;
         let built = built.map_err(PipelineError::FirstTree)?;
         let moments = &built.moments;
         self.predictor.first_took(moments.ended - moments.begun);
@@ -288,7 +243,7 @@ impl Driver {
         }
     }
 
-    /// Returns what the candidate is built from and for, as far as key frames say.
+    /// Returns the builder's input for the candidate, with the halves of its use if the key frames are known.
     pub(super) fn input(&self, vertices: Vertices) -> BuildInput {
         let halves = self.candidate.as_ref().map(|c| c.request.halves);
         let halves = halves.filter(|_| self.predicts());
@@ -308,7 +263,7 @@ impl Driver {
             return Ok(());
         };
         let request = &mut candidate.request;
-        // Vertices are the builder's to look into: that may cost their first reader.
+        // Only the builder thread reads the vertices, because the first read of a snapshot may be slow.
         request.vertices_arrived = Some((Instant::now(), read_back));
         let writer = self.backend.tree_writer(request.generation)?;
         let job = Job {
@@ -325,7 +280,7 @@ impl Driver {
         Ok(())
     }
 
-    /// Swaps to a finished tree, waiting for it only where the plan says so.
+    /// Swaps to the finished candidate. Blocks until it is built only if `wait` is set.
     fn swap(&mut self, wait: bool) -> Result<(), PipelineError> {
         if wait {
             let start = Instant::now();
@@ -338,17 +293,23 @@ impl Driver {
         let generation = candidate.request.generation;
         if let State::Rejected(dearer_at) = candidate.state {
             self.record.rejected = Some(generation);
-            // A tree that came too early, or for other positions, says nothing about this pose.
+            // A tree that was dropped early, or evaluated at another pose, gives no information about this pose.
             self.has_best_for = dearer_at.filter(|&pose| pose == candidate.request.pose);
             return Ok(());
         }
-        match candidate.take() {
-            Some(built) => self.adopt(built, &candidate.request),
-            None => Ok(()),
-        }
+        let Some(built) = candidate.take() else {
+            return Ok(());
+        };
+        self.adopt(built, &candidate.request)?;
+        // A tree from known key frames is built for the time of its use, so small gains add up.
+        let share = candidate.share.filter(|_| !self.predicts());
+        let frames = self.frames - candidate.request.frame;
+        self.patience
+            .adopted(self.frames, frames, share.unwrap_or(0.0));
+        Ok(())
     }
 
-    /// Blocks until the candidate is finished or given up. Only lockstep comes here.
+    /// Blocks until the candidate is built or its build fails. Only lockstep calls this.
     fn wait_for_builder(&mut self) -> Result<(), PipelineError> {
         while self.candidate.as_ref().is_some_and(Candidate::is_building) {
             self.poll_builder()?;
@@ -364,7 +325,8 @@ impl Driver {
         Ok(())
     }
 
-    /// Builds from the backend's vertices at the build's pose while the frame waits, or from what lies between `halves`.
+    /// Builds a tree while the frame waits, from the backend's positions at the request's pose. With `halves`, the tree
+    /// is built over boxes that contain each triangle at both poses.
     fn build_now(
         &mut self,
         request: &mut Request,
@@ -372,53 +334,31 @@ impl Driver {
     ) -> Result<BuildResult<Built>, PipelineError> {
         let positions = self.read_now(request.pose)?;
         self.pose = Some(request.pose);
-        let read_back = bytes(positions.len());
-        let from = (Vertices::ReadBack(positions), halves);
-        Ok(
-            self.build_waiting(request, read_back, |builder, animation| {
-                builder.build(animation, from, &Cancel::new())
-            }),
-        )
-    }
-
-    /// Builds while the frame waits, from so many bytes that were read back.
-    fn build_waiting(
-        &mut self,
-        request: &mut Request,
-        read_back: u64,
-        build: impl FnOnce(&mut TreeBuilder, &Animation) -> Result<Built, BuildError> + Send,
-    ) -> BuildResult<Built> {
         let arrived = Instant::now();
-        request.vertices_arrived = Some((arrived, read_back));
+        request.vertices_arrived = Some((arrived, bytes(positions.len())));
+        let from = (Vertices::ReadBack(positions), halves);
         let (animation, light) = (&self.animation, self.light);
         let spare = std::mem::take(&mut self.spare);
         let built = self.builder_pool.with(|builder| {
             builder.order_toward(light);
             builder.reuse(spare);
-            build(builder, animation)
+            builder.build(animation, from, &Cancel::new())
         });
         self.record.build_wait_ms += ms(arrived.elapsed());
-        built
+        Ok(built)
     }
 
     fn adopt(&mut self, built: Built, request: &Request) -> Result<(), PipelineError> {
         let taken = Instant::now();
         self.backend.adopt(&built.topology, request.generation)?;
         let (adopted, moments) = (Instant::now(), built.moments);
-        let replaced = self.tree.replace(Tree {
+        self.tree = Some(Tree {
             generation: request.generation,
             frame: request.frame,
             pose: request.pose,
             middle: request.middle,
             cost: built.cost,
-            returned: false,
         });
-        // A tree that returned may return again: only one that stayed ends the pauses between requests.
-        if replaced.as_ref().is_none_or(|tree| !tree.returned) {
-            self.patience.adopted();
-        }
-        let may_return = self.weighs() && !self.predicts();
-        self.retained = replaced.filter(|_| may_return).map(Retained::new);
         let (arrived, snapshot_bytes) = request
             .vertices_arrived
             .expect("a tree is built from vertices");
@@ -444,7 +384,7 @@ impl Driver {
     }
 }
 
-/// Bytes of so many positions.
+/// Returns the size of `vertices` positions in bytes.
 pub(super) fn bytes(vertices: usize) -> u64 {
     (vertices * size_of::<Point>()) as u64
 }

@@ -1,12 +1,11 @@
-//! Frames that nobody counts: a device that had nothing to do runs at a low clock, and takes long to leave it.
+//! Uncounted frames after the first one, because an idle device runs at a low clock and takes long to raise it.
 //!
-//! Opening a device, compiling kernels and building a first tree leave it idle for milliseconds to seconds. So a run's
-//! first frame, which waits for all of that, is followed by traces of it that nobody counts, for a while and until they
-//! take as long as they did before. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
+//! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
+//! The first frame of a run waits for all of that. Uncounted traces of that frame follow, for a fixed time and then
+//! until frame times are steady. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
-use crate::schedule::{Pace, Update};
 use crate::tree_builder::TreeBuilder;
 use backend::{DeviceKind, FRAMES_IN_FLIGHT, FrameReport, Query};
 use bvh_build::Cancel;
@@ -14,30 +13,30 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// Seconds that a graphics processor is warmed up unless asked otherwise. On an H200 that had waited ten seconds for its
-/// kernels, 60 frames of a quarter of a second in all were still four times too slow.
+/// Default seconds of warm-up on a GPU. After ten idle seconds of kernel compilation, an H200 was still four times too
+/// slow after 60 frames that took a quarter of a second in all.
 const USUAL: f64 = 0.7;
-/// Seconds over which two medians are compared, one window after the other.
+/// Seconds in each of the two consecutive windows whose medians are compared.
 const WINDOW: f64 = 0.1;
-/// Frames in a window at least.
+/// Minimum number of frames in a window.
 const FEWEST: usize = 3;
-/// Medians that differ by less than this share agree.
+/// Largest relative difference between medians that are considered equal.
 const AGREE: f64 = 0.03;
-/// Seconds that go on in vain until medians agree.
+/// Maximum additional seconds of warm-up while the medians differ.
 const PATIENCE: f64 = 0.5;
 
-/// How a device was warmed up.
+/// Result of a warm-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Warmed {
-    /// By the host's clock.
+    /// Duration in seconds, on the host's clock.
     pub seconds: f64,
-    /// Traces of the first frame.
+    /// Number of traces of the first frame.
     pub frames: usize,
-    /// Whether they took the same time in the end.
+    /// Whether frame times were steady at the end.
     pub steady: bool,
 }
 
-/// Seconds for a device; the host's cores have no use for it, and a driver that runs there only if it is asked for.
+/// Returns the seconds of warm-up for a device. CPU backends need none. Software devices are warmed up only on request.
 fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Cpu => 0.0,
@@ -46,11 +45,11 @@ fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     }
 }
 
-/// Runs the first frame and warms the device up after it, if it needs that, for so many seconds if somebody said so.
-/// Hands back the frames that are left.
+/// Renders the first frame and then warms the device up, if it needs that. `asked` sets the duration in seconds.
+/// Returns the result of the warm-up, if any, and the remaining frames.
 ///
 /// # Errors
-/// The backend's, or whatever `on_frame` returns.
+/// Those of the backend and of `on_frame`.
 pub fn warm_up<'a, E: From<PipelineError>>(
     asked: Option<f64>,
     driver: &mut Driver,
@@ -84,11 +83,11 @@ pub fn warm_up<'a, E: From<PipelineError>>(
     Ok((Some(warmed), rest))
 }
 
-/// When a frame was done, in seconds, and the device's milliseconds for it.
+/// Time at which a frame was finished, in seconds, and its device time in milliseconds.
 type Moment = (f64, f64);
 
-/// Whether the last window's frames took as long as those of the window before. A clock rises in steps, so that
-/// neighbours always agree.
+/// Returns whether the last window's frames took as long as those of the window before. Single frames cannot be
+/// compared: the clock rises in steps, so neighbouring frames always agree.
 fn is_steady(seen: &[Moment]) -> bool {
     let (earlier, last) = window(seen);
     let (_, before) = window(earlier);
@@ -96,14 +95,14 @@ fn is_steady(seen: &[Moment]) -> bool {
     before.len().min(last.len()) >= FEWEST && (a - b).abs() <= AGREE * a.max(b)
 }
 
-/// The middle one of their times; of an even number, the later of two.
+/// Returns the median of the frames' times; of an even number, the later of the middle two.
 fn median(of: &[Moment]) -> f64 {
     let mut times: Vec<f64> = of.iter().map(|m| m.1).collect();
     times.sort_unstable_by(f64::total_cmp);
     times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Parts off the last frames that fill a window.
+/// Splits off the last frames that fill a window.
 fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
     let end = all.last().map_or(0.0, |&(at, _)| at);
     let within = all.iter().rev().take_while(|(at, _)| end - at < WINDOW);
@@ -112,19 +111,18 @@ fn window(all: &[Moment]) -> (&[Moment], &[Moment]) {
 }
 
 impl Driver {
-    /// Traces `query` with the last frame's tree at the last frame's positions, again and again as long as `again`
-    /// wants, which hears what the device says of each. As many as the backend allows are under way, so that the device
-    /// never waits for the host.
+    /// Traces `query` repeatedly with the last frame's tree and positions, until `again` returns `false` for a trace's
+    /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
-    /// No tree ages, no time goes on, nobody is asked for a tree: the frames to come are what they would have been.
-    /// (A build in flight goes on meanwhile; there is none yet after the first frame.) A builder that runs free first
-    /// makes a tree that is thrown away, so that those to come find their memory: see `TreeBuilder::warm_up`.
+    /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
+    /// continues; after the first frame there is none. If builds are free-running, the builder first makes and drops a
+    /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
-    /// The backend's.
+    /// Those of the backend.
     ///
     /// # Panics
-    /// Before the first frame, or while a frame is under way.
+    /// If no frame was rendered before, or if a frame is in flight.
     pub fn warm_up(
         &mut self,
         query: Query<'_>,
@@ -148,11 +146,11 @@ impl Driver {
         }
     }
 
-    /// Warms the builder up, if one is to run free and has nothing to do.
+    /// Warms the builder up, if it is free-running and idle.
     fn warm_up_builder(&self) {
-        let runs_free = self.options.update == Update::Async(Pace::Free);
+        let runs_free = self.options.update.adopts_by_cost();
         if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
-            // Nothing comes of it either way; the first tree that counts will tell what is wrong.
+            // The tree is dropped, so an error does not matter. The next build reports it again.
             let animation = &self.animation;
             let warmed =
                 |builder: &mut TreeBuilder| builder.warm_up(animation, pose, &Cancel::new());
@@ -164,12 +162,12 @@ impl Driver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::tests::{Policy, drifting, driver, fake::Fake, fake::Log, query, read};
-    use backend::QueryKind;
+    use crate::driver::tests::{Config, drifting, driver, fake::Fake, fake::Log, query, read};
+    use backend::{Policy, QueryKind};
     use std::sync::Arc;
 
     /// Runs frames, after the first of which so many traces are done uncounted.
-    fn run(by: Policy, mut left: usize) -> (Vec<FrameRecord>, Log) {
+    fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
         let fake = Fake::new(Some(0));
         let log = Arc::clone(&fake.log);
         let mut driver = driver(fake, &drifting(30), by).unwrap();
@@ -199,16 +197,11 @@ mod tests {
 
     #[test]
     fn frames_are_the_same_whatever_was_warmed_up() {
-        // One more is under way when there are enough.
+        // One more trace is in flight when enough have finished.
         const ASKED: usize = 50;
         const DONE: usize = ASKED + 1;
-        let lockstep = Update::Async(Pace::Lockstep(3));
-        let others = [
-            Update::Rebuild,
-            Update::Refit,
-            Update::TSah,
-            Update::DeviceRebuild,
-        ];
+        let lockstep = Policy::Lockstep(3);
+        let others = [Policy::Rebuild, Policy::Refit, Policy::DeviceRebuild];
         let others = others.map(|update| (update, false));
         for by in [(lockstep, true), (lockstep, false)]
             .into_iter()
@@ -216,7 +209,7 @@ mod tests {
         {
             let (plain, log) = run(by, 0);
             let (after, more) = run(by, ASKED);
-            // What a frame says that no clock decides.
+            // The parts of a frame's statistics that do not depend on a clock.
             let facts = |r: &FrameRecord| {
                 let flags = [r.adopted.is_some(), r.made, r.rejected.is_some()];
                 let tree = (r.tree_generation, r.tree_age_frames, r.asked);
@@ -236,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Whether frames of so many milliseconds each, one after the other, are steady.
+    /// Returns whether consecutive frames of `ms` milliseconds each are steady.
     fn steady(ms: impl IntoIterator<Item = f64>) -> bool {
         let mut now = 0.0;
         let seen = ms.into_iter().map(|ms| {
@@ -250,15 +243,15 @@ mod tests {
     fn frames_are_steady_once_two_windows_agree() {
         assert!(steady(vec![1.0; 250]));
         assert!(!steady(vec![1.0; 90]), "one window alone");
-        // A clock that rose at the end of the window before.
+        // The clock rose at the end of the earlier window.
         let rising = [vec![4.0; 30], vec![1.0; 110]].concat();
         assert!(!steady(rising.clone()));
         assert!(steady([rising, vec![1.0; 100]].concat()));
-        // One frame that something else held up counts for nothing.
+        // One delayed frame does not affect the median.
         let mut held_up = vec![1.0; 250];
         held_up[240] = 30.0;
         assert!(steady(held_up));
-        // Slow frames need three a window.
+        // A window has at least three frames, however slow they are.
         assert!(!steady(vec![400.0; 5]));
         assert!(steady(vec![400.0; 6]));
         assert!(!steady([400.0, 400.0, 400.0, 300.0, 300.0, 300.0]));

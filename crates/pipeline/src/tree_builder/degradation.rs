@@ -1,34 +1,35 @@
-//! How trees age, and how the next one is made for it.
+//! Measures how fast trees degrade, and selects how the next one is built.
 
 use bvh_build::Costs;
 
-/// How a tree is made.
+/// How a tree is built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum BuildStrategy {
-    /// Of its triangles alone.
+    /// From its triangles alone.
     #[default]
     Scratch,
-    /// Of groups of the last tree, which is sooner done.
+    /// From subtrees of the last tree, which takes less time.
     Subtrees,
 }
 
-/// How trees age: what the one in use came to cost, over the next one's cost where that is used.
+/// Compares the current tree's cost with the new tree's, with the same boxes.
 #[derive(Debug, Default)]
 pub(super) struct DegradationMonitor {
-    /// Whether so much that the next one is built for more than the middle of its use, though that takes longer.
+    /// Whether trees degrade so fast that the next one is built over two poses, although that takes longer.
     pub(super) parts: bool,
-    /// Whether so little that the next one may take its time.
+    /// Whether trees degrade so slowly that the next build may take longer.
     holds: bool,
 }
 
 impl DegradationMonitor {
     const PARTS: f64 = 1.5;
-    /// Trees that hold do so until one costs so many times what the next one does.
+    /// Cost ratio above which `holds` becomes false.
     const FADED: f64 = 1.2;
-    /// Such trees would do for more than twice as long, since cost grows with the square of time, and made from scratch cost less.
+    /// Cost ratio up to which `holds` becomes true. Cost grows with the square of time, so such trees remain good for
+    /// more than twice as long. Trees that are built from scratch also cost less.
     const HOLDS: f64 = 1.01;
 
-    /// How a tree is made that has a rival.
+    /// Returns how to build a tree that is compared with the current one.
     pub(super) fn strategy(&self) -> BuildStrategy {
         match self.holds {
             true => BuildStrategy::Scratch,

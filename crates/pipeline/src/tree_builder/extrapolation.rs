@@ -1,19 +1,20 @@
-//! Whether motion may be continued beyond the last positions that were seen.
+//! Decides whether motion may be extrapolated beyond the last observed positions.
 //!
-//! Where vertices arrive while they are traced, a tree for a moment to come is built from positions that are extrapolated from
-//! the last two. That helps only if motion goes on as it did. Positions of the next build show whether it did: if the
-//! extrapolation was farther from them than the positions that it started from, it is given up until it is closer again.
+//! If vertices arrive while frames are traced, a tree for a future time is built from positions that are extrapolated
+//! from the last two. That helps only if the motion continues unchanged. The positions of the next build show whether
+//! it did. Extrapolation stops if its positions were farther from them than the last observed positions were. It
+//! resumes when it is closer again.
 
 use crate::motion::distance;
 use geom::Point;
 
-/// Vertices that are compared, evenly taken from all.
+/// Number of vertices that are compared, sampled evenly.
 const VERTICES: usize = 1024;
 
-/// Compares extrapolated positions with those that came.
+/// Compares extrapolated positions with the positions that arrived.
 #[derive(Debug)]
 pub(super) struct ExtrapolationMonitor {
-    /// Some vertices of the last two positions, and the times of these.
+    /// Sampled vertices of the last two observed frames, and the times of these frames.
     seen: [Vec<Point>; 2],
     times: [f64; 2],
     is_trusted: bool,
@@ -30,14 +31,14 @@ impl Default for ExtrapolationMonitor {
 }
 
 impl ExtrapolationMonitor {
-    /// Takes the last two positions and their times. Returns whether the motion between both may be continued.
+    /// Records the last two positions and their times. Returns whether the motion between them may be extrapolated.
     pub(super) fn observe(&mut self, frames: [&[Point]; 2], times: [f64; 2]) -> bool {
         let step = frames[0].len().div_ceil(VERTICES).max(1);
         let some = |frame: &[Point]| frame.iter().step_by(step).copied().collect::<Vec<_>>();
         let now = some(frames[0]);
         if now.len() == self.seen[1].len() {
             let [extrapolated, kept] = self.errors(&now, times[0]);
-            // Where nothing moved, both are 0.
+            // Without motion both are 0.
             self.is_trusted = extrapolated < kept || (extrapolated <= kept && self.is_trusted);
         }
         self.seen = [now, some(frames[1])];
@@ -45,7 +46,7 @@ impl ExtrapolationMonitor {
         self.is_trusted
     }
 
-    /// Sums the distances of positions `now` from those extrapolated to `time`, and from those seen last.
+    /// Returns two sums of distances from positions `now`: to those extrapolated to `time`, and to those observed last.
     fn errors(&self, now: &[Point], time: f64) -> [f64; 2] {
         let [first, last] = self.times;
         let weight = ((time - first) / (last - first)) as f32;
@@ -69,7 +70,7 @@ impl ExtrapolationMonitor {
 mod tests {
     use super::*;
 
-    /// Observes pairs of frames that begin at these times, where all vertices are at `place(time)`.
+    /// Observes pairs of frames that begin at these times. All vertices are at `place(time)`.
     fn observe(times: &[f64], place: impl Fn(f64) -> f32) -> Vec<bool> {
         let mut monitor = ExtrapolationMonitor::default();
         let at = |time| vec![[place(time), f32::NAN, 0.0], [place(time), 1.0, 0.0]];
@@ -84,7 +85,7 @@ mod tests {
     fn motion_is_continued_unless_it_turned_since() {
         assert_eq!(observe(&[0.0, 9.0, 30.0], |t| t as f32), [true; 3]);
         assert_eq!(observe(&[0.0, 9.0], |_| 2.0), [true; 2]);
-        // To and fro within 15 frames.
+        // The motion reverses every 15 frames.
         let turns = |t: f64| (15.0 - (t % 30.0 - 15.0).abs()) as f32;
         let times = [0.0, 20.0, 41.0, 62.0, 64.0];
         assert_eq!(observe(&times, turns), [true, false, false, false, true]);

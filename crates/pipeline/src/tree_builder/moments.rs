@@ -1,4 +1,4 @@
-//! Vertices at the moments that a tree is made for.
+//! Positions of vertices at the poses that a tree is built for.
 
 use super::Vertices;
 use backend::Snapshot;
@@ -7,17 +7,17 @@ use rayon::prelude::*;
 use std::mem::take;
 use std::sync::Arc;
 
-/// Vertices that a thread takes at a time, at least.
+/// Minimum number of vertices per parallel task.
 const RUN: usize = 1 << 12;
 
-/// What the moments of a build are blended from: the animation's key frames, or two that were observed.
+/// Source of the positions of a build: the animation's key frames, or two observed frames.
 pub(crate) struct Moments<'a> {
     pub(super) animation: &'a Animation,
     pub(super) observed: Option<[KeyFrame; 2]>,
 }
 
 impl<'a> Moments<'a> {
-    /// The animation's.
+    /// Uses the animation's key frames.
     pub(crate) fn of(animation: &'a Animation) -> Self {
         Self {
             animation,
@@ -32,7 +32,7 @@ impl<'a> Moments<'a> {
         }
     }
 
-    /// Where vertices stand, blended if they have a pose.
+    /// Returns the positions, blended first if `vertices` is a pose.
     pub(super) fn stand<'v>(
         &self,
         vertices: &'v Vertices,
@@ -48,24 +48,24 @@ impl<'a> Moments<'a> {
     }
 }
 
-/// Where a time stands between and beyond those of two frames that were observed.
+/// Returns the pose at `time`, interpolated or extrapolated from the times of two observed frames.
 pub(crate) fn pose_between([first, second]: [f64; 2], time: f64) -> Pose {
     let alpha = ((time - first) / (second - first)) as f32;
     Pose {
         key: 0,
-        // Both may be of one time.
+        // Both frames may have the same time.
         alpha: if alpha.is_finite() { alpha } else { 1.0 },
     }
 }
 
-/// All vertices at a moment.
+/// Computes the positions of all vertices at a moment.
 pub(super) fn blend(moment: &Moment<'_>, positions: &mut Vec<Point>) {
     let vertices = (0..moment.animation().vertex_count() as u32).into_par_iter();
     let all = vertices.with_min_len(RUN).map(|v| moment.vertex(v));
     all.collect_into_vec(positions);
 }
 
-/// Copies what was observed into the memory of a key frame that nobody needs, so that the backend has its own again.
+/// Copies observed positions into the memory of an unused key frame, so that the backend gets its own memory back.
 pub(super) fn keep((seen, frame): (Snapshot, &mut KeyFrame)) {
     let mut list = match Arc::get_mut(frame).map(take) {
         Some(PointBuffer::List(list)) => list,

@@ -1,35 +1,33 @@
-//! Trees over a row of triangles that changes its order.
+//! Tests with a row of triangles whose order changes.
 
-use super::for_all::{Sample, samples};
 use super::*;
-use bvh_build::order_toward;
 use bvh_layout::BlockTree;
 
-/// So many triangles in a row, and where each stands in each of so many key frames.
+/// Returns `count` triangles in a row, each at `place(key, triangle)` in each of `keys` key frames.
 pub(crate) fn row(count: u32, keys: usize, place: impl Fn(usize, u32) -> f32) -> Animation {
     let corners = |x: f32| [[x, 0.0, 0.0], [x + 0.5, 0.0, 0.0], [x, 0.5, 0.5]];
     let key = |key| (0..count).flat_map(|i| corners(place(key, i))).collect();
     Animation::new((0..keys).map(key).collect(), apart(count)).unwrap()
 }
 
-/// So many triangles with vertices of their own.
+/// Returns the indices of `count` triangles that share no vertices.
 pub(crate) fn apart(count: u32) -> Vec<[u32; 3]> {
     (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
 }
 
-/// All vertices at a time.
+/// Returns all positions at a time.
 pub(crate) fn positions(animation: &Animation, time: f64) -> Vec<Point> {
     let moment = animation.at(time).unwrap();
     let vertices = 0..animation.vertex_count() as u32;
     vertices.map(|v| moment.vertex(v)).collect()
 }
 
-/// Triangles in a row: in order, and with every seventh beside the first.
+/// Returns a row of triangles that is permuted in the second of three key frames.
 fn shuffled() -> Animation {
     row(64, 3, |key, i| (i * [1, 37, 1][key] % 64) as f32)
 }
 
-/// Clumps of four triangles that change places between key frames, each turned round in every other one.
+/// Returns groups of four triangles that change places between key frames. Each is reversed in every other key frame.
 fn clumps() -> Animation {
     row(256, 4, |key, i| {
         let clump = i / 4 * [1, 37, 11, 53][key] % 64;
@@ -38,7 +36,7 @@ fn clumps() -> Animation {
     })
 }
 
-/// Boxes of each triangle at both poses.
+/// Returns boxes that contain each triangle at both times.
 fn swept(a: &Animation, times: [f64; 2]) -> Vec<Aabb> {
     let [x, y] = times.map(|time| a.at(time).unwrap());
     let both = |t| x.build_box(t).union(y.build_box(t));
@@ -56,14 +54,14 @@ fn forms([treelets, blocks]: [bool; 2]) -> Forms {
     Forms { treelets, blocks }
 }
 
-/// A builder, and what it builds trees over.
+/// A builder and its scene.
 struct Course {
     animation: Animation,
     builder: TreeBuilder,
 }
 
 impl Course {
-    /// With a tree for the first key frame.
+    /// Creates a builder with a tree for the first key frame.
     fn over(animation: Animation, forms: Forms) -> Self {
         let mut course = Self {
             animation,
@@ -73,7 +71,7 @@ impl Course {
         course
     }
 
-    /// Without a rival, for a key frame or for two moments.
+    /// Builds a tree for a key frame or over two times, without comparison.
     fn build(&mut self, key: usize, halves: Option<[f64; 2]>) -> Built {
         let (a, pose) = (&self.animation, |time| self.animation.pose(time));
         let from = (
@@ -83,7 +81,7 @@ impl Course {
         self.builder.build(a, from, &Cancel::new()).unwrap()
     }
 
-    /// For a moment or for two, and weighed against the last one or not.
+    /// Builds a tree for one time or over two times. `weighed` compares it with the last one.
     fn rebuild(&mut self, time: f64, halves: Option<[f64; 2]>, weighed: bool) -> Built {
         let pose = |time| self.animation.pose(time);
         let input = BuildInput {
@@ -96,7 +94,7 @@ impl Course {
         built.unwrap()
     }
 
-    /// The tree before and the tree for a moment, used from a third of a key frame before it.
+    /// Returns the last tree and a new one for `time`, whose use begins 0.375 key frames earlier.
     fn next(&mut self, time: f64) -> [BinaryTree; 2] {
         let last = self.builder.in_use.clone();
         self.rebuild(time, Some([time - 0.375, time]), true);
@@ -114,12 +112,12 @@ fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // Twice the same moment: the tree that it finds could have been kept.
+    // At the same time, the last tree costs as little as the new one, so `holds` becomes true.
     course.next(1.0);
     course.next(1.0);
     let [_, tree] = course.next(1.0);
     assert_eq!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
-    // That holds until one has faded.
+    // It stays true until a tree has degraded.
     let [_, tree] = course.next(2.0);
     assert_eq!(tree, BinaryTree::over(&course.boxes(2.0)[..]));
     let [last, tree] = course.next(3.0);
@@ -200,7 +198,7 @@ fn key_frames_make_the_same_tree_as_the_vertices_read_back() {
     assert_eq!(x, y);
 }
 
-/// Builds a tree for `middle` of what was observed at some times.
+/// Builds a tree for the time `middle` from positions that are observed at `times`.
 fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
     let seen = times.map(|time| Box::new(positions(&course.animation, time)) as Snapshot);
     let pose = pose_between(times, middle);
@@ -217,7 +215,7 @@ fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
     built.unwrap()
 }
 
-/// The tree that is made for a known moment, after others that were made likewise.
+/// Returns the last of several trees, each built for a known time.
 fn known(times: &[f64]) -> Topology {
     let mut course = Course::over(shuffled(), Forms::default());
     let made = times.iter().map(|&t| course.rebuild(t, Some([t; 2]), true));
@@ -230,17 +228,17 @@ fn what_was_observed_is_followed_to_where_it_is_going() {
         let mut course = Course::over(shuffled(), Forms::default());
         observed(&mut course, times, middle).topology
     };
-    // All these places are exact in floats.
+    // All these positions are exact in floating point.
     let ahead = observed([0.125, 0.25], 0.5);
     assert!(ahead == known(&[0.5]) && ahead != known(&[0.25]));
-    // Seen twice at one time, it stays.
+    // Observed twice at one time, the scene is at rest.
     assert_eq!(observed([0.25; 2], 9.0), known(&[0.25]));
 }
 
 #[test]
 fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
     let mut course = Course::over(shuffled(), Forms::default());
-    // It goes to 1 and back: two steps on, positions are where they were.
+    // The motion reverses at time 1, so positions at 1.75 and 2 equal those at 0.25 and 0.
     let first = observed(&mut course, [0.25, 0.5], 0.75);
     assert!(!first.gave_up_extrapolation);
     let times = [1.75, 2.0];
@@ -263,24 +261,6 @@ fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
 }
 
 #[test]
-fn a_tree_for_all_times_is_never_worse_over_them_than_the_first_frames() {
-    let mut course = Course::over(shuffled(), Forms::default());
-    let own = course.build(0, None);
-    let mut samples = samples(&course.animation, [0.0, 2.0]).unwrap();
-    let mut for_all = |samples: &[Sample<'_>]| {
-        let (a, builder) = (&course.animation, &mut course.builder);
-        let built = builder.build_for_all(a, samples, a.pose(0.0), &Cancel::new());
-        built.unwrap()
-    };
-    let tree = for_all(&samples);
-    assert_eq!(tree.cost, own.cost);
-    assert_ne!(tree.topology.words(), own.topology.words());
-    // Where hardly anything but the first frame counts, its own tree is taken.
-    samples[1..].iter_mut().for_each(|s| s.weight *= 1e-9);
-    assert_eq!(for_all(&samples).topology.words(), own.topology.words());
-}
-
-#[test]
 fn a_tree_that_was_never_used_is_taken_back() {
     let courses = [(); 2].map(|()| Course::over(shuffled(), Forms::default()));
     let [mut course, mut other] = courses;
@@ -289,7 +269,7 @@ fn a_tree_that_was_never_used_is_taken_back() {
     assert_ne!(course.builder.in_use, used);
     course.builder.revert();
     assert_eq!(course.builder.in_use, used);
-    // The next one is set against the one in use.
+    // The next tree is compared with the current one.
     let [one, other] = [&mut course, &mut other].map(|c| c.rebuild(0.7, None, true));
     assert_eq!(one.topology, other.topology);
 }
@@ -312,25 +292,8 @@ fn an_old_records_memory_is_used_again() {
 }
 
 #[test]
-fn a_tree_for_all_times_faces_the_light_too() {
-    let (a, light) = (clumps(), [900.0, 5.0, 1.0]);
-    let tree = |toward| {
-        let mut builder = TreeBuilder::default();
-        builder.order_toward(toward);
-        let all = samples(&a, [0.0, 3.0]).unwrap();
-        let built = builder.build_for_all(&a, &all, a.pose(0.0), &Cancel::new());
-        built.map(|_| builder.in_use).unwrap()
-    };
-    let plain = tree(None);
-    let mut turned = plain.clone();
-    order_toward(&mut turned, &a.at(0.0).unwrap(), light);
-    assert_ne!(turned, plain);
-    assert_eq!(tree(Some(light)), turned);
-}
-
-#[test]
 fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
-    // The larger, the farther from the light.
+    // Triangles are larger the farther they are from the light.
     let corner = |i: u32| {
         let (x, size) = ((4 * i) as f32, 1.0 + i as f32 / 99.0);
         [[x, 0.0, 0.0], [x + size, 0.0, 0.0], [x, size, size]]

@@ -1,11 +1,11 @@
-//! Trees for what comes: built ahead, built for all times, and left where they are no better.
+//! Tests of trees for future times, and of trees that are rejected because they are no better.
 
 use super::*;
 use crate::frame::Adopted;
 use crate::tree_builder::BuildStrategy;
 
 /// Positions never arrive, and nobody asks for them but the first frame.
-fn foreseen(update: Update) -> Run {
+fn foreseen(update: Policy) -> Run {
     let run = run_scene(&drifting(60), 50, (update, true), None);
     assert_eq!(run.log.requested, 1);
     run
@@ -26,7 +26,7 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     let animation = shuffled(30, 64);
     let run = run_scene(&animation, 29, (lockstep(3), true), None);
     let tree_at = |time| tree_at(&animation, time, None);
-    // Asked for at frames 1, 4 and so on, each tree is used from the 3rd to the 5th frame after.
+    // Trees are requested in frames 1, 4 and so on. Each is used from the 3rd to the 5th frame after its request.
     for (i, words) in run.log.trees[1..].iter().enumerate() {
         let middle = (1 + 3 * i + 4) as f64;
         assert!(*words == tree_at(middle), "tree {i}");
@@ -35,18 +35,19 @@ fn in_lockstep_a_tree_is_built_for_the_middle_of_its_use() {
     assert!(run.log.trees.len() > 8);
 }
 
-const FREE: Policy = (Update::Async(Pace::Free), true);
+const FREE: Config = (Policy::Async, true);
 
-fn lockstep(k: u32) -> Update {
-    Update::Async(Pace::Lockstep(k))
+fn lockstep(k: u32) -> Policy {
+    Policy::Lockstep(k)
 }
 
-/// The moment that a tree was built for.
+/// Returns the time that a tree was built for.
 fn moment(adopted: &Adopted) -> f64 {
     f64::from(adopted.built_for.key) + f64::from(adopted.built_for.alpha)
 }
 
-/// Five frames, at every half key. From one on, trees seem to take so many frames, and are there before the next.
+/// Renders five frames, one per half key frame. From frame `from` on, the predictor expects a latency of `latency`
+/// frames, but trees arrive before the next frame.
 fn early(from: u64, latency: u64) -> Run {
     let fake = Fake::new(None);
     let log = Arc::clone(&fake.log);
@@ -83,9 +84,9 @@ fn a_tree_waits_until_its_moment_is_nearer_than_the_last_ones() {
     for waiting in &records[2..4] {
         assert!(waiting.adopted.is_none() && waiting.rejected.is_none());
     }
-    // Frame 3 would have evaluated it.
+    // Frame 3 would have evaluated it if the fake measured costs.
     let adopted = records[4].adopted.unwrap();
-    // The first tree was built for the key frame to come.
+    // The first tree was built for the first key frame interval.
     assert_eq!((adopted.latency_frames, moment(&adopted)), (1, 1.75));
 }
 
@@ -94,7 +95,7 @@ fn a_tree_whose_moment_is_far_off_gives_way_to_one_that_is_asked_for_at_once() {
     let run = early(1, 20);
     assert!(run.records[2].rejected.is_some() && run.records[2].asked.is_some());
     assert_eq!(moment(&run.records[4].adopted.unwrap()), 1.5);
-    // It is made of groups of the tree in use.
+    // It is built from subtrees of the current tree.
     assert!(run.log.trees[1] == early(2, 1).log.trees[1]);
 }
 
@@ -108,7 +109,7 @@ fn a_first_tree_that_is_used_for_nobody_knows_how_long_is_built_for_a_key_frame(
     assert_ne!(swept, plain);
     let first = |policy| run_scene(&animation, 5, policy, Some(1)).log.trees[0].clone();
     assert_eq!(first(FREE), swept);
-    let others = [lockstep(2), Update::Rebuild, Update::Refit].map(|update| (update, true));
+    let others = [lockstep(2), Policy::Rebuild, Policy::Refit].map(|update| (update, true));
     for policy in others.into_iter().chain([(FREE.0, false)]) {
         assert_eq!(first(policy), plain, "{policy:?}");
     }
@@ -128,7 +129,7 @@ fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
     assert!(run.records[1].asked.is_some());
 }
 
-/// A fake that measures what trees cost.
+/// Returns a fake that measures the costs of trees.
 fn measuring() -> Fake {
     let mut fake = Fake::new(Some(1));
     fake.measures = true;
@@ -136,7 +137,7 @@ fn measuring() -> Fake {
 }
 
 /// Frames of a shuffled row with a fake that measures, whose key frames the driver knows or not.
-fn weighed(by: Policy, frames: u64, knows_key_frames: bool) -> Run {
+fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &animation, by).unwrap();
@@ -160,7 +161,7 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
     {
         let run = weighed((FREE.0, predict), 199, knows_key_frames);
         let rejected: Vec<Generation> = run.records.iter().filter_map(|r| r.rejected).collect();
-        // Trees for a moment that is known and met exactly may all be better.
+        // If the time of use is known and predicted exactly, all trees may be better.
         let is_met = predict && knows_key_frames;
         assert!(
             is_met || !rejected.is_empty(),
@@ -171,7 +172,7 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
             assert!(record.rejected.is_none() || record.adopted.is_none());
             assert!(!rejected.contains(&record.tree_generation));
         }
-        // The last evaluation counts.
+        // The last evaluation decides.
         for (generation, [candidate, current]) in &run.log.evaluated {
             let last = run.log.evaluated.iter().rfind(|(g, _)| g == generation);
             let [last, _] = last.map(|(_, costs)| *costs).unwrap();
@@ -183,39 +184,6 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
             }
         }
     }
-}
-
-#[test]
-fn a_replaced_tree_returns_if_it_costs_less_than_the_one_that_replaced_it() {
-    // Vertices reach the builder late, so that the next tree does not come at once.
-    let mut fake = Fake::new(Some(12));
-    fake.measures = true;
-    let (animation, log) = (shuffled(40, 64), Arc::clone(&fake.log));
-    let mut driver = driver(fake, &animation, FREE).unwrap();
-    driver.forget_key_frames();
-    // To and fro over a few key frames.
-    let times = (0..60).map(|frame: i32| f64::from(3 - (frame % 6 - 3).abs()));
-    let mut records = Vec::new();
-    while log.lock().unwrap().returned.is_empty() && records.len() < 20_000 {
-        records.extend(play(&mut driver, times.clone(), |_| 1));
-    }
-    drop(driver);
-    let log = read(log);
-    let returned: Vec<_> = records.iter().filter(|r| r.returned).collect();
-    assert!(!returned.is_empty());
-    let generations: Vec<_> = returned.iter().map(|r| r.tree_generation).collect();
-    assert_eq!(generations, log.returned);
-    for record in &returned {
-        assert!(record.adopted.is_none());
-        let generation = record.tree_generation;
-        let is_cheaper = |(g, [replaced, current]): &(Generation, [f64; 2])| {
-            *g == generation && replaced < current
-        };
-        assert!(log.compared.iter().any(is_cheaper), "{generation:?}");
-    }
-    // Key frames that are known need no such tree.
-    let known = weighed(FREE, 199, true);
-    assert!(known.log.returned.is_empty());
 }
 
 #[test]
@@ -265,7 +233,7 @@ fn an_evaluation_that_was_not_submitted_is_recorded_again() {
     assert!(fails == 1 && evaluated.windows(2).any(twice));
 }
 
-/// Triangles anywhere, which go anywhere.
+/// Returns triangles at random positions with random motion.
 fn scattered(seed: u32) -> Arc<Animation> {
     let mut state = seed;
     let mut number = || {
@@ -298,26 +266,12 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     assert!(left > 0);
 }
 
-#[test]
-fn a_tree_for_all_times_is_built_once_without_the_device() {
-    let animation = shuffled(8, 64);
-    let run = run_scene(&animation, 20, (Update::TSah, true), None);
-    assert!(!run.built && run.log.requested == 0);
-    assert_eq!(run.log.adopted, [Generation(1)]);
-    assert_eq!((run.log.interpolated, run.log.refitted), (20, 20));
-    let tree = run.records[0].adopted.unwrap();
-    assert_eq!((tree.triangles, tree.snapshot_bytes), (64, 0));
-    assert!(run.records[0].build_wait_ms > 0.0 && run.records[19].tree_age_frames == 19);
-    let refitted = run_scene(&animation, 20, (Update::Refit, true), Some(0));
-    assert_ne!(run.log.trees, refitted.log.trees);
-}
-
 /// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     unknown_by(FREE, frames, moving)
 }
 
-fn unknown_by(by: Policy, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
+fn unknown_by(by: Config, frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     let fake = Fake::new(Some(1));
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, &shuffled(65, 64), by).unwrap();
@@ -334,7 +288,7 @@ fn vertices_that_nobody_else_knows_are_read_back_in_two_frames_for_each_tree() {
     let trees: Vec<Adopted> = records[1..].iter().filter_map(|r| r.adopted).collect();
     let bytes = 2 * (64 * 3 * size_of::<Point>()) as u64;
     assert!(trees.len() > 2 && trees.iter().all(|t| t.snapshot_bytes == bytes));
-    // The first tree is of its own frame alone.
+    // The first tree uses only its own frame's vertices.
     let asked = records.iter().filter(|r| r.asked.is_some()).count() - 1;
     assert!((2 * asked..=2 * asked + 1).contains(&log.requested));
 }

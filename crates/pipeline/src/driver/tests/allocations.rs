@@ -1,6 +1,6 @@
-//! After the first frames, the frame loop takes no memory from the heap, whatever the policy.
+//! After the first frames, the frame loop allocates no heap memory with any policy.
 //!
-//! Builders do, on threads of their own; only the thread that renders is counted.
+//! Builders allocate memory on their own threads. Only allocations of the rendering thread are counted.
 
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
@@ -13,14 +13,14 @@ thread_local! {
     static TAKEN: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Counts how often each thread takes memory.
+/// Counts the allocations of each thread.
 struct Counting;
 
-// SAFETY: every call is passed on to the system's allocator; counting takes no memory itself.
+// SAFETY: every call is forwarded to the system's allocator; counting allocates no memory itself.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         TAKEN.with(|n| n.set(n.get() + 1));
-        // SAFETY: the caller's promises are those that the system's allocator asks for.
+        // SAFETY: the caller guarantees what `GlobalAlloc` requires, and the system's allocator requires the same.
         unsafe { System.alloc(layout) }
     }
 
@@ -40,7 +40,7 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 /// How often each frame after the first took memory, and how many trees came meanwhile.
-fn takings(by: Policy) -> (Vec<u64>, usize) {
+fn takings(by: Config) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = shuffled(2, 512);
     let mut fake = Fake::new(Some(0));
@@ -71,18 +71,17 @@ fn frames_take_no_memory_once_the_loop_runs() {
     let before = TAKEN.get();
     drop(std::hint::black_box(vec![0_u8; 9]));
     assert_eq!(TAKEN.get(), before + 1, "nobody counts");
-    let free = Update::Async(Pace::Free);
+    let free = Policy::Async;
     // A thread that waits at a channel is entered there, which takes memory the first time.
     for (update, predict, least, allowed) in [
-        (Update::Refit, true, 1, 0),
-        (Update::TSah, true, 1, 0),
+        (Policy::Refit, true, 1, 0),
         (free, true, 4, 0),
         (free, false, 4, 0),
-        (Update::Async(Pace::Lockstep(3)), true, 100, 4),
+        (Policy::Lockstep(3), true, 100, 4),
     ] {
         let (all, trees) = takings((update, predict));
         assert!(trees >= least, "{update:?} {predict}: {trees} trees");
-        // The builder's thread is started with its first job.
+        // The builder thread starts with its first job, within the first 20 frames.
         let late: u64 = all[20..].iter().sum();
         assert!(late <= allowed, "{update:?} {predict}: {late} times");
     }

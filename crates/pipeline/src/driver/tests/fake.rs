@@ -1,4 +1,4 @@
-//! A backend that does nothing but check the contract, and vertices that keep a builder waiting.
+//! A backend that only checks the contract, and vertices that block a builder.
 
 use backend::{
     Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
@@ -12,14 +12,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Holds whoever looks at vertices until so many frames more were rendered, each of which sends a word.
+/// Blocks readers of vertices until `frames` more frames are rendered. Each frame sends a message.
 pub(in crate::driver) struct Gate {
     pub(in crate::driver) frames: u64,
     pub(in crate::driver) rendered: Mutex<Receiver<()>>,
 }
 
 impl Gate {
-    /// After long enough without frames, what waits fails. Where nobody is left to render any, everybody is let through.
+    /// Waits for the messages. Fails after ten seconds without one. Returns at once if no renderer is left.
     fn pass(&self) {
         let rendered = self.rendered.lock().unwrap();
         rendered.try_iter().for_each(drop);
@@ -31,7 +31,7 @@ impl Gate {
     }
 }
 
-/// Positions behind a gate.
+/// Positions that block readers at a gate.
 struct Vertices {
     positions: Vec<Point>,
     gate: Option<Arc<Gate>>,
@@ -47,7 +47,7 @@ impl Deref for Vertices {
     }
 }
 
-/// What the fake saw, shared with the test.
+/// Calls that the fake received, shared with the test.
 #[derive(Default)]
 pub(in crate::driver) struct Log {
     pub(in crate::driver) interpolated: usize,
@@ -57,15 +57,11 @@ pub(in crate::driver) struct Log {
     pub(in crate::driver) trees: Vec<Vec<u32>>,
     pub(in crate::driver) made: Vec<Generation>,
     pub(in crate::driver) requested: usize,
-    /// Generations that were evaluated, and the costs of both trees at these positions: the candidate's first.
+    /// Evaluated generations, and the costs of both trees at the positions of the frame, the candidate's first.
     pub(in crate::driver) evaluated: Vec<(Generation, [f64; 2])>,
-    /// The same of replaced trees.
-    pub(in crate::driver) compared: Vec<(Generation, [f64; 2])>,
-    /// Replaced trees that became current again.
-    pub(in crate::driver) returned: Vec<Generation>,
 }
 
-/// Checks the order of calls; positions reach the host after some polls, or never.
+/// Checks the order of calls. Requested positions arrive after `polls` polls, or never.
 #[derive(Default)]
 pub(in crate::driver) struct Fake {
     pub(in crate::driver) log: Arc<Mutex<Log>>,
@@ -74,10 +70,10 @@ pub(in crate::driver) struct Fake {
     generation: Generation,
     fresh: (bool, bool),
     ticket: u64,
-    /// In their order.
+    /// In the order of the requests.
     requested: VecDeque<(u32, Ticket, Pose)>,
     record_request: bool,
-    /// Whether anything was.
+    /// Whether any query was traced.
     traced: bool,
     polls: Option<u32>,
     pub(in crate::driver) gate: Option<Arc<Gate>>,
@@ -85,15 +81,11 @@ pub(in crate::driver) struct Fake {
     own_trees: bool,
     /// Whether it measures costs.
     pub(in crate::driver) measures: bool,
-    /// The current tree, where costs are measured.
+    /// The current tree, if costs are measured.
     tree: Option<Topology>,
-    /// The generation that was evaluated last.
-    candidate: Generation,
-    /// The tree that the current one has replaced.
-    retained: Option<(Generation, Topology)>,
-    /// Costs of a candidate in the recording, and of both trees in submissions.
-    recorded: Option<f64>,
-    costs: HashMap<Ticket, (Option<f64>, f64)>,
+    /// Costs of a candidate and the current tree, in the recording and in submissions.
+    recorded: Option<[f64; 2]>,
+    costs: HashMap<Ticket, [f64; 2]>,
     /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
@@ -163,11 +155,10 @@ impl Backend for Fake {
         assert!(generation > self.generation, "generations rise");
         let live = self.animation.as_ref().unwrap().live_count();
         assert_eq!(tree.leaf_count(), live);
-        let replaced = std::mem::replace(&mut self.generation, generation);
+        self.generation = generation;
         self.fresh = (false, false);
         if self.measures {
-            let replaced = self.tree.replace(tree.clone()).map(|tree| (replaced, tree));
-            self.retained = replaced.filter(|_| self.candidate == generation);
+            self.tree = Some(tree.clone());
         }
         self.note(|log| {
             log.adopted.push(generation);
@@ -181,32 +172,9 @@ impl Backend for Fake {
             return Ok(false);
         };
         let costs = [tree, current].map(|tree| self.cost_of(tree));
-        self.recorded = Some(costs[0]);
-        self.candidate = generation;
-        self.retained = None;
+        self.recorded = Some(costs);
         self.note(|log| log.evaluated.push((generation, costs)));
         Ok(true)
-    }
-    fn evaluate_retained(&mut self) -> Result<bool> {
-        let Some((generation, retained)) = &self.retained else {
-            return Ok(false);
-        };
-        let current = self.tree.as_ref().unwrap();
-        let (generation, costs) = (
-            *generation,
-            [retained, current].map(|tree| self.cost_of(tree)),
-        );
-        self.recorded = Some(costs[0]);
-        self.note(|log| log.compared.push((generation, costs)));
-        Ok(true)
-    }
-    fn adopt_retained(&mut self) -> Result<()> {
-        let (generation, tree) = self.retained.take().expect("a tree is retained");
-        let newer = std::mem::replace(&mut self.generation, generation);
-        self.retained = self.tree.replace(tree).map(|tree| (newer, tree));
-        self.fresh = (false, false);
-        self.note(|log| log.returned.push(generation));
-        Ok(())
     }
     fn interpolate(&mut self, pose: Pose) -> Result<()> {
         self.pose = Some(pose);
@@ -257,19 +225,17 @@ impl Backend for Fake {
             let request = (polls, Ticket(self.ticket), self.pose.unwrap());
             self.requested.push_back(request);
         }
-        let candidate = self.recorded.take();
-        if let Some(current) = &self.tree {
-            let costs = (candidate, self.cost_of(current));
-            self.costs.insert(Ticket(self.ticket), costs);
-        }
+        let costs = self.recorded.take();
+        self.costs
+            .extend(costs.map(|costs| (Ticket(self.ticket), costs)));
         Ok(Ticket(self.ticket))
     }
     fn wait(&mut self, ticket: Ticket) -> Result<FrameReport> {
         assert!(ticket.0 <= self.ticket, "this ticket was never given");
         let costs = self.costs.remove(&ticket);
         Ok(FrameReport {
-            sah_cost: costs.map_or(Some(3.0), |(_, current)| Some(current)),
-            candidate_cost: costs.and_then(|(candidate, _)| candidate),
+            sah_cost: costs.map_or(Some(3.0), |[_, current]| Some(current)),
+            candidate_cost: costs.map(|[candidate, _]| candidate),
             ..FrameReport::default()
         })
     }

@@ -1,0 +1,206 @@
+//! The values of the axes that a run is described by: update policies and intersectors.
+//!
+//! Each axis is defined here only. Command lines, names in files, plot marks, kernel variants and tests derive from it.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Determines how trees follow the motion. The choice affects only speed: every policy returns the same hits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Policy {
+    /// Each frame builds a new tree before its queries.
+    Rebuild,
+    /// All frames use the first tree, with boxes refitted to each frame's vertices.
+    Refit,
+    /// Each frame refits the newest finished tree, while the host builds the next one for the predicted motion.
+    Async,
+    /// As `Async`, but a tree is adopted exactly this number of frames after its request, and the frame waits for it if
+    /// necessary. So each run uses the same trees. With 0, each frame waits for its own tree.
+    Lockstep(u32),
+    /// The GPU builds a new tree in each frame: much sooner, but of lower quality. For motion that makes older trees
+    /// useless. Devices that cannot build trees, such as the host, return an error.
+    DeviceRebuild,
+}
+
+impl Policy {
+    /// One policy of each name. [`Policy::Lockstep`] has the name of [`Policy::Async`].
+    pub const ALL: [Self; 4] = [Self::Rebuild, Self::Refit, Self::Async, Self::DeviceRebuild];
+
+    /// Returns the name on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rebuild => "rebuild",
+            Self::Refit => "refit",
+            Self::Async | Self::Lockstep(_) => "async",
+            Self::DeviceRebuild => "device-rebuild",
+        }
+    }
+
+    /// Returns a description of one line.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Rebuild => "A new tree for every frame, which waits for it",
+            Self::Refit => "The first tree, refitted",
+            Self::Async | Self::Lockstep(_) => {
+                "The newest finished tree, refitted, while the next one is built"
+            }
+            Self::DeviceRebuild => {
+                "A new tree for every frame, built on the graphics processor (PLOC: Meister, Bittner 2018)"
+            }
+        }
+    }
+
+    /// Returns whether a builder thread makes trees beside the frames.
+    #[must_use]
+    pub fn builds_beside_frames(self) -> bool {
+        matches!(self, Self::Async | Self::Lockstep(_))
+    }
+
+    /// Returns whether a finished tree is adopted only if it costs less than the current one.
+    #[must_use]
+    pub fn adopts_by_cost(self) -> bool {
+        self == Self::Async
+    }
+
+    /// Returns the number of frames from a tree's request to its adoption, if the policy fixes it.
+    #[must_use]
+    pub fn lockstep(self) -> Option<u32> {
+        match self {
+            Self::Lockstep(frames) => Some(frames),
+            _ => None,
+        }
+    }
+
+    /// Returns whether the device builds all trees, and the host none.
+    #[must_use]
+    pub fn builds_on_device(self) -> bool {
+        self == Self::DeviceRebuild
+    }
+
+    /// Returns whether each frame that moves has a tree of its own, built within the frame.
+    #[must_use]
+    pub fn rebuilds_every_frame(self) -> bool {
+        matches!(self, Self::Rebuild | Self::DeviceRebuild)
+    }
+
+    /// Returns whether the host builds trees after the first one.
+    #[must_use]
+    pub fn requests_trees(self) -> bool {
+        self == Self::Rebuild || self.builds_beside_frames()
+    }
+
+    /// Returns whether a frame waits for the tree that it requests.
+    #[must_use]
+    pub fn waits_for_tree(self) -> bool {
+        matches!(self, Self::Rebuild | Self::Lockstep(0))
+    }
+}
+
+crate::named! {
+    /// Algorithm of the ray-triangle test. In the order of the manual.
+    pub enum Intersector {
+        /// Möller, Trumbore 1997, in single precision.
+        MollerTrumbore = "moller-trumbore",
+        /// Woop 2004: one affine transform per triangle, computed each frame. The paper uses this one.
+        Woop = "woop",
+        /// Woop, Benthin, Wald 2013, with exact signs and symbolic tie-breaking: no gaps and no double hits.
+        Watertight = "watertight",
+        /// The result of exact arithmetic for every ray.
+        Exact = "exact",
+    }
+}
+
+impl Intersector {
+    /// Returns a description of one line.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::MollerTrumbore => "Möller, Trumbore 1997",
+            Self::Woop => "Woop 2004: an affine transform per triangle",
+            Self::Watertight => "Woop, Benthin, Wald 2013, with exact ties",
+            Self::Exact => "The answer of exact arithmetic",
+        }
+    }
+
+    /// Returns whether hits are equal, bit for bit, on all backends.
+    #[must_use]
+    pub fn is_equal_across_backends(self) -> bool {
+        matches!(self, Self::Watertight | Self::Exact)
+    }
+
+    /// Returns whether no ray leaks through an edge or a vertex that triangles share.
+    #[must_use]
+    pub fn is_watertight(self) -> bool {
+        matches!(self, Self::Watertight | Self::Exact)
+    }
+
+    /// Returns whether every hit equals that of exact arithmetic.
+    #[must_use]
+    pub fn is_exact(self) -> bool {
+        self == Self::Exact
+    }
+}
+
+impl fmt::Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Policy {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        parse(text, Self::ALL, Self::name)
+    }
+}
+
+impl FromStr for Intersector {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        parse(text, Self::ALL, Self::name)
+    }
+}
+
+/// Returns the value of a name; the error lists the valid names.
+fn parse<T: Copy, const N: usize>(
+    text: &str,
+    all: [T; N],
+    name: fn(T) -> &'static str,
+) -> Result<T, String> {
+    let found = all.into_iter().find(|&value| name(value) == text);
+    found.ok_or_else(|| format!("'{text}' is not one of {}", all.map(name).join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stand_for_their_values_and_others_are_answered_by_all_names() {
+        for policy in Policy::ALL {
+            assert_eq!(policy.name().parse(), Ok(policy));
+        }
+        for intersector in Intersector::ALL {
+            assert_eq!(intersector.name().parse(), Ok(intersector));
+        }
+        let error = "fastest".parse::<Policy>().unwrap_err();
+        let names = "rebuild, refit, async, device-rebuild";
+        assert_eq!(error, format!("'fastest' is not one of {names}"));
+    }
+
+    #[test]
+    fn a_policy_builds_its_trees_in_one_place() {
+        for policy in Policy::ALL.into_iter().chain([Policy::Lockstep(0)]) {
+            let within = policy.rebuilds_every_frame();
+            assert!(!(within && policy.builds_beside_frames()), "{policy:?}");
+            assert!(!(policy.builds_on_device() && policy.requests_trees()));
+        }
+        assert_eq!(Policy::Lockstep(3).name(), Policy::Async.name());
+        assert!(!Policy::Lockstep(3).adopts_by_cost());
+    }
+}
