@@ -105,7 +105,7 @@ fn include_words(out: &Path, name: &str, words: &[u32]) -> Result<String> {
 /// Capabilities that kernels may use. Hosts load kernels with optional capabilities only where the device has them.
 const CAPABILITIES: Capabilities = Capabilities::SUBGROUP
     .union(Capabilities::SHADER_INT64)
-    .union(Capabilities::SHADER_INT64_ATOMIC_MIN_MAX);
+    .union(Capabilities::SHADER_INT64_ATOMIC_ALL_OPS);
 
 fn parse(source: &str, capabilities: Capabilities) -> Result<(naga::Module, ModuleInfo)> {
     let module = naga::front::wgsl::parse_str(source)

@@ -1,8 +1,8 @@
-//! The watertight test in lanes: one ray and eight triangles, or many rays and one triangle.
+//! Parts of all triangle tests in lanes, for one ray and eight triangles or many rays and one triangle, and the watertight test.
 
 use crate::rays::{Group, OneRay};
 use crate::simd::{Lanes, each};
-use crate::tree::{Block, LANES};
+use crate::tree::{LANES, Wide};
 use cpu_ref::intersect::has_equal_signs;
 use cpu_ref::scale::{LEAST, Scale};
 use cpu_ref::slab::{FARTHEST, PAD};
@@ -17,8 +17,61 @@ pub(crate) struct TriangleRay<L> {
     shear: [L; 3],
     /// `r`, for the triangles' own boxes.
     inverse: [L; 3],
-    t_min: L,
-    t_max: L,
+    pub(crate) t_min: L,
+    pub(crate) t_max: L,
+    /// Origin and direction, axes in their own order.
+    pub(crate) start: [L; 3],
+    pub(crate) direction: [L; 3],
+    /// Brings distances to the units of the given ray.
+    pub(crate) back: L,
+}
+
+/// Triangles that are tested in lanes.
+pub(crate) trait Triangles<L> {
+    /// A coordinate of a corner. Must be `#[inline(always)]`.
+    fn corner(&self, axis: usize, corner: usize) -> L;
+
+    /// A number of the triangles' records. Must be `#[inline(always)]`.
+    fn record(&self, row: usize, column: usize) -> L;
+}
+
+/// All triangles of a block, one in each lane.
+#[derive(Clone, Copy)]
+pub(crate) struct OfBlock<'a> {
+    pub(crate) tree: &'a Wide,
+    pub(crate) block: usize,
+}
+
+impl<L: Lanes<Array = [f32; LANES]>> Triangles<L> for OfBlock<'_> {
+    #[inline(always)]
+    fn corner(&self, axis: usize, corner: usize) -> L {
+        L::load(&self.tree.blocks[self.block].corners[axis][corner])
+    }
+
+    #[inline(always)]
+    fn record(&self, row: usize, column: usize) -> L {
+        L::load(&self.tree.records[self.block].0[row][column])
+    }
+}
+
+/// One triangle of a block, in all lanes.
+#[derive(Clone, Copy)]
+pub(crate) struct OfLane<'a> {
+    pub(crate) tree: &'a Wide,
+    pub(crate) block: usize,
+    pub(crate) lane: usize,
+}
+
+impl<L: Lanes> Triangles<L> for OfLane<'_> {
+    #[inline(always)]
+    fn corner(&self, axis: usize, corner: usize) -> L {
+        L::splat(self.tree.blocks[self.block].corners[axis][corner][self.lane])
+    }
+
+    #[inline(always)]
+    fn record(&self, row: usize, column: usize) -> L {
+        L::splat(self.tree.records[self.block].0[row][column][self.lane])
+    }
 }
 
 /// Returns the padding of boxes in units of `|r|`. Planes are relative to the ray's origin, as `[lower, upper]` per
@@ -53,7 +106,7 @@ pub(crate) struct Spans<L: Lanes> {
 }
 
 /// Corners relative to the ray's origin, by axis (in the ray's order) and corner.
-type Relative<L> = [[L; 3]; 3];
+pub(crate) type Relative<L> = [[L; 3]; 3];
 
 impl<L: Lanes> TriangleRay<L> {
     /// Loads a ray in each lane. All rays have the main axis `main`.
@@ -67,12 +120,15 @@ impl<L: Lanes> TriangleRay<L> {
             inverse: each!(i => L::load(&group.inverse[axes[i]])),
             t_min: L::load(&group.limits[0]),
             t_max: L::load(&group.limits[1]),
+            start: each!(i => L::load(&group.origin[i])),
+            direction: each!(i => L::load(&group.direction[i])),
+            back: L::load(&group.back),
         }
     }
 
     /// Computes the ray's span in each triangle's own box. Spans that begin after `best` are not in `lanes`.
     #[inline(always)]
-    fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
+    pub(crate) fn spans_of(&self, corners: &Relative<L>, best: L) -> Spans<L> {
         let (mut entry, mut exit) = (self.t_min, L::splat(f32::INFINITY));
         let planes = each!(i => {
             let [a, b, c] = corners[i];
@@ -94,8 +150,13 @@ impl<L: Lanes> TriangleRay<L> {
     ///
     /// Distances must be below [`cpu_ref::slab::CALM`], so that no edge function overflows.
     #[inline(always)]
-    fn meet_corners(&self, corners: &Relative<L>, best: L) -> Option<Meetings<L>> {
-        let [x, y, along] = shear(corners, &self.shear);
+    pub(crate) fn meet_watertight(
+        &self,
+        triangles: &impl Triangles<L>,
+        best: L,
+    ) -> Option<Meetings<L>> {
+        let corners = &self.relative(triangles);
+        let [x, y, along] = self.sheared(corners);
         let edges = edges(&x, &y);
         let open = L::bits(without_conflict(&edges));
         if open == 0 {
@@ -107,8 +168,20 @@ impl<L: Lanes> TriangleRay<L> {
             return None;
         }
         lanes = settle(lanes, &edges, &x, &y);
-        let depths = each!(i => self.shear[2].mul(along[i]));
+        let depths = self.depths(&along);
         let [t, u, v] = solve(&edges, &depths);
+        self.within(&spans, lanes, [t, u, v], best)
+    }
+
+    /// Returns the hits of those `lanes` whose `t`, clamped to the triangle's own box, lies within the ray's limits and is no later than `best`.
+    #[inline(always)]
+    pub(crate) fn within(
+        &self,
+        spans: &Spans<L>,
+        mut lanes: u32,
+        [t, u, v]: [L; 3],
+        best: L,
+    ) -> Option<Meetings<L>> {
         let t = t
             .replace(t.less(spans.entry), spans.entry)
             .replace(spans.exit.less(t), spans.exit);
@@ -118,14 +191,27 @@ impl<L: Lanes> TriangleRay<L> {
         (lanes != 0).then_some(Meetings { lanes, t, u, v })
     }
 
-    /// Tests many rays with the triangle in one lane of a block.
+    /// Returns the corners relative to the ray's origin.
     #[inline(always)]
-    pub(crate) fn meet_one(&self, block: &Block, lane: usize, best: L) -> Option<Meetings<L>> {
-        let corners = each!(i => {
-            let of = &block.corners[self.axes[i]];
-            each!(c => L::splat(of[c][lane]).sub(self.origin[i]))
-        });
-        self.meet_corners(&corners, best)
+    pub(crate) fn relative(&self, triangles: &impl Triangles<L>) -> Relative<L> {
+        each!(i => each!(c => triangles.corner(self.axes[i], c).sub(self.origin[i])))
+    }
+
+    /// Returns sheared `x` and `y` and the unscaled depths along the ray's main axis, for each corner.
+    #[inline(always)]
+    pub(crate) fn sheared(&self, corners: &Relative<L>) -> [[L; 3]; 3] {
+        let [from_x, from_y, along] = corners;
+        [
+            each!(c => from_x[c].sub(self.shear[0].mul(along[c]))),
+            each!(c => from_y[c].sub(self.shear[1].mul(along[c]))),
+            *along,
+        ]
+    }
+
+    /// Returns depths in units of the direction.
+    #[inline(always)]
+    pub(crate) fn depths(&self, along: &[L; 3]) -> [L; 3] {
+        each!(i => self.shear[2].mul(along[i]))
     }
 }
 
@@ -141,44 +227,22 @@ impl<L: Lanes<Array = [f32; LANES]>> TriangleRay<L> {
             inverse: each!(i => L::splat(ray.at(&group.inverse[axes[i]]))),
             t_min: L::splat(ray.at(&group.limits[0])),
             t_max: L::splat(ray.t_max()),
+            start: each!(i => L::splat(ray.at(&group.origin[i]))),
+            direction: each!(i => L::splat(ray.at(&group.direction[i]))),
+            back: L::splat(ray.at(&group.back)),
         }
-    }
-
-    #[inline(always)]
-    fn relative(&self, block: &Block) -> Relative<L> {
-        each!(i => {
-            let of = &block.corners[self.axes[i]];
-            each!(c => L::load(&of[c]).sub(self.origin[i]))
-        })
     }
 
     /// Computes the spans in the boxes of all triangles of a block.
     #[inline(always)]
-    pub(crate) fn spans(&self, block: &Block, best: f32) -> Spans<L> {
-        self.spans_of(&self.relative(block), L::splat(best))
+    pub(crate) fn spans(&self, block: OfBlock<'_>, best: f32) -> Spans<L> {
+        self.spans_of(&self.relative(&block), L::splat(best))
     }
-
-    /// Tests all triangles of a block.
-    #[inline(always)]
-    pub(crate) fn meet(&self, block: &Block, best: f32) -> Option<Meetings<L>> {
-        self.meet_corners(&self.relative(block), L::splat(best))
-    }
-}
-
-/// Returns sheared `x` and `y` and the unscaled depths along the ray's main axis, for each corner.
-#[inline(always)]
-fn shear<L: Lanes>(corners: &Relative<L>, shear: &[L; 3]) -> [[L; 3]; 3] {
-    let [from_x, from_y, along] = corners;
-    [
-        each!(c => from_x[c].sub(shear[0].mul(along[c]))),
-        each!(c => from_y[c].sub(shear[1].mul(along[c]))),
-        *along,
-    ]
 }
 
 /// Computes `U`, `V`, `W`.
 #[inline(always)]
-fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
+pub(crate) fn edges<L: Lanes>(x: &[L; 3], y: &[L; 3]) -> [L; 3] {
     each!(i => {
         let (p, q) = ([2, 0, 1][i], [1, 2, 0][i]);
         x[p].mul(y[q]).sub(y[p].mul(x[q]))
@@ -243,7 +307,7 @@ pub(crate) fn scaled<L: Lanes>(scale: Scale, x: L) -> L {
 
 /// Computes distance and weights, as the reference's `solve` does, for each lane.
 #[inline(always)]
-fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
+pub(crate) fn solve<L: Lanes>(edges: &[L; 3], depths: &[L; 3]) -> [L; 3] {
     let [u, v, w] = [flushed(edges[0]), flushed(edges[1]), flushed(edges[2])];
     let det = u.add(v).add(w);
     let size = det.abs();

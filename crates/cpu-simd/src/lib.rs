@@ -5,7 +5,9 @@
 //! tested together. Boxes of single triangles are not stored, since they are computed from the corners when needed.
 
 mod boxes;
+mod exact;
 mod fit;
+mod intersect;
 mod leaf;
 mod light;
 mod moving;

@@ -5,12 +5,14 @@
 //! on these give bounds on every ray's entry and exit. A box that the bounds exclude is excluded by each ray's own
 //! test.
 
-use crate::leaf::TriangleRay;
+use crate::intersect::{Intersect, LaneTest, Touch};
+use crate::leaf::{OfLane, TriangleRay};
 use crate::rays::{Group, MOST_RAYS};
 use crate::simd::{Halves, Isa, Lanes, Vector, each};
 use crate::tree::{Block, LANES, NOWHERE, Planes, Wide, place};
 use crate::walk::{BoxTest, Stack, Visitor, walk};
 use geom::Hit;
+use std::marker::PhantomData;
 
 /// Rays that are traced together.
 pub(crate) struct Packet<L, P> {
@@ -131,23 +133,37 @@ pub(crate) struct Found<L: Lanes> {
     pub(crate) v: L,
     /// Places of the triangles.
     pub(crate) places: [u32; MOST_RAYS],
+    /// Lanes of which rounded arithmetic cannot tell.
+    pub(crate) open: u32,
 }
 
 /// A `skipped` argument of [`any`] that skips no triangle.
 pub(crate) const NONE: [u32; MOST_RAYS] = [Hit::MISS.triangle; MOST_RAYS];
 
-/// Number of triangles that a packet tests before its rays are traced singly, as when each hits a different triangle.
-const TRIANGLES: u32 = 256;
+/// Number of triangles that a packet may still test before its rays are traced singly, as when each hits a different triangle.
+pub(crate) struct Patient(u32);
+
+impl Patient {
+    pub(crate) const FULL: Self = Self(256);
+
+    /// Subtracts tested triangles. Returns `None` if none are left.
+    #[inline(always)]
+    pub(crate) fn spend(&mut self, triangles: u32) -> Option<()> {
+        self.0 = self.0.checked_sub(triangles)?;
+        Some(())
+    }
+}
 
 /// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(
+pub(crate) fn closest<I: Isa, T: LaneTest>(
     tree: &Wide,
     packet: &Packet<I::Packet, I::Planes>,
     stack: &mut Stack,
 ) -> Option<Found<I::Packet>> {
     let mut closest = Closest {
-        patience: TRIANGLES,
+        patience: Patient::FULL,
+        test: PhantomData::<T>,
         tree,
         packet,
         found: Found {
@@ -155,6 +171,7 @@ pub(crate) fn closest<I: Isa>(
             u: I::Packet::splat(0.0),
             v: I::Packet::splat(0.0),
             places: [NOWHERE; MOST_RAYS],
+            open: 0,
         },
     };
     let rays = (&packet.bundle, packet.bound);
@@ -168,27 +185,32 @@ const PATIENCE: u32 = 16;
 /// Returns the lanes of `asked` that hit any triangle except the one in `skipped`, or `None` if tracing the rays singly
 /// is likely to be faster.
 #[inline(always)]
-pub(crate) fn any<I: Isa>(
+pub(crate) fn any<I: Isa, T: Intersect>(
     tree: &Wide,
     packet: &Packet<I::Packet, I::Planes>,
     (asked, skipped): (u32, &[u32; MOST_RAYS]),
     stack: &mut Stack,
-) -> Option<u32> {
+) -> Option<Touch> {
     let mut any = Any {
-        blocks: &tree.blocks,
+        tree,
         packet,
         skipped,
         left: asked,
+        open: 0,
         patience: PATIENCE,
+        test: PhantomData::<T>,
     };
     let rays = (&packet.bundle, packet.bound);
     let ended = walk::<I>(tree, rays, stack, &mut any);
-    (!ended || any.left == 0).then_some(asked & !any.left)
+    (!ended || any.left == 0).then_some(Touch {
+        hit: asked & !any.left,
+        open: any.left & any.open,
+    })
 }
 
 /// Returns the triangles of a block whose own boxes some ray may meet.
 #[inline(always)]
-fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
+pub(crate) fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
     let planes = each!(axis => {
         let [a, b, c] = &block.corners[axis];
         let (a, b, c) = (P::Half::load(a), P::Half::load(b), P::Half::load(c));
@@ -197,25 +219,25 @@ fn within_reach<P: Halves>(block: &Block, rays: &Bundle<P>, bound: f32) -> u32 {
     rays.meet_planes(&planes, bound).0
 }
 
-struct Closest<'a, L: Lanes, P> {
+struct Closest<'a, L: Lanes, P, T> {
     tree: &'a Wide,
     packet: &'a Packet<L, P>,
     found: Found<L>,
-    /// Number of triangles that may still be tested.
-    patience: u32,
+    patience: Patient,
+    test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves> Visitor<I> for Closest<'_, L, P> {
+impl<I, L: Lanes, P: Halves, T: LaneTest> Visitor<I> for Closest<'_, L, P, T> {
     #[inline(always)]
-    fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
-        let block = &self.tree.blocks[index];
-        let mut lanes = within_reach(block, &self.packet.bundle, bound);
-        self.patience = self.patience.checked_sub(lanes.count_ones())?;
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let tree = self.tree;
+        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
+        self.patience.spend(lanes.count_ones())?;
         let mut changed = false;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            changed |= self.triangle(block, (lane, place(index, lane)));
+            changed |= self.triangle(OfLane { tree, block, lane });
         }
         if changed {
             return Some(self.found.t.mul(self.packet.level).most());
@@ -224,13 +246,14 @@ impl<I, L: Lanes, P: Halves> Visitor<I> for Closest<'_, L, P> {
     }
 }
 
-impl<L: Lanes, P> Closest<'_, L, P> {
+impl<L: Lanes, P, T: LaneTest> Closest<'_, L, P, T> {
     #[inline(always)]
-    fn triangle(&mut self, block: &Block, (lane, place): (usize, u32)) -> bool {
+    fn triangle(&mut self, triangle: OfLane<'_>) -> bool {
         let found = &mut self.found;
-        let Some(met) = self.packet.rays.meet_one(block, lane, found.t) else {
+        let Some(met) = T::meet(&self.packet.rays, &triangle, found.t) else {
             return false;
         };
+        let place = place(triangle.block, triangle.lane);
         let mut better = L::bits(met.t.less(found.t)) & met.lanes;
         let mut as_near = met.lanes & !better;
         while as_near != 0 {
@@ -238,7 +261,7 @@ impl<L: Lanes, P> Closest<'_, L, P> {
             as_near &= as_near - 1;
             // At equal distance, the lower index wins.
             let other = found.places[ray];
-            if other == NOWHERE || block.triangles[lane] < self.tree.triangle_at(other) {
+            if other == NOWHERE || self.tree.triangle_at(place) < self.tree.triangle_at(other) {
                 better |= 1 << ray;
             }
         }
@@ -251,35 +274,37 @@ impl<L: Lanes, P> Closest<'_, L, P> {
     }
 }
 
-struct Any<'a, L, P> {
-    blocks: &'a [Block],
+struct Any<'a, L, P, T> {
+    tree: &'a Wide,
     packet: &'a Packet<L, P>,
     skipped: &'a [u32; MOST_RAYS],
     /// Rays without a hit yet.
     left: u32,
+    /// Rays that may have hit something.
+    open: u32,
     /// Number of blocks that may still be visited.
     patience: u32,
+    test: PhantomData<T>,
 }
 
-impl<I, L: Lanes, P: Halves> Visitor<I> for Any<'_, L, P> {
+impl<I, L: Lanes, P: Halves, T: Intersect> Visitor<I> for Any<'_, L, P, T> {
     #[inline(always)]
     fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
         self.patience = self.patience.checked_sub(1)?;
-        let block = &self.blocks[block];
-        let mut lanes = within_reach(block, &self.packet.bundle, bound);
+        let tree = self.tree;
+        let triangles = &tree.blocks[block].triangles;
+        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            let rays = &self.packet.rays;
-            let Some(met) = rays.meet_one(block, lane, self.packet.t_max) else {
-                continue;
-            };
-            let mut hit = met.lanes & self.left;
-            while hit != 0 {
-                let ray = hit.trailing_zeros() as usize % MOST_RAYS;
-                hit &= hit - 1;
-                if self.skipped[ray] != block.triangles[lane] {
-                    self.left &= !(1 << ray);
+            let touch = T::touch(&self.packet.rays, &OfLane { tree, block, lane });
+            let mut rays = (touch.hit | touch.open) & self.left;
+            while rays != 0 {
+                let ray = rays.trailing_zeros() as usize % MOST_RAYS;
+                rays &= rays - 1;
+                if self.skipped[ray] != triangles[lane] {
+                    self.left &= !(touch.hit & 1 << ray);
+                    self.open |= touch.open & 1 << ray;
                 }
             }
             if self.left == 0 {

@@ -25,6 +25,7 @@ pub(crate) struct Group<L: Lanes> {
     /// Lanes that hold a prepared ray. Rays in other lanes miss or are unusual.
     pub(crate) ready: u32,
     pub(crate) origin: [L::Array; 3],
+    pub(crate) direction: [L::Array; 3],
     /// `r`, with the direction's sign.
     pub(crate) inverse: [L::Array; 3],
     /// The `q` of the root box, which is at least that of any box.
@@ -80,6 +81,24 @@ impl<L: Lanes> Given<L> {
             direction: self.direction.map(at),
             t_max: at(self.limits[1]),
         }
+    }
+
+    /// Returns the rays of all lanes.
+    #[inline(always)]
+    pub(crate) fn rays(&self) -> [Ray; MOST_RAYS] {
+        let origin = each!(i => self.origin[i].store());
+        let direction = each!(i => self.direction[i].store());
+        let [t_min, t_max] = [self.limits[0].store(), self.limits[1].store()];
+        let mut rays = [Ray::VOID; MOST_RAYS];
+        let lanes = L::ALL.count_ones() as usize;
+        for (lane, ray) in rays.iter_mut().enumerate().take(lanes) {
+            for axis in 0..3 {
+                ray.origin[axis] = origin[axis].as_ref()[lane];
+                ray.direction[axis] = direction[axis].as_ref()[lane];
+            }
+            (ray.t_min, ray.t_max) = (t_min.as_ref()[lane], t_max.as_ref()[lane]);
+        }
+        rays
     }
 
     /// Applies [`Scale::apply`] to all origins.
@@ -169,6 +188,7 @@ impl<L: Lanes> Group<L> {
         Self {
             ready: L::ALL,
             origin: each!(i => origin[i].store()),
+            direction: each!(i => d[i].store()),
             inverse: each!(i => signed[i].store()),
             pad: each!(i => inverse[i].mul(padding).store()),
             starts,

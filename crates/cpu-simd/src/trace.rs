@@ -1,5 +1,6 @@
 //! Tracing through the wide tree: neighbouring rays as packets where that is faster, other rays singly.
 
+use crate::intersect::{Intersect, Touch};
 use crate::light::{Found, shadow_rays};
 use crate::packet::{self, NONE, Packet};
 use crate::rays::{COLUMNS, Cell, Given, Group, MOST_RAYS, OneRay};
@@ -7,26 +8,37 @@ use crate::simd::{Isa, Lanes, Outlined, Vector, Work};
 use crate::tree::{NOWHERE, Wide};
 use crate::walk;
 use backend::{QueryKind, Rays};
-use cpu_ref::intersect::{Search, Watertight};
+use cpu_ref::intersect::{Exact, Search};
 use cpu_ref::scale::Scale;
 use cpu_ref::tiles::{Counts, Output, Tiles, fill};
 use cpu_ref::trace::Tracer;
 use cpu_ref::traverse;
 use geom::{Camera, Hit, Ray};
+use std::marker::PhantomData;
 use std::ops::Range;
 
 type PacketOf<I> = Packet<<I as Isa>::Packet, <I as Isa>::Planes>;
 type Stack<'a> = traverse::Stack<&'a Wide>;
 
-/// A tracer for the watertight test in vectors.
-pub(crate) struct WideTracer<'a>(pub(crate) Tracer<'a, &'a Wide>);
+/// A tracer for an intersector in vectors.
+pub(crate) struct WideTracer<'a, T> {
+    tracer: Tracer<'a, &'a Wide>,
+    intersector: PhantomData<T>,
+}
 
-impl<'a> WideTracer<'a> {
+impl<'a, T: Intersect> WideTracer<'a, T> {
+    pub(crate) fn new(tracer: Tracer<'a, &'a Wide>) -> Self {
+        Self {
+            tracer,
+            intersector: PhantomData,
+        }
+    }
+
     /// Traces all rays and writes the answers in their order.
     pub(crate) fn trace(&self, out: Output<'_>) -> Counts {
-        fill(self.0.task.query.rays, out, |tiles| {
+        fill(self.tracer.task.query.rays, out, |tiles| {
             let tracer = self;
-            self.0.tree.level.run(TilesTask { tiles, tracer })
+            self.tracer.tree.level.run(TilesTask { tiles, tracer })
         })
     }
 
@@ -40,7 +52,7 @@ impl<'a> WideTracer<'a> {
             let place = packet.places[lane];
             if place != NOWHERE {
                 let (u, v) = (u.as_ref()[lane], v.as_ref()[lane]);
-                let triangle = self.0.tree.triangle_at(place);
+                let triangle = self.tracer.tree.triangle_at(place);
                 found.hits[lane] = Hit { t, u, v, triangle };
             }
         }
@@ -57,32 +69,66 @@ impl<'a> WideTracer<'a> {
         asked: u32,
         State { stack, closest, .. }: &mut State<'a>,
     ) -> Found {
-        let (scale, tree) = (self.0.task.geometry.scale, self.0.tree);
+        let (scale, tree) = (self.tracer.task.geometry.scale, self.tracer.tree);
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
         let packet = closest.packet::<I>(&group, tree);
         if let Some(packet) = packet {
-            let found = packet::closest::<I>(tree, &packet, &mut stack.waiting);
+            let found = T::closest_together::<I>(tree, &packet, &mut stack.waiting);
             closest.saw(found.is_some());
-            if let Some(found) = found {
-                return self.unpack::<I>(&found, I::Packet::load(&group.back));
+            if let Some(packet) = found {
+                let mut found = self.unpack::<I>(&packet, I::Packet::load(&group.back));
+                if T::IS_EXACT {
+                    self.report(&rays.rays(), (asked, packet.open), &mut found, stack);
+                }
+                return found;
             }
         }
-        let mut found = Found::NOTHING;
+        let (mut found, mut open) = (Found::NOTHING, 0);
         for lane in 0..MOST_RAYS {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let best = walk::closest::<I>(tree, &ray, &mut stack.waiting);
+                let best = T::closest_alone::<I>(tree, &ray, &mut stack.waiting);
+                open |= u32::from(best.is_open) << lane;
+                found.places[lane] = best.place;
                 if best.hit.is_hit() {
                     let t = ray.unscaled(best.hit.t);
                     found.hits[lane] = Hit { t, ..best.hit };
-                    found.places[lane] = best.place;
                 }
             } else if asked >> lane & 1 == 1 {
                 found.hits[lane] = self.closest_unusual(&rays.ray(lane), scale, stack);
             }
         }
+        if T::IS_EXACT {
+            self.report(&rays.rays(), (asked & group.ready, open), &mut found, stack);
+        }
         found
+    }
+
+    /// Has the reference report the exact hits of the lanes of `asked`. It traces the rays of `open` lanes again.
+    #[inline(never)]
+    fn report(
+        &self,
+        rays: &[Ray; MOST_RAYS],
+        (asked, open): (u32, u32),
+        found: &mut Found,
+        stack: &mut Stack<'a>,
+    ) {
+        let scale = self.tracer.task.geometry.scale;
+        for (lane, ray) in rays.iter().enumerate() {
+            let place = found.places[lane];
+            if asked >> lane & 1 == 0 {
+                continue;
+            }
+            if open >> lane & 1 == 1 {
+                found.hits[lane] = self.closest_unusual(ray, scale, stack);
+                found.places[lane] = NOWHERE;
+            } else if place != NOWHERE {
+                let asked = self.tracer.asked(*ray, scale);
+                let hit = Exact::sure_hit(&asked, place as usize);
+                found.hits[lane] = hit.unwrap_or(Hit::MISS);
+            }
+        }
     }
 
     /// Returns the rays of `asked` that hit any triangle except the skipped ones. Traces them as a packet or singly.
@@ -93,7 +139,7 @@ impl<'a> WideTracer<'a> {
         (asked, skipped): (u32, &[u32; MOST_RAYS]),
         State { stack, any, .. }: &mut State<'a>,
     ) -> u32 {
-        let tree = self.0.tree;
+        let tree = self.tracer.tree;
         let group = Group::<I::Packet>::new(rays, scale, &tree.root);
         let all = asked == I::Packet::ALL;
         let packet = if all {
@@ -102,40 +148,60 @@ impl<'a> WideTracer<'a> {
             None
         };
         if let Some(packet) = packet {
-            let found = packet::any::<I>(tree, &packet, (asked, skipped), &mut stack.waiting);
+            let found = packet::any::<I, T>(tree, &packet, (asked, skipped), &mut stack.waiting);
             any.saw(found.is_some());
-            if let Some(hit) = found {
-                return hit;
+            if let Some(touch) = found {
+                return self.settle_any((rays, scale), touch, skipped, stack);
             }
         }
-        let mut hit = 0;
+        let (mut hit, mut open) = (0, 0);
         for (lane, &skipped) in skipped.iter().enumerate() {
             if (group.ready & asked) >> lane & 1 == 1 {
                 let group = &group;
                 let ray = OneRay { group, lane };
-                let found = walk::any::<I>(tree, &ray, skipped, &mut stack.waiting);
-                hit |= u32::from(found) << lane;
+                let touch = walk::any::<I, T>(tree, &ray, skipped, &mut stack.waiting);
+                hit |= touch.hit << lane;
+                open |= touch.open << lane;
             } else if asked >> lane & 1 == 1 {
                 let found = self.any_unusual(&rays.ray(lane), scale, skipped, stack);
                 hit |= u32::from(found) << lane;
             }
         }
+        self.settle_any((rays, scale), Touch { hit, open }, skipped, stack)
+    }
+
+    /// Returns the lanes that hit anything. The reference traces the rays of open lanes again.
+    #[inline(always)]
+    fn settle_any<L: Lanes>(
+        &self,
+        (rays, scale): (&Given<L>, Scale),
+        touch: Touch,
+        skipped: &[u32; MOST_RAYS],
+        stack: &mut Stack<'a>,
+    ) -> u32 {
+        let (mut hit, mut open) = (touch.hit, touch.open);
+        while open != 0 {
+            let lane = open.trailing_zeros() as usize % MOST_RAYS;
+            open &= open - 1;
+            let found = self.any_unusual(&rays.ray(lane), scale, skipped[lane], stack);
+            hit |= u32::from(found) << lane;
+        }
         hit
     }
 
-    /// Returns the closest hit of an unusual ray.
+    /// Returns the closest hit of a ray that vectors do not answer.
     #[cold]
     #[inline(never)]
     fn closest_unusual(&self, ray: &Ray, scale: Scale, stack: &mut Stack<'a>) -> Hit {
-        let hit = Watertight::closest(&self.0.asked(*ray, scale), stack);
+        let hit = T::Reference::closest(&self.tracer.asked(*ray, scale), stack);
         hit.unwrap_or(Hit::MISS)
     }
 
-    /// Returns whether an unusual ray hits any triangle except `skipped`.
+    /// Returns whether a ray that vectors do not answer hits any triangle except `skipped`.
     #[cold]
     #[inline(never)]
     fn any_unusual(&self, ray: &Ray, scale: Scale, skipped: u32, stack: &mut Stack<'a>) -> bool {
-        Watertight::any(&self.0.asked(*ray, scale), Some(skipped), stack)
+        T::Reference::any(&self.tracer.asked(*ray, scale), Some(skipped), stack)
     }
 
     /// Answers rays of a list one by one, because some are extreme.
@@ -144,7 +210,7 @@ impl<'a> WideTracer<'a> {
     fn singly(&self, indices: Range<usize>, stack: &mut Stack<'a>) -> Found {
         let mut found = Found::NOTHING;
         for (lane, index) in indices.enumerate() {
-            let (hit, blocked) = self.0.answer::<Watertight>(index, stack);
+            let (hit, blocked) = self.tracer.answer::<T::Reference>(index, stack);
             found.hits[lane] = hit;
             found.blocked |= u32::from(blocked) << lane;
         }
@@ -162,17 +228,17 @@ struct State<'a> {
     any: Trust,
 }
 
-struct TilesTask<'a, 'o> {
+struct TilesTask<'a, 'o, T> {
     tiles: Tiles<'o>,
-    tracer: &'a WideTracer<'a>,
+    tracer: &'a WideTracer<'a, T>,
 }
 
-impl Work for TilesTask<'_, '_> {
+impl<T: Intersect> Work for TilesTask<'_, '_, T> {
     type Out = Counts;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Counts {
-        match self.tracer.0.task.query.rays {
+        match self.tracer.tracer.task.query.rays {
             Rays::Camera(camera) => self.picture::<I>(camera),
             Rays::List(list) => self.list::<I>(list),
             Rays::OnDevice(_) => Counts::default(),
@@ -180,7 +246,7 @@ impl Work for TilesTask<'_, '_> {
     }
 }
 
-impl TilesTask<'_, '_> {
+impl<T: Intersect> TilesTask<'_, '_, T> {
     #[inline(always)]
     fn list<I: Isa>(mut self, list: &[Ray]) -> Counts {
         let (mut state, mut sum) = (State::default(), Counts::default());
@@ -190,7 +256,7 @@ impl TilesTask<'_, '_> {
         for (i, rays) in list.chunks(lanes).enumerate() {
             let (begin, asked) = (i * lanes, (1 << rays.len()) - 1);
             let given = Given::listed(rays);
-            let geometry = &tracer.0.task.geometry;
+            let geometry = &tracer.tracer.task.geometry;
             let found = if given.extreme(geometry) & asked != 0 {
                 let indices = first + begin..first + begin + rays.len();
                 tracer.singly(indices, &mut state.stack)
@@ -244,14 +310,14 @@ impl TilesTask<'_, '_> {
 }
 
 /// Answers the rays in the lanes of `asked`. Lists and pictures share this part, because it takes long to compile.
-struct Answers<'a, 't, L> {
-    tracer: &'t WideTracer<'a>,
+struct Answers<'a, 't, L, T> {
+    tracer: &'t WideTracer<'a, T>,
     rays: &'t Given<L>,
     asked: u32,
     state: &'t mut State<'a>,
 }
 
-impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
+impl<I: Isa, T: Intersect> Outlined<I> for Answers<'_, '_, I::Packet, T> {
     type Out = Found;
 
     #[inline(always)]
@@ -262,7 +328,7 @@ impl<I: Isa> Outlined<I> for Answers<'_, '_, I::Packet> {
             asked,
             state,
         } = self;
-        let Tracer { task, tree, light } = &tracer.0;
+        let Tracer { task, tree, light } = &tracer.tracer;
         let scale = task.geometry.scale;
         let mut found = Found::NOTHING;
         if task.query.kind == QueryKind::Any {

@@ -8,7 +8,7 @@ use crate::trace::WideTracer;
 use backend::{BackendError, Intersector, Result};
 use bvh_layout::{BlockTree, First, Ranges, Topology};
 use cpu_ref::bvh2::Bvh2;
-use cpu_ref::intersect::{MollerTrumbore, Record, TriangleTest, Woop};
+use cpu_ref::intersect::{Exact, MollerTrumbore, Record, TriangleTest, Watertight, Woop};
 use cpu_ref::tiles::{Counts, Output};
 use cpu_ref::trace::{TraceTask, Tracer};
 use cpu_ref::{Accelerator, Geometry, Unhittable, reserve};
@@ -49,6 +49,33 @@ pub(crate) struct Block {
     pub(crate) corners: [[[f32; LANES]; 3]; 3],
     /// Index in the scene, or `u32::MAX` in lanes without a triangle.
     pub(crate) triangles: [u32; LANES],
+}
+
+/// Records of a block's triangles: for each row, for each column, the number in all lanes.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Records(pub(crate) [[[f32; LANES]; 4]; 3]);
+
+impl Records {
+    /// Computes the records of a block's active triangles. The others are zero, which is never met.
+    fn of(block: &Block) -> Self {
+        let mut records = Self([[[0.0; LANES]; 4]; 3]);
+        for lane in 0..LANES {
+            let corners = block.triangle(lane);
+            if is_active(&corners) {
+                records.set(lane, &Woop::record(&corners));
+            }
+        }
+        records
+    }
+
+    fn set(&mut self, lane: usize, Record(rows): &Record) {
+        for (to, row) in self.0.iter_mut().zip(rows) {
+            for (to, &number) in to.iter_mut().zip(row) {
+                to[lane] = number;
+            }
+        }
+    }
 }
 
 /// Returns the place of the triangle in a lane of a block.
@@ -95,8 +122,8 @@ pub(crate) struct Wide {
     pub(crate) blocks: Vec<Block>,
     /// Set if nodes and blocks still have the contents of another tree.
     pub(crate) stale: bool,
-    /// A record for each lane of a block, if the test is Woop's or Möller and Trumbore's. Else empty.
-    pub(crate) records: Vec<Record>,
+    /// Records of each block if the test is Woop's. Else empty, because other tests read corners.
+    pub(crate) records: Vec<Records>,
     /// The root box, in scaled units.
     pub(crate) root: Aabb,
     /// [`geom::Range::spread`] as of the last preprocess: set if coordinates differ much in size.
@@ -129,21 +156,11 @@ impl Wide {
         }
     }
 
-    /// Computes the record of each lane from its corners, for tests other than the watertight one.
-    fn make_records<T: TriangleTest>(&mut self) {
-        self.records
-            .resize(self.blocks.len() * LANES, Record::default());
-        let records = self.records.par_chunks_mut(LANES).with_min_len(128);
-        records.zip(&self.blocks).for_each(|(records, block)| {
-            for (lane, record) in records.iter_mut().enumerate() {
-                let corners = block.triangle(lane);
-                *record = if is_active(&corners) {
-                    T::record(&corners)
-                } else {
-                    Record::default()
-                };
-            }
-        });
+    /// Computes the records of all blocks from their corners.
+    fn make_records(&mut self) {
+        let blocks = self.blocks.par_iter().with_min_len(128);
+        let records = blocks.map(Records::of);
+        records.collect_into_vec(&mut self.records);
     }
 
     /// Returns the triangle in a place.
@@ -201,9 +218,8 @@ impl Accelerator for Wide {
         self.spread = geometry.range.spread;
         self.areas = fitted.areas;
         match intersector {
-            Intersector::Woop => self.make_records::<Woop>(),
-            Intersector::MollerTrumbore => self.make_records::<MollerTrumbore>(),
-            Intersector::Watertight | Intersector::Exact => {}
+            Intersector::Woop => self.make_records(),
+            Intersector::MollerTrumbore | Intersector::Watertight | Intersector::Exact => {}
         }
         fitted.unhittable
     }
@@ -218,10 +234,12 @@ impl Accelerator for Wide {
 
     fn trace(&self, task: TraceTask<'_>, out: Output<'_>) -> Counts {
         let tracer = Tracer::new(task, self);
-        if task.intersector == Intersector::Watertight && !task.is_extreme() {
-            WideTracer(tracer).trace(out)
-        } else {
-            tracer.trace(out)
+        match task.intersector {
+            _ if task.is_extreme() => tracer.trace(out),
+            Intersector::MollerTrumbore => WideTracer::<MollerTrumbore>::new(tracer).trace(out),
+            Intersector::Woop => WideTracer::<Woop>::new(tracer).trace(out),
+            Intersector::Watertight => WideTracer::<Watertight>::new(tracer).trace(out),
+            Intersector::Exact => WideTracer::<Exact>::new(tracer).trace(out),
         }
     }
 

@@ -1,10 +1,10 @@
 //! Traversal of the wide tree for tests that take one triangle at a time.
 
 use crate::boxes::bounds;
-use crate::leaf::TriangleRay;
+use crate::leaf::{OfBlock, TriangleRay};
 use crate::rays::{Group, OneRay};
 use crate::simd::{Isa, Lanes, Work};
-use crate::tree::{LANES, Wide};
+use crate::tree::{LANES, Records, Wide};
 use crate::walk::{NodeRay, Stack, Visitor, walk};
 use cpu_ref::intersect::{Record, TriangleTest};
 use cpu_ref::scale::PreparedRay;
@@ -26,8 +26,8 @@ impl Tree for &Wide {
 
     #[inline]
     fn record<T: TriangleTest>(&self, place: usize) -> Record {
-        match self.records.get(place) {
-            Some(record) => *record,
+        match self.records.get(place / LANES) {
+            Some(Records(rows)) => Record(rows.map(|row| row.map(|column| column[place % LANES]))),
             None => T::record(&self.blocks[place / LANES].triangle(place % LANES)),
         }
     }
@@ -101,7 +101,8 @@ struct EachTriangle<'a, L> {
 impl<I, L: Lanes<Array = [f32; LANES]>> Visitor<I> for EachTriangle<'_, L> {
     #[inline(always)]
     fn block(&mut self, block: usize, mut bound: f32) -> Option<f32> {
-        let spans = self.ray.spans(&self.tree.blocks[block], bound);
+        let tree = self.tree;
+        let spans = self.ray.spans(OfBlock { tree, block }, bound);
         let (entry, exit) = (spans.entry.store(), spans.exit.store());
         let mut lanes = spans.lanes;
         while lanes != 0 {

@@ -1,11 +1,13 @@
-//! Traversal by one ray, nearest child first, eight boxes at a time, and the watertight searches that use it.
+//! Traversal by one ray, nearest child first, eight boxes at a time, and the searches that use it.
 
-use crate::leaf::{Meetings, TriangleRay, slack};
+use crate::intersect::{Intersect, LaneTest, Touch};
+use crate::leaf::{Meetings, OfBlock, TriangleRay, slack};
 use crate::rays::OneRay;
-use crate::simd::{Eight, Isa, Lanes, each, prefetch};
+use crate::simd::{Eight, Isa, Lanes, Vector, each, prefetch};
 use crate::tree::{Block, LANES, Link, NOWHERE, Node, Planes, Wide, place};
 use bvh_build::MAX_DEPTH;
 use geom::Hit;
+use std::marker::PhantomData;
 
 /// A node or block still to visit: the bits of its entry distance, then those of its link. So a single comparison
 /// without a branch orders them by distance. Negative entries are in another order, but all are still visited.
@@ -218,21 +220,26 @@ fn nearest<L: Lanes<Array = [f32; LANES]>>(
 pub(crate) struct Placed {
     pub(crate) hit: Hit,
     pub(crate) place: u32,
+    /// Whether rounded arithmetic cannot tell.
+    pub(crate) is_open: bool,
 }
 
 /// The closest hit so far.
-struct Closest<'a, R: Lanes> {
-    blocks: &'a [Block],
+struct Closest<'a, R: Lanes, T> {
+    tree: &'a Wide,
     ray: &'a OneRay<'a, R>,
     best: Placed,
+    test: PhantomData<T>,
 }
 
-impl<I: Isa, R: Lanes> Visitor<I> for Closest<'_, R> {
+impl<I: Isa, R: Lanes, T: LaneTest> Visitor<I> for Closest<'_, R, T> {
     #[inline(always)]
-    fn block(&mut self, index: usize, bound: f32) -> Option<f32> {
-        let block = &self.blocks[index];
-        if let Some(met) = TriangleRay::<I::Eight>::single(self.ray).meet(block, bound) {
-            take_best(&mut self.best, (block, index), &met);
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let tree = self.tree;
+        let ray = TriangleRay::<I::Eight>::single(self.ray);
+        let best = I::Eight::splat(bound);
+        if let Some(met) = T::meet(&ray, &OfBlock { tree, block }, best) {
+            take_best(&mut self.best, (&tree.blocks[block], block), &met);
         }
         Some(self.best.hit.t)
     }
@@ -257,27 +264,33 @@ fn take_best<L: Lanes<Array = [f32; LANES]>>(
         };
         if hit.is_before(&best.hit) {
             let place = place(index, lane);
-            *best = Placed { hit, place };
+            *best = Placed {
+                hit,
+                place,
+                ..*best
+            };
         }
     }
 }
 
 /// Returns the closest hit, with `t` in scaled units. A miss has place [`NOWHERE`].
 #[inline(always)]
-pub(crate) fn closest<I: Isa>(
+pub(crate) fn closest<I: Isa, T: LaneTest>(
     tree: &Wide,
     ray: &OneRay<'_, impl Lanes>,
     stack: &mut Stack,
 ) -> Placed {
     let mut closest = Closest {
-        blocks: &tree.blocks,
+        tree,
         ray,
+        test: PhantomData::<T>,
         best: Placed {
             hit: Hit {
                 t: ray.t_max(),
                 ..Hit::MISS
             },
             place: NOWHERE,
+            is_open: false,
         },
     };
     let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
@@ -285,21 +298,24 @@ pub(crate) fn closest<I: Isa>(
     closest.best
 }
 
-/// Returns whether a ray hits any triangle except `skipped`. Visits the last child of each node first.
+/// Returns whether a ray, as the only lane, hits any triangle except `skipped`. Visits the last child of each node first.
 #[inline(always)]
-pub(crate) fn any<I: Isa>(
+pub(crate) fn any<I: Isa, T: Intersect>(
     tree: &Wide,
     ray: &OneRay<'_, impl Lanes>,
     skipped: u32,
     stack: &mut Stack,
-) -> bool {
+) -> Touch {
+    let mut open = 0;
     let (links, node_ray) = (&mut stack.links, NodeRay::<I::Eight>::new(ray, tree.spread));
     let (mut len, mut link, bound) = (0, Link::ROOT, ray.t_max());
     loop {
         if link.is_block() {
-            if hits::<I>(&tree.blocks[link.index()], ray, skipped) {
-                return true;
+            let touch = touch::<I, T>(tree, link.index(), ray, skipped);
+            if touch.hit != 0 {
+                return Touch { hit: 1, open: 0 };
             }
+            open |= u32::from(touch.open != 0);
         } else {
             let node = &tree.nodes[link.index()];
             let (lanes, _) = node_ray.meet(&node.planes, bound);
@@ -314,7 +330,7 @@ pub(crate) fn any<I: Isa>(
             }
         }
         if len == 0 {
-            return false;
+            return Touch { hit: 0, open };
         }
         len -= 1;
         link = links[len % DEEPEST];
@@ -323,17 +339,27 @@ pub(crate) fn any<I: Isa>(
     }
 }
 
-/// Returns whether a ray hits any triangle of a block except `skipped`.
+/// Returns the triangles of a block that a ray hits, except `skipped`.
 #[inline(always)]
-fn hits<I: Isa>(block: &Block, ray: &OneRay<'_, impl Lanes>, skipped: u32) -> bool {
-    let Some(met) = TriangleRay::<I::Eight>::single(ray).meet(block, ray.t_max()) else {
-        return false;
-    };
-    let mut others = 0;
-    for lane in 0..LANES {
-        others |= u32::from(block.triangles[lane] != skipped) << lane;
+fn touch<I: Isa, T: Intersect>(
+    tree: &Wide,
+    block: usize,
+    ray: &OneRay<'_, impl Lanes>,
+    skipped: u32,
+) -> Touch {
+    let ray = TriangleRay::<I::Eight>::single(ray);
+    let touch = T::touch(&ray, &OfBlock { tree, block });
+    if touch.hit | touch.open == 0 {
+        return touch;
     }
-    met.lanes & others != 0
+    let mut others = 0;
+    for (lane, &triangle) in tree.blocks[block].triangles.iter().enumerate() {
+        others |= u32::from(triangle != skipped) << lane;
+    }
+    Touch {
+        hit: touch.hit & others,
+        open: touch.open & others,
+    }
 }
 
 impl Node {

@@ -237,7 +237,9 @@ proptest! {
         let camera = Camera { eye: camera.eye.map(|x| x * size), ..camera };
         let rays: Vec<Ray> = camera.rays().collect();
         let rays = [Rays::List(&rays), Rays::Camera(&camera)];
-        check(&ball(size), Intersector::Watertight, &rays, light.map(|x| x * size))?;
+        for intersector in Intersector::ALL {
+            check(&ball(size), intersector, &rays, light.map(|x| x * size))?;
+        }
     }
 
     #[test]
@@ -254,7 +256,9 @@ proptest! {
             Ray { origin, t_min, t_max, ..ray }
         });
         let rays: Vec<Ray> = rays.collect();
-        check(&ball(1.0), Intersector::Watertight, &[Rays::List(&rays)], light)?;
+        for intersector in Intersector::ALL {
+            check(&ball(1.0), intersector, &[Rays::List(&rays)], light)?;
+        }
     }
 
     #[test]

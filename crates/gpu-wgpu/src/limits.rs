@@ -30,9 +30,9 @@ pub fn useful_features() -> Features {
         | LEAST_OF_64_BITS
 }
 
-/// Features that rasterization requires.
+/// Features that rasterization requires: a 64-bit atomic minimum that returns the former value.
 pub(crate) const LEAST_OF_64_BITS: Features =
-    Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_MIN_MAX);
+    Features::SHADER_INT64.union(Features::SHADER_INT64_ATOMIC_ALL_OPS);
 
 /// Returns the limits that an engine's device needs for `animation`, traced with up to `rays` rays at a time.
 ///

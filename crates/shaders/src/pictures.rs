@@ -1,7 +1,7 @@
 //! Selects packets or rasterization for pictures, where the device supports them and they are faster than single rays.
 
 use crate::{Counts, Params};
-use backend::{Intersector, Layout, Method};
+use backend::{Layout, Method};
 
 /// How the 32 invocations of a packet communicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,12 +60,6 @@ const MOST_PIXELS: u64 = 1 << 24;
 /// Minimum number of pixels that justifies the time for compiling five kernels.
 const LEAST_PIXELS_AT_ALL: u64 = 1 << 8;
 
-/// The method for which packets and rasterization have kernels.
-const METHOD: Method = Method {
-    intersector: Intersector::Watertight,
-    layout: Layout::Fast,
-};
-
 /// Returns the number of triangles and of pixels, from parameters with a camera.
 fn sizes(params: &Params) -> (u32, u64) {
     let pixels = u64::from(params.width) * u64::from(params.height);
@@ -75,7 +69,7 @@ fn sizes(params: &Params) -> (u32, u64) {
 /// Returns whether packets and rasterization have kernels for the scene. They widen everything by the size of the whole
 /// scene, which must not be far larger than most triangles.
 fn is_suited(method: Method, params: &Params) -> bool {
-    method == METHOD && params.spread == 0
+    method.layout == Layout::Fast && params.spread == 0
 }
 
 /// Returns whether packets are faster for parameters with a camera.
@@ -130,6 +124,7 @@ impl RasterBackoff {
 mod tests {
     use super::*;
     use crate::Shape;
+    use backend::Intersector;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -150,17 +145,16 @@ mod tests {
         }
     }
 
-    /// Methods with an intersector or layout that has no such kernels.
-    const OTHERS: [Method; 2] = [
-        Method {
-            intersector: Intersector::Exact,
-            ..METHOD
-        },
-        Method {
-            layout: Layout::Bvh2,
-            ..METHOD
-        },
-    ];
+    const METHOD: Method = Method {
+        intersector: Intersector::Exact,
+        layout: Layout::Fast,
+    };
+
+    /// With a layout that neither has kernels for.
+    const OTHER: Method = Method {
+        layout: Layout::Bvh2,
+        ..METHOD
+    };
 
     #[test]
     fn tiles_pay_where_a_picture_has_pixels_enough() {
@@ -169,7 +163,7 @@ mod tests {
         for how in [Packets::BySubgroups, Packets::ByGroups] {
             assert!(packets_pay(METHOD, &usual, how));
             assert!(!packets_pay(METHOD, &more, how));
-            assert!(OTHERS.iter().all(|&o| !packets_pay(o, &usual, how)));
+            assert!(!packets_pay(OTHER, &usual, how));
         }
         let no_wide_tree = Params {
             wide_root: 0,
@@ -204,7 +198,7 @@ mod tests {
         }
         let pays =
             |method| rasterization_pays(method, &params(1_600_000, large), Packets::BySubgroups);
-        assert!(pays(METHOD) && OTHERS.into_iter().all(|other| !pays(other)));
+        assert!(pays(METHOD) && !pays(OTHER));
     }
 
     #[test]

@@ -199,9 +199,7 @@ fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits
                     shadow: Some(search(method, params, rays, ["shadow_rays"; 2], SHADOWS)),
                     ..Trace::default()
                 },
-                Rays::Camera(camera) => pictures::by_packets(method, params, camera, traits)
-                    .or_else(|| pictures::by_rasterization(method, params, camera, traits))
-                    .unwrap_or_else(|| primary(together(method, params, rays))),
+                Rays::Camera(camera) => picture(method, params, camera, traits),
             }
         }
     }
@@ -212,18 +210,32 @@ fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
     search(method, params, rays, kernels, HITS)
 }
 
-/// Returns the dispatches that trace a camera's closest hits and their shadow rays with one kernel.
-///
-/// For `exact`, that kernel leaves hits and shadows open. Both are then resolved at once, while the shadow rays of all
-/// candidates are traced. The shadow rays that remain are traced at the end.
-fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+/// Returns the dispatches that trace a camera's closest hits and their shadow rays.
+fn picture(method: Method, params: Params, camera: &Camera, traits: Traits) -> Trace {
+    let rays = Rays::Camera(camera);
     let mut params = searching(params, rays);
     // Both lists of open rays are in use at once.
     params.destination = open_shadows_at(params.first.into()) as u32;
-    let all = Work::over(method, rays, params, ["trace_and_shadow_camera"; 2]);
-    if method.intersector != Intersector::Exact {
-        return vec![all];
+    let mut trace = pictures::by_packets(method, params, camera, traits)
+        .or_else(|| pictures::by_rasterization(method, params, camera, traits))
+        .unwrap_or_else(|| Trace {
+            primary: vec![Work::over(
+                method,
+                rays,
+                params,
+                ["trace_and_shadow_camera"; 2],
+            )],
+            ..Trace::default()
+        });
+    if method.intersector == Intersector::Exact {
+        trace.primary.extend(resolve_together(method, params, rays));
     }
+    trace
+}
+
+/// Returns the dispatches that resolve the hits and shadows that `exact` left open in a picture. Both are resolved at once, while
+/// the shadow rays of all candidates are traced. The shadow rays that remain are traced at the end.
+fn resolve_together(method: Method, params: Params, rays: Rays<'_>) -> [Work; 4] {
     let sharers = settlers(&params).div_ceil(64);
     let searchers = SEARCHERS.min(params.first);
     let open = |kernel, params, groups| over_open(method, rays, kernel, params, groups);
@@ -233,8 +245,7 @@ fn together(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
         ..params
     };
     let settle = Groups::Each(2 * sharers + ABREAST * searchers);
-    vec![
-        all,
+    [
         open("resolve_exact_together", shared, settle),
         finish(HITS[1]),
         open("shadow_left", params, Groups::Each(searchers)),

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::iter;
 use std::mem::{offset_of, size_of};
 
-const MOST_VARIANTS: usize = 85;
-const MOST_FORMS: usize = 133;
+const MOST_VARIANTS: usize = 106;
+const MOST_FORMS: usize = 168;
 
 fn all() -> impl Iterator<Item = &'static Kernel> {
     KERNELS.iter().chain(RAY_KERNELS)
@@ -44,7 +44,7 @@ fn no_two_variants_are_the_same() {
 
 /// Functions that a driver may fuse, with the number of additions, subtractions and multiplications in each and in the
 /// loose functions used with it.
-const LOOSE: [(&str, usize); 7] = [
+const LOOSE: [(&str, usize); 13] = [
     // geometry/ray.wgsl: two products and two sums of vectors.
     ("fn loose_planes(", 4),
     // geometry/ray.wgsl: differences from the origin, the padding, and two products and two sums of vectors.
@@ -55,10 +55,16 @@ const LOOSE: [(&str, usize); 7] = [
     ("fn loose_within(", 7),
     // intersect/filter.wgsl.
     ("fn loose_doubt(", 29),
-    // visibility/project.wgsl, and `loose_places` of visibility/outline.wgsl.
-    ("fn loose_pixel_span(", 46),
-    // All of visibility/outline.wgsl.
-    ("fn loose_stamp(", 36),
+    // visibility/project.wgsl.
+    ("fn loose_line(", 18),
+    ("fn loose_lines(", 19),
+    // visibility/outline.wgsl.
+    ("fn loose_pixel_span(", 2),
+    ("fn loose_places(", 7),
+    ("fn loose_first(", 2),
+    ("fn loose_last(", 3),
+    ("fn loose_edges(", 23),
+    ("fn loose_stamp(", 1),
 ];
 
 /// Returns the instructions of a module, each with the words after its first.

@@ -2,10 +2,9 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, SQUARE, apart, cameras, check_picture, laid, look, numbers, open_laid, positions,
-    see, swarm, tree_at,
+    SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, see, swarm, tree_at,
 };
-use backend::{Generation, Layout, Rays};
+use backend::{Generation, Intersector, Layout, Method, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use geom::{Animation, Point};
@@ -37,12 +36,30 @@ fn comb(animation: &Animation) -> Topology {
     record(animation.triangle_count(), &order, split)
 }
 
+/// Returns each intersector with treelets.
+fn methods() -> [Method; 4] {
+    Intersector::ALL.map(|intersector| Method {
+        intersector,
+        layout: Layout::Fast,
+    })
+}
+
+fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, method: Method) {
+    backend.load(Arc::clone(animation), method).unwrap();
+    let tree = tree_at(animation, 0.0);
+    backend.adopt(&tree, Generation(1)).unwrap();
+}
+
 pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
+    for method in methods() {
+        rays_together_find_the_same(backend, method);
+    }
+}
+
+fn rays_together_find_the_same(backend: &mut dyn Subject, method: Method) {
     let (moving, still) = ([(0.0, 1), (0.3, 2), (1.0, 3)], [(0.0, 1), (0.0, 2)]);
     for (animation, moments) in [(swarm(4000), &moving[..]), (layers(), &still[..])] {
-        backend
-            .load(Arc::clone(&animation), laid(Layout::Fast))
-            .unwrap();
+        backend.load(Arc::clone(&animation), method).unwrap();
         for &(time, generation) in moments {
             let tree = match generation {
                 2 => comb(&animation),
@@ -64,13 +81,21 @@ pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Sub
 const PIXELS: usize = 130 * 126;
 
 /// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
-/// them some. Two cover half of the picture.
-fn dust() -> Arc<Animation> {
+/// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
+fn dust_for(method: Method) -> Arc<Animation> {
+    match method.intersector {
+        Intersector::Watertight | Intersector::Exact => dust(0.02, 1.0),
+        Intersector::MollerTrumbore | Intersector::Woop => dust(0.005, 0.1),
+    }
+}
+
+/// Returns small triangles of one size, and two panes.
+fn dust(size: f32, pane: f32) -> Arc<Animation> {
     let mut number = numbers(5);
     let mut point = |size: f32| std::array::from_fn::<_, 3, _>(|_| size * number());
     let mut corners: Vec<Point> = Vec::new();
     for t in 0..4500 {
-        let (at, b, c) = (point(1.0), point(0.02), point(0.02));
+        let (at, b, c) = (point(1.0), point(size), point(size));
         let third = match t % 9 {
             1 => std::array::from_fn(|i| 3.0 * b[i]),
             2 => std::array::from_fn(|i| 12.0 * b[i] + 0.01 * c[i]),
@@ -83,14 +108,15 @@ fn dust() -> Arc<Animation> {
         }
     }
     for z in [0.3_f32, -0.9] {
-        corners.extend([[-1.0, -0.7, z], [1.0, -0.8, z], [0.1, 1.0, z]]);
+        let corner = |x: f32, y: f32| [pane * x, pane * y, z];
+        corners.extend([corner(-1.0, -0.7), corner(1.0, -0.8), corner(0.1, 1.0)]);
     }
     apart(vec![corners])
 }
 
 /// The triangles of [`dust`], and `count` further ones.
 fn dust_and(count: u32, triangle: impl FnMut(u32) -> [Point; 3]) -> Arc<Animation> {
-    let mut corners = positions(&dust(), 0.0);
+    let mut corners = positions(&dust(0.02, 1.0), 0.0);
     corners.extend((0..count).flat_map(triangle));
     apart(vec![corners])
 }
@@ -122,17 +148,27 @@ fn sheets(count: u32) -> Arc<Animation> {
 }
 
 /// Returns whether the last picture was rasterized only, according to the visibility buffer.
-fn told_all(backend: &mut dyn Subject) -> bool {
-    backend.words(BufferName::Visibility, 2 * PIXELS + 2)[2 * PIXELS..] == [u32::MAX; 2]
+fn told_all(backend: &mut dyn Subject, method: Method) -> bool {
+    let numbers = match method.intersector {
+        Intersector::Watertight => PIXELS,
+        _ => 2 * PIXELS,
+    };
+    backend.words(BufferName::Visibility, 2 * numbers + 2)[2 * numbers..] == [u32::MAX; 2]
 }
 
 pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
-    let dust = dust();
-    open_laid(backend, &dust, Layout::Fast);
+    for method in methods() {
+        triangles_find_their_rays(backend, method);
+    }
+}
+
+fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
+    let dust = dust_for(method);
+    open_by(backend, &dust, method);
     let before = backend.device_bytes().unwrap().tree;
     for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
-        assert!(told_all(backend), "{camera:?}");
+        assert!(told_all(backend, method), "{method:?}, {camera:?}");
     }
     // Tiles add no more memory to the tree than packets would, except for their list. The visibility buffer is
     // memory of frames.
@@ -144,7 +180,7 @@ pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) 
     assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
     // A refitted swarm that moves, with triangles that are inactive at times.
     let swarm = swarm(9000);
-    open_laid(backend, &swarm, Layout::Fast);
+    open_by(backend, &swarm, method);
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
@@ -152,27 +188,36 @@ pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) 
 }
 
 pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
+    for method in methods() {
+        each_ray_goes_by_itself(backend, method);
+    }
+}
+
+fn each_ray_goes_by_itself(backend: &mut dyn Subject, method: Method) {
     // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
     // tiles than fit in memory, and more large triangles than the list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(800), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
-        open_laid(backend, &animation, Layout::Fast);
+        open_by(backend, &animation, method);
         check_picture(backend, (&animation, 0.0), &cameras()[0]);
         let triangles = animation.triangle_count();
-        assert!(!told_all(backend), "{triangles} triangles");
+        assert!(
+            !told_all(backend, method),
+            "{method:?}, {triangles} triangles"
+        );
     }
     // Rasterization is retried after a while. This camera has fewer triangles to cover.
     let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
     let mut tried = (0..1000).map(|_| {
         see(backend, Rays::Camera(&away), SHADOWED);
-        told_all(backend)
+        told_all(backend, method)
     });
     assert_eq!(tried.position(|told| told), Some(63));
     drop(tried);
     // In another scene it is used at once.
-    let dust = dust();
-    open_laid(backend, &dust, Layout::Fast);
+    let dust = dust_for(method);
+    open_by(backend, &dust, method);
     check_picture(backend, (&dust, 0.0), &cameras()[0]);
-    assert!(told_all(backend));
+    assert!(told_all(backend, method));
 }

@@ -49,11 +49,11 @@ impl Seen {
 }
 
 /// Bound on the error of a sheared coordinate relative to the size of its terms, `9.5 * 2^-24`.
-const SHEAR: f32 = 9.5 / 16_777_216.0;
+pub const SHEAR: f32 = 9.5 / 16_777_216.0;
 /// Bound on the error of a depth relative to its size, `32 * 2^-24`.
-const DEPTH: f32 = 32.0 / 16_777_216.0;
+pub const DEPTH: f32 = 32.0 / 16_777_216.0;
 /// Bound on the error from flushing small numbers to zero, `2^-60`.
-const SMALL: f32 = f32::from_bits((127 - 60) << 23);
+pub const SMALL: f32 = f32::from_bits((127 - 60) << 23);
 
 impl<N: Tree> Search<N> for Exact {
     const EXTREMES: Option<Rule> = Some(Rule::Closed);
@@ -158,6 +158,11 @@ fn nearest<N: Tree>(asked: &Asked<'_, N>, t_max: f32, found: &mut Vec<Candidate>
             first(asked, crossings)?.0
         }
     };
+    report(asked, place, is_settled)
+}
+
+/// The hit of the triangle in a place, its numbers rounded once. Integers that round them are counted unless `is_settled`.
+fn report<N: Tree>(asked: &Asked<'_, N>, place: usize, is_settled: bool) -> Option<Hit> {
     let triangle = asked.tree.triangle(place)?;
     let (line, corners) = (asked.line(), asked.geometry.corners(triangle));
     let rounded = line.rounded_surely(&corners).or_else(|| {
@@ -166,6 +171,13 @@ fn nearest<N: Tree>(asked: &Asked<'_, N>, t_max: f32, found: &mut Vec<Candidate>
     });
     let RoundedHit { t, u, v } = rounded?;
     Some(Hit { t, u, v, triangle })
+}
+
+impl Exact {
+    /// The hit of the triangle in a place that the ray surely hits, its numbers rounded once.
+    pub fn sure_hit<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Hit> {
+        report(asked, place, false)
+    }
 }
 
 /// Returns the crossing with the least exact `t`, then the least triangle index.

@@ -6,7 +6,7 @@ mod watertight;
 mod woop;
 
 pub(crate) use exact::Candidate;
-pub use exact::Exact;
+pub use exact::{DEPTH, Exact, SHEAR, SMALL};
 pub use moller_trumbore::MollerTrumbore;
 pub use watertight::{Watertight, has_equal_signs};
 pub use woop::Woop;
@@ -49,7 +49,7 @@ use std::sync::atomic::AtomicU64;
 /// A preprocessed triangle: 48 bytes, three rows of four floats. Each test defines their meaning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
-pub struct Record(pub(crate) [[f32; 4]; 3]);
+pub struct Record(pub [[f32; 4]; 3]);
 
 /// Intersection of a ray with a triangle, before `t` is clamped to the triangle's box.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -38,16 +38,23 @@ impl TriangleTest for MollerTrumbore {
     fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
         let [a, e1, e2] = record.0.map(|row| Vec3A::from_vec4(row.into()));
         let p = ray.direction.cross(e2);
-        let inverse = 1.0 / e1.dot(p);
+        let inverse = 1.0 / dot(e1, p);
         let s = ray.origin - a;
-        let u = s.dot(p) * inverse;
+        let u = dot(s, p) * inverse;
         let q = s.cross(e1);
-        let v = ray.direction.dot(q) * inverse;
+        let v = dot(ray.direction, q) * inverse;
         // A determinant of zero makes u or v infinite or NaN, so the comparison fails.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| Meeting {
-            t: e2.dot(q) * inverse,
+            t: dot(e2, q) * inverse,
             u,
             v,
         })
     }
+}
+
+/// Adds up in a fixed order, as the vectors of `cpu-simd` do.
+#[inline(always)]
+fn dot(a: Vec3A, b: Vec3A) -> f32 {
+    let p = a * b;
+    (p.x + p.y) + p.z
 }

@@ -50,10 +50,17 @@ impl TriangleTest for Woop {
     #[inline(always)]
     fn meet(ray: &RayVectors, record: &Record) -> Option<Meeting> {
         let [to_u, to_v, to_height] = record.0.map(Vec4::from_array);
-        let t = -to_height.dot(ray.origin) / to_height.dot(ray.direction);
-        let u = to_u.dot(ray.origin) + t * to_u.dot(ray.direction);
-        let v = to_v.dot(ray.origin) + t * to_v.dot(ray.direction);
+        let t = -dot(to_height, ray.origin) / dot(to_height, ray.direction);
+        let u = dot(to_u, ray.origin) + t * dot(to_u, ray.direction);
+        let v = dot(to_v, ray.origin) + t * dot(to_v, ray.direction);
         // For a ray parallel to the plane, t is infinite or NaN, and so are u and v: no hit.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Meeting { t, u, v })
     }
+}
+
+/// Adds up in a fixed order, as the vectors of `cpu-simd` do.
+#[inline(always)]
+fn dot(a: Vec4, b: Vec4) -> f32 {
+    let p = a * b;
+    (p.x + p.z) + (p.y + p.w)
 }

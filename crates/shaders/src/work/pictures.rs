@@ -4,7 +4,7 @@
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
 use crate::{Params, Traits, common, kernel};
-use backend::Method;
+use backend::{Intersector, Method};
 use geom::{Camera, Point};
 use glam::DVec3;
 
@@ -57,8 +57,12 @@ pub(super) fn by_rasterization(
     let tiles = triangles + pixels / 4;
     let mut params = projected(seen, camera)?;
     params.notes = tiles;
-    // One more element holds whether rasterization was complete.
-    let pairs = pixels / 2 + 1;
+    let kept = match method.intersector {
+        Intersector::Watertight => 1,
+        _ => 2,
+    };
+    // One more element holds whether rasterization was complete. A row holds two elements.
+    let pairs = kept * pixels / 2 + 1;
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
@@ -73,7 +77,8 @@ pub(super) fn by_rasterization(
             },
             each(kernel("cover_large", method), SHARERS),
             each(rasterize, rasterizers),
-            over_blocks("resolve", method, params, [16, 8]),
+            // Here `notes` is the capacity for the notes of `exact`.
+            over_blocks("resolve", method, seen, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + tiles),
         visibility_bytes: 16 * u64::from(pairs),

@@ -1,6 +1,6 @@
 // Computes triangle records and leaf boxes from positions.
 
-import package::geometry::record::{keep_index, record_of};
+import package::geometry::record::{NO_TRIANGLE, keep_index, record_of};
 import package::geometry::layout::LEAF;
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
@@ -49,10 +49,10 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     if stands == SOUND {
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
-    } else if stands == DEGENERATE {
-        atomicAdd(&counts[1], 1u);
     } else {
-        atomicAdd(&counts[0], 1u);
+        // Rasterization comes to triangles by other ways than their boxes.
+        records[3u * leaf].w = NO_TRIANGLE;
+        atomicAdd(&counts[select(0u, 1u, stands == DEGENERATE)], 1u);
     }
     nodes[2u * node] = vec4<u32>(low, LEAF | leaf);
     nodes[2u * node + 1u] = vec4<u32>(high, 0u);

@@ -1,13 +1,27 @@
 // Triangle records, as rays read them and as `preprocess*` writes them.
 
+import package::geometry::triangle::points_of;
+import package::geometry::units::scaled_point;
 import package::lib::buffers::records;
 import package::lib::params::params;
 
-// Triangle index in a record that no ray can hit.
+// Triangle index in a record that no ray can hit. A record of `woop` has a NaN there.
 const NO_TRIANGLE: u32 = 0xffffffffu;
+
+// Returns whether no ray can hit a leaf's triangle.
+fn is_unhittable(leaf: u32) -> bool { return records[3u * leaf].w == NO_TRIANGLE; }
 
 struct Corners { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32 }
 
+// Returns the corners of a leaf's triangle, in scaled units.
+@if(WOOP)
+fn corners_of(leaf: u32) -> Corners {
+    let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
+    let p = points_of(triangle);
+    return Corners(scaled_point(p[0]), scaled_point(p[1]), scaled_point(p[2]), triangle);
+}
+
+@else
 fn corners_of(leaf: u32) -> Corners {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz);

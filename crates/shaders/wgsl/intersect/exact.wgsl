@@ -45,6 +45,27 @@ fn exact_intersect_leaf_closest(ray: Prepared, leaf: u32, found: ExactFound) -> 
     return ExactFound(j.high, j.low, min(found.other, found.low), leaf, with_note(found.notes, found.leaf));
 }
 
+// Rasterization: the hit of one triangle.
+
+// Returns the least distance at which a ray may hit a leaf's triangle, or infinity.
+fn exact_begin_of(ray: Prepared, leaf: u32) -> f32 {
+    set_view(ray);
+    let j = judge(ray, corners_of(leaf));
+    if !j.possible { return bitcast<f32>(0x7f800000u | params.zero); }
+    // Negative where the interval's beginning is rounded below 0.
+    return select(0.0, j.low, j.low > 0.0);
+}
+
+// Returns the hit of a leaf's triangle if it is sure.
+fn exact_hit_on(ray: Prepared, leaf: u32) -> ExactFound {
+    let nothing = exact_nothing_found(ray);
+    let j = judge(ray, corners_of(leaf));
+    if j.sure && j.high < nothing.bound { return ExactFound(j.high, j.low, NEVER, leaf, NO_NOTE); }
+    return nothing;
+}
+
+fn exact_is_found(found: ExactFound) -> bool { return found.leaf != NO_LEAF; }
+
 // Returns the hit to write for a ray, or the data for the kernel that resolves it.
 fn exact_hit_of(i: u32, ray: Prepared, found: ExactFound) -> vec4<u32> {
     if found.other < NEVER && found.other <= found.bound {

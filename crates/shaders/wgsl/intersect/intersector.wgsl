@@ -15,6 +15,9 @@ import package::traversal::traverse::find_any;
     exact_is_unresolved as is_unresolved,
     exact_ask_any as ask_any,
     exact_store_occluded as store_occluded,
+    exact_begin_of as begin_of,
+    exact_hit_on as hit_on,
+    exact_is_found as is_found,
 };
 
 @if(WATERTIGHT)
@@ -38,6 +41,9 @@ import package::traversal::traverse::find_any;
     textbook_hit_of as hit_of,
     textbook_is_unresolved as is_unresolved,
     textbook_inverse_for as inverse_for,
+    textbook_begin_of as begin_of,
+    textbook_hit_on as hit_on,
+    textbook_is_found as is_found,
 };
 
 @if(WATERTIGHT || EXACT)

@@ -1,9 +1,8 @@
 // The textbook intersectors `moller_trumbore` and `woop`.
 
 import package::geometry::ray::{MISS, Prepared, clamped, inverse_of, slab};
-import package::geometry::record::corners_of;
-import package::geometry::triangle::points_of;
-import package::geometry::units::{in_ray_units, scaled_point};
+import package::geometry::record::{Corners, corners_of};
+import package::geometry::units::in_ray_units;
 import package::lib::buffers::{counts, records};
 import package::lib::params::params;
 
@@ -16,9 +15,9 @@ struct Meeting { hit: bool, t: f32, u: f32, v: f32, triangle: u32 }
 
 const NO_MEETING: Meeting = Meeting(false, 0.0, 0.0, 0.0, 0xffffffffu);
 
-fn within_box(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, t: f32, u: f32, v: f32, triangle: u32) -> Meeting {
-    let own = slab(ray, ray.inverse, min(min(a, b), c), max(max(a, b), c));
-    return Meeting(own.x <= own.y, clamped(t, own), u, v, triangle);
+fn within_box(ray: Prepared, k: Corners, t: f32, u: f32, v: f32) -> Meeting {
+    let own = slab(ray, ray.inverse, min(min(k.a, k.b), k.c), max(max(k.a, k.b), k.c));
+    return Meeting(own.x <= own.y, clamped(t, own), u, v, k.triangle);
 }
 
 // Möller, Trumbore 1997, without culling and without its epsilon. It leaks near edges.
@@ -38,7 +37,7 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let v = dot(ray.direction, q) * inverse;
     // A determinant of zero makes u or v infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    return within_box(ray, k.a, k.b, k.c, dot(e2, q) * inverse, u, v, k.triangle);
+    return within_box(ray, k, dot(e2, q) * inverse, u, v);
 }
 
 // Woop 2004: an affine transform maps each triangle to the unit triangle. It leaks near edges.
@@ -56,10 +55,7 @@ fn meet_leaf(ray: Prepared, leaf: u32) -> Meeting {
     let v = fma(t, dot(to_v.xyz, ray.direction), dot(to_v, origin));
     // If the ray is parallel to the plane, t, u and v are infinite or NaN: no hit.
     if !(u >= 0.0 && v >= 0.0 && u + v <= 1.0) { return NO_MEETING; }
-    // After all rows: see geometry/record.wgsl.
-    let triangle = records[3u * ((params.node_count + 1u) / 2u) + leaf / 4u][leaf & 3u];
-    let p = points_of(triangle);
-    return within_box(ray, scaled_point(p[0]), scaled_point(p[1]), scaled_point(p[2]), t, u, v, triangle);
+    return within_box(ray, corners_of(leaf), t, u, v);
 }
 
 // Closest-hit search: the best hit so far.
@@ -90,6 +86,17 @@ fn textbook_hit_of(i: u32, ray: Prepared, best: TextbookFound) -> vec4<u32> {
 
 // No hit is left open.
 fn textbook_is_unresolved(hit: vec4<u32>) -> bool { return false; }
+
+// Rasterization: the hit of one triangle.
+
+// Returns the distance at which a ray hits a leaf's triangle, or infinity.
+fn textbook_begin_of(ray: Prepared, leaf: u32) -> f32 { return textbook_hit_on(ray, leaf).t; }
+
+fn textbook_hit_on(ray: Prepared, leaf: u32) -> TextbookFound {
+    return textbook_intersect_leaf_closest(ray, leaf, textbook_nothing_found(ray));
+}
+
+fn textbook_is_found(best: TextbookFound) -> bool { return best.triangle != 0xffffffffu; }
 
 // Any-hit search: returns whether the ray hits a leaf's triangle.
 

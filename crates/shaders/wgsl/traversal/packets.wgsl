@@ -1,12 +1,12 @@
 // Kernels that trace packets of rays.
 
-import package::geometry::light::{is_occluded, way_from};
 import package::geometry::queries::{camera_ray, eye, is_void_way, through_pixel};
-import package::geometry::ray::{MISS, Prepared, root_from};
-import package::intersect::intersector::{Found, hit_of, intersect_leaf_closest, limit, nothing_found, store_occluded};
-import package::lib::buffers::{covers, hits};
+import package::geometry::ray::{Prepared, root_from};
+import package::intersect::intersector::{Found, intersect_leaf_closest, limit, nothing_found};
+import package::lib::buffers::covers;
 import package::lib::lanes::{any_of_all, least_of_all, most_of_all, of_lane, transposed};
 import package::lib::params::params;
+import package::traversal::finish::{finish_miss, finish_ray};
 import package::visibility::outline::{BLOCK, BOUNDLESS};
 
 // A packet covers 8 x 4 pixels. Its rays, one per invocation, traverse the wide tree together: see docs/design/packets.md.
@@ -140,7 +140,7 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
     // Excludes most packets that see nothing, before their rays are generated.
     let root = lanes_of(params.wide_root, corner, FARTHEST_DEPTH, lane);
     if !any_of_all(root.place != DONE, lane) {
-        if is_there { write_packet_miss(i); }
+        if is_there { finish_miss(i); }
         return;
     }
     let direction = through_pixel(pixel);
@@ -148,22 +148,12 @@ fn trace_tile(packet: vec2<u32>, lane: u32) {
     let sought = is_there && !is_void_way(direction, origin);
     let ray = camera_ray(direction, origin, root_from(origin));
     let found = find_together(root, corner, lane, sought, ray);
-    if !is_there { return; }
-    let hit = hit_of(i, ray, found);
-    hits[i] = hit;
-    var is_dark = false;
-    if hit.w != 0xffffffffu { is_dark = is_occluded(way_from(found, hit, origin), hit.w); }
-    store_occluded(i, is_dark, 3u);
-}
-
-fn write_packet_miss(i: u32) {
-    hits[i] = MISS;
-    store_occluded(i, false, 3u);
+    if is_there { finish_ray(i, ray, found, origin); }
 }
 
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each workgroup is a packet.
 //
-// Variants: intersector(watertight), layout(fast), arithmetic.
+// Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(32)
 fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>) {
     trace_tile(group.xy, lane);
@@ -172,7 +162,7 @@ fn trace_packets(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_
 // Closest hits of a camera's rays and their shadow rays, packet by packet. Each subgroup of 32 is a packet, and a
 // workgroup has four.
 //
-// Variants: intersector(watertight), layout(fast), arithmetic.
+// Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(128)
 fn trace_packets_by_subgroups(@builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) packet: u32, @builtin(workgroup_id) group: vec3<u32>) {
     trace_tile(2u * group.xy + vec2<u32>(packet & 1u, packet >> 1u), lane);

@@ -1,12 +1,13 @@
 // Kernels that trace rays one by one.
 
-import package::geometry::light::{is_occluded, to_light, way_from};
+import package::geometry::light::{is_occluded, to_light};
 import package::geometry::queries::{camera_ray, eye, given_ray, is_void, misses_root, pixel_of, through_pixel};
 import package::geometry::ray::{MISS, root_from};
 import package::geometry::units::scaled_point;
-import package::intersect::intersector::{ask_any, hit_of, is_unresolved, store_occluded};
-import package::lib::buffers::{hits, occluded, rays};
+import package::intersect::intersector::{ask_any, hit_of, store_occluded};
+import package::lib::buffers::{hits, rays};
 import package::lib::params::{element, params};
+import package::traversal::finish::{finish_miss, finish_ray};
 import package::traversal::traverse::find_closest;
 
 // Closest hits of camera rays, which the kernel generates.
@@ -68,22 +69,11 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
     let origin = eye();
     let root = root_from(origin);
     if misses_root(direction, origin, root) {
-        hits[i] = MISS;
-        store_occluded(i, false, 3u);
+        finish_miss(i);
         return;
     }
     let ray = camera_ray(direction, origin, root);
-    let found = find_closest(ray);
-    let hit = hit_of(i, ray, found);
-    hits[i] = hit;
-    if is_unresolved(hit) {
-        // Candidate notes, for `resolve_exact_together`.
-        occluded[i] = hit.y;
-        return;
-    }
-    var dark = false;
-    if hit.w != 0xffffffffu { dark = is_occluded(way_from(found, hit, origin), hit.w); }
-    store_occluded(i, dark, 3u);
+    finish_ray(i, ray, find_closest(ray), origin);
 }
 
 // Shadow rays of the hits of explicit rays.

@@ -1,10 +1,9 @@
 // Rasterization, first step: writes the pixels that each triangle may cover, as tiles. See docs/design/visibility-buffer.md.
 
 import package::geometry::queries::eye;
-import package::geometry::ray::root_from;
 import package::lib::buffers::{counts, covers};
 import package::lib::params::{element, params};
-import package::visibility::outline::{Outline, loose_stamp, outline_of, without_edges};
+import package::visibility::outline::{Outline, cover_reach, loose_stamp, outline_of, without_edges};
 
 // The buffer `covers` during rasterization, in rows of 16 bytes. First one row per triangle that was too large for `cover_small`:
 // its leaf. Then the tiles: a leaf, the first of 8 x 4 pixels (column and row, 16 bits each), and a bit for each pixel that the
@@ -18,6 +17,12 @@ const TILE_COUNT: u32 = 12u;
 const LARGE_COUNT: u32 = 13u;
 const TEST_COUNT: u32 = 14u;
 const UNTOLD_AT: u32 = 15u;
+
+// Elements of the visibility buffer per pixel.
+@if(WATERTIGHT)
+const KEPT: u32 = 1u;
+@else
+const KEPT: u32 = 2u;
 
 // Storage of a workgroup's tiles, and the count of their tests.
 
@@ -87,13 +92,13 @@ fn keep_several(o: Outline, leaf: u32, first: u32) {
     }
 }
 
-// Variants: intersector(watertight), layout(fast).
+// Variants: intersector, layout(fast).
 @compute @workgroup_size(256)
 fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let leaf = element(id, groups, 256u);
     let origin = eye();
     var o = without_edges(vec2<i32>(0), vec2<i32>(-1));
-    if leaf < params.count { o = outline_of(leaf, origin, root_from(origin).reach); }
+    if leaf < params.count { o = outline_of(leaf, origin, cover_reach(origin)); }
     let own = own_of(o, leaf);
     let at = place_stamps(own.tiles, own.tests, local).own;
     if own.tiles == 0u || at + own.tiles > params.notes { return; }
@@ -108,7 +113,7 @@ const STRIDE: vec2<i32> = vec2<i32>(128, 32);
 // Writes the tiles of a large triangle that one of `sharers` workgroups is responsible for.
 fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     let origin = eye();
-    let o = outline_of(leaf, origin, root_from(origin).reach);
+    let o = outline_of(leaf, origin, cover_reach(origin));
     let parts = (o.last - o.first + STRIDE) / STRIDE;
     for (var k = first; k < parts.x * parts.y; k += sharers) {
         let corner = o.first + STRIDE * vec2<i32>(k % parts.x, k / parts.x) + vec2<i32>(8 * i32(local & 15u), 4 * i32(local >> 4u));
@@ -121,7 +126,7 @@ fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     }
 }
 
-// Variants: intersector(watertight), layout(fast).
+// Variants: intersector, layout(fast).
 @compute @workgroup_size(128)
 fn cover_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let count = atomicLoad(&counts[LARGE_COUNT]);

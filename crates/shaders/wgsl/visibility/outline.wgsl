@@ -1,7 +1,7 @@
 // Coverage of the picture by a triangle.
 
-import package::geometry::ray::{FARTHEST, least_of, most_of};
-import package::geometry::record::NO_TRIANGLE;
+import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
+import package::geometry::record::{corners_of, is_unhittable};
 import package::lib::buffers::records;
 import package::lib::params::params;
 
@@ -21,9 +21,19 @@ const BOUNDLESS: i32 = 0x20000000;
 
 // Projection of points to the picture, with error bounds.
 
-// DOUBT is 16 * 2^-24: the error of a picture coordinate relative to its terms. Beyond OUTER pixels, coverage is not computed.
+// The error of a picture coordinate relative to its terms: see docs/design/packets.md. 16 * 2^-24.
+@if(WATERTIGHT || EXACT)
 const DOUBT: f32 = 9.5367431640625e-7;
+
+// 36 * 2^-24.
+@else
+const DOUBT: f32 = 2.1457672119140625e-6;
+
+// Beyond this many pixels, coverage is not computed.
 const OUTER: f32 = 16384.0;
+
+// Returns D of the root, at least 2^-38. Compared with that, coordinates that count as zero are negligible.
+fn cover_reach(origin: vec3<f32>) -> f32 { return max(root_from(origin).reach, 3.637978807091713e-12); }
 
 fn size_of(v: vec3<f32>) -> f32 { return abs(v.x) + abs(v.y) + abs(v.z); }
 
@@ -68,6 +78,61 @@ fn are_beside(least_and_most: vec2<f32>, axis: vec3<f32>, size: u32, reach: f32)
     return reach < FARTHEST && (least_and_most.x > doubt || least_and_most.y < -doubt);
 }
 
+// Returns the nearest depth of something whose computed depth is `depth`; at least 0.
+fn begins_at(depth: f32, reach: f32) -> f32 {
+    let least = depth - DOUBT * reach * size_of(params.depth);
+    return select(0.0, least, least > 0.0);
+}
+
+// Returns the first and last pixel whose ray may pass between two coordinates.
+fn loose_pixel_span(least: f32, most: f32) -> u32 {
+    let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
+    let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
+    return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
+}
+
+// The part of the picture that a box covers: columns, rows, and the bits of its nearest depth.
+struct BoxCover { columns: u32, rows: u32, begin: u32 }
+
+const COVERS_NOTHING: BoxCover = BoxCover(NOWHERE, NOWHERE, 0u);
+
+// Projects a box by its corners, one pair along x at a time. `low` and `high` are relative to the eye.
+fn box_cover(low: vec3<f32>, high: vec3<f32>, reach: f32) -> BoxCover {
+    var nearest = 3.0e38;
+    var farthest = -3.0e38;
+    var least = vec2<f32>(3.0e38);
+    var most = vec2<f32>(-3.0e38);
+    var tells = reach < FARTHEST;
+    for (var k = 0u; k < 4u; k += 1u) {
+        let y = vec3<f32>(select(low.y, high.y, (k & 1u) != 0u));
+        let z = vec3<f32>(select(low.z, high.z, (k & 2u) != 0u));
+        let x = vec3<f32>(low.x, high.x, low.x);
+        let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
+        let inverse = 1.0 / depths;
+        let across = loose_places(params.column, x, y, z, inverse, reach);
+        let down = loose_places(params.row, x, y, z, inverse, reach);
+        tells = tells && is_near(across) && is_near(down);
+        nearest = min(nearest, least_of(depths));
+        farthest = max(farthest, most_of(depths));
+        least = min(least, vec2<f32>(least_of(across.at - across.doubt), least_of(down.at - down.doubt)));
+        most = max(most, vec2<f32>(most_of(across.at + across.doubt), most_of(down.at + down.doubt)));
+    }
+    if farthest < -too_near(reach) && reach < FARTHEST { return COVERS_NOTHING; }
+    let begin = bitcast<u32>(select(0.0, begins_at(nearest, reach), reach < FARTHEST));
+    if tells && nearest > too_near(reach) {
+        return BoxCover(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin);
+    }
+    let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, reach));
+    return BoxCover(all, all, begin);
+}
+
+// Projects the own box of a leaf's triangle. Textbook tests may accept any ray that meets this box.
+fn own_box_cover(leaf: u32, origin: vec3<f32>, reach: f32) -> BoxCover {
+    if is_unhittable(leaf) { return COVERS_NOTHING; }
+    let k = corners_of(leaf);
+    return box_cover(min(min(k.a, k.b), k.c) - origin, max(max(k.a, k.b), k.c) - origin, reach);
+}
+
 // A triangle's outline in the picture, slightly enlarged: see docs/design/visibility-buffer.md.
 
 // The rectangle of pixels is empty if `first` is after `last`. Each edge bounds every row of pixels: at `at` in the first row, plus
@@ -109,6 +174,16 @@ fn loose_edges(given: Outline, across: Places, down: Places) -> Outline {
     return o;
 }
 
+// Returns the rectangle of the triangle's own box.
+@if(MOLLER_TRUMBORE || WOOP)
+fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
+    let c = own_box_cover(leaf, origin, reach);
+    let pixels = vec2<u32>(c.columns, c.rows);
+    let last = min(vec2<i32>(pixels >> vec2<u32>(16u)), vec2<i32>(i32(params.width), i32(params.height)) - 1);
+    return without_edges(vec2<i32>(pixels & vec2<u32>(0xffffu)), last);
+}
+
+@else
 fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
@@ -116,7 +191,7 @@ fn outline_of(leaf: u32, origin: vec3<f32>, reach: f32) -> Outline {
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
     let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
-    if first.w == NO_TRIANGLE || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
+    if is_unhittable(leaf) || is_behind { return without_edges(vec2<i32>(0), vec2<i32>(-1)); }
     let inverse = 1.0 / depths;
     let across = loose_places(params.column, x, y, z, inverse, reach);
     let down = loose_places(params.row, x, y, z, inverse, reach);

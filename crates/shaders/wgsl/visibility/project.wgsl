@@ -1,21 +1,14 @@
 // Projects each triangle, and each box of the wide tree, to the pixels that it covers: see docs/design/packets.md.
 
 import package::geometry::queries::eye;
-import package::geometry::ray::{FARTHEST, least_of, most_of, root_from};
-import package::geometry::record::NO_TRIANGLE;
+import package::geometry::ray::{FARTHEST, least_of, most_of};
+import package::geometry::record::is_unhittable;
 import package::lib::buffers::{covers, nodes, records, topology};
 import package::lib::params::{element, params};
 import package::visibility::outline::{
-    BOUNDLESS, DOUBT, EVERYWHERE, NOWHERE, Places, is_box_beside, is_near, is_triangle_beside, loose_places,
-    size_of, too_near,
+    BOUNDLESS, COVERS_NOTHING, EVERYWHERE, NOWHERE, Places, begins_at, box_cover, cover_reach, is_near, is_triangle_beside,
+    loose_pixel_span, loose_places, own_box_cover, too_near,
 };
-
-// Returns the first and last pixel whose ray may pass between two coordinates.
-fn loose_pixel_span(least: f32, most: f32) -> u32 {
-    let first = clamp(ceil(least - params.pixel_margin), 0.0, 65535.0);
-    let last = clamp(floor(most + params.pixel_margin), -1.0, 65535.0);
-    return select(NOWHERE, u32(first) | (u32(last) << 16u), first <= last);
-}
 
 // A bound for every row of pixels, in 256ths of a pixel: `at` in row `first`, plus `slope` per row. Covered pixels begin after it
 // (side -1) or end before it (side 1). Side 0 is no bound.
@@ -79,12 +72,14 @@ fn write_triangle(leaf: u32, columns: u32, rows: u32, begin: f32, lines: RowBoun
     );
 }
 
-// Returns the nearest depth of something whose computed depth is `depth`; at least 0.
-fn begins_at(depth: f32, reach: f32) -> f32 {
-    let least = depth - DOUBT * reach * size_of(params.depth);
-    return select(0.0, least, least > 0.0);
+// Projects the own box, without edges.
+@if(MOLLER_TRUMBORE || WOOP)
+fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
+    let c = own_box_cover(leaf, origin, reach);
+    write_triangle(leaf, c.columns, c.rows, bitcast<f32>(c.begin), no_lines());
 }
 
+@else
 fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     let first = records[3u * leaf];
     let x = bitcast<vec3<f32>>(first.xyz) - origin.x;
@@ -92,7 +87,7 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     let z = bitcast<vec3<f32>>(records[3u * leaf + 2u].xyz) - origin.z;
     let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
     let is_behind = most_of(depths) < -too_near(reach) && reach < FARTHEST;
-    if first.w == NO_TRIANGLE || is_behind {
+    if is_unhittable(leaf) || is_behind {
         write_triangle(leaf, NOWHERE, NOWHERE, 0.0, no_lines());
         return;
     }
@@ -110,51 +105,24 @@ fn project_triangle(leaf: u32, origin: vec3<f32>, reach: f32) {
     write_triangle(leaf, columns, rows, begin, loose_lines(across, down, f32(rows & 0xffffu)));
 }
 
-// Projects a box by its corners, one pair along x at a time.
 fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
     let row = topology[params.wide_at + lane];
     let goal = topology[params.wide_at + params.wide_lanes + lane];
-    let low = bitcast<vec3<f32>>(nodes[row].xyz) - origin;
-    let high = bitcast<vec3<f32>>(nodes[row + 1u].xyz) - origin;
-    var nearest = 3.0e38;
-    var farthest = -3.0e38;
-    var least = vec2<f32>(3.0e38);
-    var most = vec2<f32>(-3.0e38);
-    var tells = reach < FARTHEST;
-    for (var k = 0u; k < 4u; k += 1u) {
-        let y = vec3<f32>(select(low.y, high.y, (k & 1u) != 0u));
-        let z = vec3<f32>(select(low.z, high.z, (k & 2u) != 0u));
-        let x = vec3<f32>(low.x, high.x, low.x);
-        let depths = params.depth.x * x + params.depth.y * y + params.depth.z * z;
-        let inverse = 1.0 / depths;
-        let across = loose_places(params.column, x, y, z, inverse, reach);
-        let down = loose_places(params.row, x, y, z, inverse, reach);
-        tells = tells && is_near(across) && is_near(down);
-        nearest = min(nearest, least_of(depths));
-        farthest = max(farthest, most_of(depths));
-        least = min(least, vec2<f32>(least_of(across.at - across.doubt), least_of(down.at - down.doubt)));
-        most = max(most, vec2<f32>(most_of(across.at + across.doubt), most_of(down.at + down.doubt)));
-    }
-    // The subtree may contain no triangle that a ray can hit.
-    let is_empty = !(bitcast<f32>(nodes[row].x) <= bitcast<f32>(nodes[row + 1u].x));
-    let begin = bitcast<u32>(select(0.0, begins_at(nearest, reach), reach < FARTHEST));
-    if is_empty || (farthest < -too_near(reach) && reach < FARTHEST) {
-        covers[lane] = vec4<u32>(NOWHERE, NOWHERE, 0u, goal);
-    } else if tells && nearest > too_near(reach) {
-        covers[lane] = vec4<u32>(loose_pixel_span(least.x, most.x), loose_pixel_span(least.y, most.y), begin, goal);
-    } else {
-        let all = select(EVERYWHERE, NOWHERE, is_box_beside(low, high, reach));
-        covers[lane] = vec4<u32>(all, all, begin, goal);
-    }
+    let low = bitcast<vec3<f32>>(nodes[row].xyz);
+    let high = bitcast<vec3<f32>>(nodes[row + 1u].xyz);
+    var c = COVERS_NOTHING;
+    // An empty subtree contains no triangle that a ray can hit.
+    if low.x <= high.x { c = box_cover(low - origin, high - origin, reach); }
+    covers[lane] = vec4<u32>(c.columns, c.rows, c.begin, goal);
 }
 
-// Variants: intersector(watertight), layout(fast).
+// Variants: intersector, layout(fast).
 @compute @workgroup_size(128)
 fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
     if i >= params.count { return; }
     let origin = eye();
-    let reach = root_from(origin).reach;
+    let reach = cover_reach(origin);
     if i < params.wide_lanes {
         project_lane(i, origin, reach);
     } else {

@@ -2,15 +2,17 @@
 
 import package::geometry::queries::{camera_ray, eye, through_pixel};
 import package::geometry::ray::{Root, root_from};
+@if(!WATERTIGHT)
+import package::intersect::intersector::begin_of;
 import package::intersect::sheared::{edges_of, turned_corners};
 import package::intersect::watertight::{distance_to, surely_passes};
 import package::lib::buffers::{counts, covers};
 import package::lib::lanes::{count_up_to, of_lane, sum_up_to};
 import package::lib::params::{element, params};
-import package::visibility::cover::{LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
+import package::visibility::cover::{KEPT, LARGE_COUNT, LISTED, TEST_COUNT, TILE_COUNT, UNTOLD_AT};
 
-// Per pixel: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. A last element is all ones
-// if rasterization was complete.
+// Per pixel with `watertight`: t of the first hit as bits, above the index of its triangle; all ones if nothing is hit. The other
+// intersectors keep the least two t of each pixel, each above its leaf. A last element is all ones if rasterization was complete.
 @if(clear_visibility)
 @group(0) @binding(next) var<storage, read_write> visibility: array<vec4<u32>>;
 @else
@@ -44,6 +46,7 @@ fn nth_bit(bits: u32, n: u32) -> u32 {
 }
 
 // Tests a pixel's ray and keeps its hit if it precedes the best one by t, then by index.
+@if(WATERTIGHT)
 fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     let ray = camera_ray(through_pixel(pixel), eye(), root);
     let corners = turned_corners(ray, leaf);
@@ -53,6 +56,19 @@ fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
     if !(t > ray.t_min && t < ray.t_max) { return; }
     let key = (u64(bitcast<u32>(t)) << 32u) | u64(corners.triangle);
     atomicMin(&visibility[pixel.y * params.width + pixel.x], key);
+}
+
+// Tests a pixel's ray and keeps its hit if it is one of the first two. Each atomic minimum passes the greater of both elements on to
+// the second place. So every element but the least arrives there.
+@else
+fn try_pixel(leaf: u32, pixel: vec2<u32>, root: Root) {
+    let ray = camera_ray(through_pixel(pixel), eye(), root);
+    let begin = begin_of(ray, leaf);
+    if !(begin < ray.t_max) { return; }
+    let key = (u64(bitcast<u32>(begin)) << 32u) | u64(leaf);
+    let at = 2u * (pixel.y * params.width + pixel.x);
+    let later = max(key, atomicMin(&visibility[at], key));
+    if (later >> 32u) != u64(0xffffffffu) { atomicMin(&visibility[at + 1u], later); }
 }
 
 fn test_tiles(s: vec4<u32>, root: Root, lane: u32) {
@@ -94,7 +110,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
         stamp_count = select(0u, tiles, tells);
         if !tells && group == 0u {
             atomicStore(&counts[UNTOLD_AT], 1u);
-            atomicMin(&visibility[pixels], u64(0u));
+            atomicMin(&visibility[KEPT * pixels], u64(0u));
         }
     }
     return workgroupUniformLoad(&stamp_count);
@@ -102,7 +118,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
 
 // First hits, triangle by triangle. Each workgroup is a team.
 //
-// Variants: intersector(watertight), layout(fast), arithmetic.
+// Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(32)
 fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
@@ -110,7 +126,7 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
 
 // First hits, triangle by triangle. Each subgroup is a team.
 //
-// Variants: intersector(watertight), layout(fast), arithmetic.
+// Variants: intersector, layout(fast), arithmetic.
 @compute @workgroup_size(128)
 fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);

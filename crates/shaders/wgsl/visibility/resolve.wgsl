@@ -3,34 +3,26 @@
 import package::geometry::layout::NO_LEAF;
 import package::geometry::light::{from_triangle, is_occluded, scaled};
 import package::geometry::queries::{camera_ray, eye, is_void_way, pixel_of, through_pixel};
-import package::geometry::ray::{MISS, Prepared, permute, root_from};
+import package::geometry::ray::{Prepared, permute, root_from};
 import package::geometry::units::in_ray_units;
+@if(WATERTIGHT)
 import package::intersect::intersector::store_occluded;
+@if(!WATERTIGHT)
+import package::intersect::intersector::{hit_on, is_found, limit, nothing_found};
 import package::intersect::sheared::{Turned, crossing, edges_of, turned_corners};
 import package::intersect::watertight::distance_to;
 import package::lib::buffers::{counts, hits, triangles};
 import package::lib::ieee::{divide_by, divisor};
 import package::lib::params::params;
+import package::traversal::finish::{finish_miss, finish_ray};
 import package::traversal::traverse::find_closest;
+import package::visibility::cover::KEPT;
 
 @group(0) @binding(next) var<storage, read> visibility: array<vec2<u32>>;
 
 // Writes each pixel's hit from the visibility buffer, and traces its shadow ray: see docs/design/visibility-buffer.md. If the
 // buffer is incomplete, each ray traverses the tree, as in `trace_and_shadow_camera`.
 const NOT_SEEN: vec2<u32> = vec2<u32>(0xffffffffu);
-
-fn write_miss(i: u32) {
-    hits[i] = MISS;
-    store_occluded(i, false, 3u);
-}
-
-// Traverses the tree. Returns the result in the format of the visibility buffer.
-fn search(i: u32, ray: Prepared) -> vec2<u32> {
-    let found = find_closest(ray);
-    if found.leaf == NO_LEAF { return NOT_SEEN; }
-    let corners = turned_corners(ray, found.leaf);
-    return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
-}
 
 fn turn(ray: Prepared, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, triangle: u32) -> Turned {
     let p = permute(a, ray.axis);
@@ -47,24 +39,22 @@ fn hit_at(ray: Prepared, corners: Turned, t: u32) -> vec4<u32> {
     return vec4<u32>(in_ray_units(bitcast<f32>(t), ray.exponent), bitcast<vec2<u32>>(weights), corners.triangle);
 }
 
-// Variants: intersector(watertight), layout(fast), arithmetic.
-@compute @workgroup_size(128)
-fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
-    let pixel = pixel_of(local, group);
-    if pixel.x >= params.width || pixel.y >= params.height { return; }
-    let i = pixel.y * params.width + pixel.x;
+// Traverses the tree. Returns the result in the format of the visibility buffer.
+@if(WATERTIGHT)
+fn search(i: u32, ray: Prepared) -> vec2<u32> {
+    let found = find_closest(ray);
+    if found.leaf == NO_LEAF { return NOT_SEEN; }
+    let corners = turned_corners(ray, found.leaf);
+    return vec2<u32>(corners.triangle, bitcast<u32>(distance_to(ray, corners, edges_of(ray, corners))));
+}
+
+// Writes the hit and the shadow of ray `i`.
+@if(WATERTIGHT)
+fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     var seen = visibility[i];
-    let tells = visibility[params.width * params.height].y == NOT_SEEN.y;
-    let direction = through_pixel(pixel);
-    let origin = eye();
-    if (tells && seen.y == NOT_SEEN.y) || is_void_way(direction, origin) {
-        write_miss(i);
-        return;
-    }
-    let ray = camera_ray(direction, origin, root_from(origin));
     if !tells { seen = search(i, ray); }
     if seen.y == NOT_SEEN.y {
-        write_miss(i);
+        finish_miss(i);
         return;
     }
     atomicAdd(&counts[2], 1u);
@@ -75,4 +65,33 @@ fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) g
     let hit = hit_at(ray, turn(ray, a, b, c, triangle), seen.y);
     hits[i] = hit;
     store_occluded(i, is_occluded(from_triangle(a, b, c, hit, origin), triangle), 3u);
+}
+
+// Writes the hit and the shadow of ray `i`. The first leaf has the hit if that is sure and ends before all others begin.
+@else
+fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
+    var found = nothing_found(ray);
+    var is_first = false;
+    if tells {
+        found = hit_on(ray, visibility[2u * i].x);
+        is_first = is_found(found) && bitcast<u32>(limit(found)) < visibility[2u * i + 1u].y;
+    }
+    if !is_first { found = find_closest(ray); }
+    finish_ray(i, ray, found, origin);
+}
+
+// Variants: intersector, layout(fast), arithmetic.
+@compute @workgroup_size(128)
+fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
+    let pixel = pixel_of(local, group);
+    if pixel.x >= params.width || pixel.y >= params.height { return; }
+    let i = pixel.y * params.width + pixel.x;
+    let tells = visibility[KEPT * params.width * params.height].y == NOT_SEEN.y;
+    let direction = through_pixel(pixel);
+    let origin = eye();
+    if (tells && visibility[KEPT * i].y == NOT_SEEN.y) || is_void_way(direction, origin) {
+        finish_miss(i);
+        return;
+    }
+    resolve_pixel(i, camera_ray(direction, origin, root_from(origin)), tells, origin);
 }

@@ -1,0 +1,282 @@
+//! The filter of intersector `exact` in lanes: "Filter" in `docs/design/hits.md`.
+//!
+//! A ray whose hit is not sure is left to the reference.
+
+use crate::intersect::{Intersect, Touch};
+use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
+use crate::packet::{self, Packet, Patient, within_reach};
+use crate::rays::{MOST_RAYS, OneRay};
+use crate::simd::{Halves, Isa, Lanes, Vector};
+use crate::tree::{LANES, NOWHERE, Wide, place};
+use crate::walk::{NodeRay, Placed, Stack, Visitor, walk};
+use cpu_ref::intersect::{DEPTH, Exact, SHEAR, SMALL};
+use cpu_ref::scale::LEAST;
+use geom::Hit;
+
+impl Intersect for Exact {
+    const IS_EXACT: bool = true;
+    type Reference = Self;
+
+    #[inline(always)]
+    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch {
+        match judge(ray, triangles, ray.t_max) {
+            Some(judged) => Touch {
+                hit: judged.sure,
+                open: judged.possible & !judged.sure,
+            },
+            None => Touch::NOTHING,
+        }
+    }
+
+    #[inline(always)]
+    fn closest_alone<I: Isa>(
+        tree: &Wide,
+        ray: &OneRay<'_, impl Lanes>,
+        stack: &mut Stack,
+    ) -> Placed {
+        let mut closest = Alone {
+            tree,
+            ray,
+            bound: ray.t_max(),
+            low: NEVER,
+            other: NEVER,
+            place: NOWHERE,
+        };
+        let node_ray = NodeRay::<I::Eight>::new(ray, tree.spread);
+        walk::<I>(tree, (&node_ray, ray.t_max()), stack, &mut closest);
+        Placed {
+            hit: Hit::MISS,
+            place: closest.place,
+            is_open: closest.other < NEVER && closest.other <= closest.bound,
+        }
+    }
+
+    #[inline(always)]
+    fn closest_together<I: Isa>(
+        tree: &Wide,
+        packet: &Packet<I::Packet, I::Planes>,
+        stack: &mut Stack,
+    ) -> Option<packet::Found<I::Packet>> {
+        let never = I::Packet::splat(NEVER);
+        let mut closest = Together {
+            tree,
+            packet,
+            bound: packet.t_max,
+            low: never,
+            other: never,
+            places: [NOWHERE; MOST_RAYS],
+            placed: 0,
+            patience: Patient::FULL,
+        };
+        let rays = (&packet.bundle, packet.bound);
+        let gave_up = walk::<I>(tree, rays, stack, &mut closest);
+        let zero = I::Packet::splat(0.0);
+        let other = closest.other;
+        let open = I::Packet::both(other.less(never), other.at_most(closest.bound));
+        (!gave_up).then_some(packet::Found {
+            t: closest.bound,
+            u: zero,
+            v: zero,
+            places: closest.places,
+            open: I::Packet::bits(open),
+        })
+    }
+}
+
+/// No interval begins so late.
+const NEVER: f32 = f32::MAX;
+
+/// Triangles that may be hit, and where their exact `t` lies if they are.
+struct Judged<L> {
+    /// Lanes that are no sure miss.
+    possible: u32,
+    /// Lanes that are surely hit, within the ray's limits.
+    sure: u32,
+    low: L,
+    high: L,
+}
+
+/// Tests triangles whose boxes are entered no later than `best`, as the reference's `judge` does.
+#[inline(always)]
+fn judge<L: Lanes>(
+    ray: &TriangleRay<L>,
+    triangles: &impl Triangles<L>,
+    best: L,
+) -> Option<Judged<L>> {
+    let corners = ray.relative(triangles);
+    let [x, y, along] = ray.sheared(&corners);
+    let edges = edges(&x, &y);
+    let wide = largest(&x).max(largest(&y));
+    let deepest = largest(&along);
+    let slack = L::splat(SHEAR).mul(wide.add(L::splat(2.0).mul(deepest)));
+    let slack = slack.add(L::splat(SMALL));
+    let doubt = slack.mul(L::splat(4.0).mul(wide).add(L::splat(2.0).mul(slack)));
+    let [u, v, w] = edges;
+    let (least, most) = (u.min(v).min(w), u.max(v).max(w));
+    let missed = L::bits(L::both(least.less(doubt.neg()), doubt.less(most)));
+    let possible = L::ALL & !missed;
+    if possible == 0 {
+        return None;
+    }
+    let spans = ray.spans_of(&corners, best);
+    let possible = possible & spans.lanes;
+    if possible == 0 {
+        return None;
+    }
+    // An edge function that is not a number shows in the sum.
+    let sum = u.abs().add(v.abs()).add(w.abs());
+    let inside = L::either(doubt.less(least), most.less(doubt.neg()));
+    let certain = L::both(inside, sum.less(L::splat(f32::INFINITY)));
+    let depths = ray.depths(&along);
+    let [t, _, _] = solve(&edges, &depths);
+    let four = L::splat(4.0).mul(doubt);
+    let least_det = u.add(v).add(w).abs().sub(four);
+    let size = largest(&depths);
+    let spread = greatest(&depths).sub(least_of(&depths));
+    let small = L::splat(LEAST).mul(L::splat(1.0).add(size));
+    let of_weights = L::splat(3.0)
+        .mul(doubt.mul(spread).add(small))
+        .div(least_det);
+    let error = of_weights
+        .add(L::splat(DEPTH).mul(size))
+        .add(L::splat(SMALL));
+    let (near, far) = (t.sub(error).max(spans.entry), t.add(error).min(spans.exit));
+    let tells = L::both(L::both(certain, four.less(least_det)), near.at_most(far));
+    let low = spans.entry.replace(tells, near);
+    let high = spans.exit.replace(tells, far);
+    let [after, before] = sure_limits(ray);
+    let within = L::both(after.less(low), high.less(before));
+    Some(Judged {
+        possible,
+        sure: possible & L::bits(L::both(certain, within)),
+        low,
+        high,
+    })
+}
+
+/// A `t` strictly between these rounds to one within the ray's limits: `PreparedRay::sure_limits`.
+#[inline(always)]
+fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
+    // 2^-125 and 2^127 in the ray's own units; of the former, no less than 2^-99.
+    let small = L::splat(f32::MIN_POSITIVE * 2.0).div(ray.back);
+    let small = small.max(L::splat(2.0 * LEAST));
+    let large = L::splat(f32::from_bits(254 << 23)).div(ray.back);
+    let after = ray.t_min.replace(ray.t_min.abs().less(small), small);
+    let before = ray.t_max.replace(ray.t_max.abs().less(small), small.neg());
+    [after.max(large.neg()), before.min(large)]
+}
+
+#[inline(always)]
+fn largest<L: Lanes>([a, b, c]: &[L; 3]) -> L {
+    a.abs().max(b.abs()).max(c.abs())
+}
+
+#[inline(always)]
+fn greatest<L: Lanes>([a, b, c]: &[L; 3]) -> L {
+    a.max(*b).max(*c)
+}
+
+#[inline(always)]
+fn least_of<L: Lanes>([a, b, c]: &[L; 3]) -> L {
+    a.min(*b).min(*c)
+}
+
+/// The closest hit of one ray so far.
+struct Alone<'a, R: Lanes> {
+    tree: &'a Wide,
+    ray: &'a OneRay<'a, R>,
+    /// The least upper end of the intervals of sure hits.
+    bound: f32,
+    /// The lower end of that interval.
+    low: f32,
+    /// Where the first interval of all other candidates begins.
+    other: f32,
+    /// The triangle whose interval ends at `bound`.
+    place: u32,
+}
+
+impl<I: Isa, R: Lanes> Visitor<I> for Alone<'_, R> {
+    #[inline(always)]
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let tree = self.tree;
+        let ray = TriangleRay::<I::Eight>::single(self.ray);
+        let Some(judged) = judge(&ray, &OfBlock { tree, block }, I::Eight::splat(bound)) else {
+            return Some(bound);
+        };
+        let (low, high) = (judged.low.store(), judged.high.store());
+        let mut lanes = judged.possible;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let (low, high) = (low[lane], high[lane]);
+            if low > self.bound {
+                continue;
+            }
+            if judged.sure >> lane & 1 == 0 || high >= self.bound {
+                self.other = self.other.min(low);
+                continue;
+            }
+            if self.place != NOWHERE && self.low <= high {
+                self.other = self.other.min(self.low);
+            }
+            (self.bound, self.low) = (high, low);
+            self.place = place(block, lane);
+        }
+        Some(self.bound)
+    }
+}
+
+/// The closest hits of a packet so far, one a lane; fields as in [`Alone`].
+struct Together<'a, L: Lanes, P> {
+    tree: &'a Wide,
+    packet: &'a Packet<L, P>,
+    bound: L,
+    low: L,
+    other: L,
+    places: [u32; MOST_RAYS],
+    /// Lanes that have a place.
+    placed: u32,
+    patience: Patient,
+}
+
+impl<I, L: Lanes, P: Halves> Visitor<I> for Together<'_, L, P> {
+    #[inline(always)]
+    fn block(&mut self, block: usize, bound: f32) -> Option<f32> {
+        let tree = self.tree;
+        let mut lanes = within_reach(&tree.blocks[block], &self.packet.bundle, bound);
+        self.patience.spend(lanes.count_ones())?;
+        let mut changed = false;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            changed |= self.triangle(OfLane { tree, block, lane });
+        }
+        if changed {
+            return Some(self.bound.mul(self.packet.level).most());
+        }
+        Some(bound)
+    }
+}
+
+impl<L: Lanes, P> Together<'_, L, P> {
+    /// Returns whether a bound has changed.
+    #[inline(always)]
+    fn triangle(&mut self, triangle: OfLane<'_>) -> bool {
+        let Some(judged) = judge(&self.packet.rays, &triangle, self.bound) else {
+            return false;
+        };
+        let (low, high) = (judged.low, judged.high);
+        let counts = judged.possible & L::bits(low.at_most(self.bound));
+        let better = counts & judged.sure & L::bits(high.less(self.bound));
+        let as_near = better & self.placed & L::bits(self.low.at_most(high));
+        let begins = self.low.replace(L::mask(counts & !better), low);
+        let others = L::mask((counts & !better) | as_near);
+        self.other = self.other.replace(others, self.other.min(begins));
+        let mask = L::mask(better);
+        self.bound = self.bound.replace(mask, high);
+        self.low = self.low.replace(mask, low);
+        L::put(&mut self.places, mask, place(triangle.block, triangle.lane));
+        self.placed |= better;
+        better != 0
+    }
+}

@@ -1,0 +1,193 @@
+//! Intersectors in lanes: each gives the bits of the reference's.
+
+use crate::leaf::{Meetings, TriangleRay, Triangles};
+use crate::packet::{self, Packet};
+use crate::rays::OneRay;
+use crate::simd::{Isa, Lanes, each};
+use crate::tree::Wide;
+use crate::walk::{self, Placed, Stack};
+use cpu_ref::intersect::{MollerTrumbore, Search, Watertight, Woop};
+
+/// An intersector as the tracer of the wide tree sees it. All functions must be `#[inline(always)]`.
+pub(crate) trait Intersect: Sync {
+    /// Whether hits are found only up to rounding, so that they have to be reported by the reference.
+    const IS_EXACT: bool;
+    /// The same intersector for one ray and one triangle.
+    type Reference: for<'a> Search<&'a Wide>;
+
+    /// Which lanes hit, within the ray's limits.
+    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch;
+
+    /// The closest hit of one ray, its `t` in scaled units.
+    fn closest_alone<I: Isa>(
+        tree: &Wide,
+        ray: &OneRay<'_, impl Lanes>,
+        stack: &mut Stack,
+    ) -> Placed;
+
+    /// The closest hits of a packet; `None` if its rays go better one by one.
+    fn closest_together<I: Isa>(
+        tree: &Wide,
+        packet: &Packet<I::Packet, I::Planes>,
+        stack: &mut Stack,
+    ) -> Option<packet::Found<I::Packet>>;
+}
+
+/// Lanes that surely hit, and lanes of which rounded arithmetic cannot tell.
+#[derive(Clone, Copy)]
+pub(crate) struct Touch {
+    pub(crate) hit: u32,
+    pub(crate) open: u32,
+}
+
+impl Touch {
+    pub(crate) const NOTHING: Self = Self { hit: 0, open: 0 };
+}
+
+/// A test whose hits are those reported.
+pub(crate) trait LaneTest: Sync {
+    /// Where rays meet triangles, `t` clamped and no later than `best`. Must be `#[inline(always)]`.
+    fn meet<L: Lanes>(
+        ray: &TriangleRay<L>,
+        triangles: &impl Triangles<L>,
+        best: L,
+    ) -> Option<Meetings<L>>;
+}
+
+impl<T: LaneTest + for<'a> Search<&'a Wide>> Intersect for T {
+    const IS_EXACT: bool = false;
+    type Reference = T;
+
+    #[inline(always)]
+    fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch {
+        match T::meet(ray, triangles, ray.t_max) {
+            Some(met) => Touch {
+                hit: met.lanes,
+                open: 0,
+            },
+            None => Touch::NOTHING,
+        }
+    }
+
+    #[inline(always)]
+    fn closest_alone<I: Isa>(
+        tree: &Wide,
+        ray: &OneRay<'_, impl Lanes>,
+        stack: &mut Stack,
+    ) -> Placed {
+        walk::closest::<I, T>(tree, ray, stack)
+    }
+
+    #[inline(always)]
+    fn closest_together<I: Isa>(
+        tree: &Wide,
+        packet: &Packet<I::Packet, I::Planes>,
+        stack: &mut Stack,
+    ) -> Option<packet::Found<I::Packet>> {
+        packet::closest::<I, T>(tree, packet, stack)
+    }
+}
+
+impl LaneTest for Watertight {
+    #[inline(always)]
+    fn meet<L: Lanes>(
+        ray: &TriangleRay<L>,
+        triangles: &impl Triangles<L>,
+        best: L,
+    ) -> Option<Meetings<L>> {
+        ray.meet_watertight(triangles, best)
+    }
+}
+
+impl LaneTest for MollerTrumbore {
+    #[inline(always)]
+    fn meet<L: Lanes>(
+        ray: &TriangleRay<L>,
+        triangles: &impl Triangles<L>,
+        best: L,
+    ) -> Option<Meetings<L>> {
+        let [a, b, c] = each!(c => each!(i => triangles.corner(i, c)));
+        let (e1, e2) = (each!(i => b[i].sub(a[i])), each!(i => c[i].sub(a[i])));
+        let p = cross(&ray.direction, &e2);
+        let inverse = L::splat(1.0).div(dot(&e1, &p));
+        let s = each!(i => ray.start[i].sub(a[i]));
+        let u = dot(&s, &p).mul(inverse);
+        let q = cross(&s, &e1);
+        let v = dot(&ray.direction, &q).mul(inverse);
+        let t = dot(&e2, &q).mul(inverse);
+        meet_textbook(ray, triangles, [t, u, v], best)
+    }
+}
+
+impl LaneTest for Woop {
+    #[inline(always)]
+    fn meet<L: Lanes>(
+        ray: &TriangleRay<L>,
+        triangles: &impl Triangles<L>,
+        best: L,
+    ) -> Option<Meetings<L>> {
+        let [to_u, to_v, to_height] = each!(row => Row {
+            vector: each!(i => triangles.record(row, i)),
+            offset: triangles.record(row, 3),
+        });
+        let [one, none] = [L::splat(1.0), L::splat(0.0)];
+        let height = to_height.of(&ray.start, one);
+        let t = height.neg().div(to_height.of(&ray.direction, none));
+        let u = to_u.of(&ray.start, one);
+        let u = u.add(t.mul(to_u.of(&ray.direction, none)));
+        let v = to_v.of(&ray.start, one);
+        let v = v.add(t.mul(to_v.of(&ray.direction, none)));
+        meet_textbook(ray, triangles, [t, u, v], best)
+    }
+}
+
+/// A row of Woop's transform.
+#[derive(Clone, Copy)]
+struct Row<L> {
+    vector: [L; 3],
+    offset: L,
+}
+
+impl<L: Lanes> Row<L> {
+    /// In the order of the reference's sum.
+    #[inline(always)]
+    fn of(&self, v: &[L; 3], w: L) -> L {
+        let [x, y, z] = each!(i => self.vector[i].mul(v[i]));
+        x.add(z).add(y.add(self.offset.mul(w)))
+    }
+}
+
+#[inline(always)]
+fn meet_textbook<L: Lanes>(
+    ray: &TriangleRay<L>,
+    triangles: &impl Triangles<L>,
+    [t, u, v]: [L; 3],
+    best: L,
+) -> Option<Meetings<L>> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let positive = L::both(zero.at_most(u), zero.at_most(v));
+    let inside = L::bits(L::both(positive, u.add(v).at_most(one)));
+    if inside == 0 {
+        return None;
+    }
+    let spans = ray.spans_of(&ray.relative(triangles), best);
+    let lanes = inside & spans.lanes;
+    if lanes == 0 {
+        return None;
+    }
+    ray.within(&spans, lanes, [t, u, v], best)
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: &[L; 3], b: &[L; 3]) -> L {
+    let [x, y, z] = each!(i => a[i].mul(b[i]));
+    x.add(y).add(z)
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: &[L; 3], b: &[L; 3]) -> [L; 3] {
+    each!(i => {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j].mul(b[k]).sub(a[k].mul(b[j]))
+    })
+}

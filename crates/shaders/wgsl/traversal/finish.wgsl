@@ -1,0 +1,26 @@
+// The last step of each camera ray: its hit and its shadow.
+
+import package::geometry::light::{is_occluded, way_from};
+import package::geometry::ray::{MISS, Prepared};
+import package::intersect::intersector::{Found, hit_of, is_unresolved, store_occluded};
+import package::lib::buffers::{hits, occluded};
+
+// Writes the hit of ray `i` from `eye`, and whether it lies in shadow.
+fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
+    let hit = hit_of(i, ray, found);
+    hits[i] = hit;
+    if is_unresolved(hit) {
+        // The ray's notes, for `resolve_exact_together`.
+        occluded[i] = hit.y;
+        return;
+    }
+    var is_dark = false;
+    if hit.w != 0xffffffffu { is_dark = is_occluded(way_from(found, hit, eye), hit.w); }
+    store_occluded(i, is_dark, 3u);
+}
+
+// Writes that ray `i` hits nothing.
+fn finish_miss(i: u32) {
+    hits[i] = MISS;
+    store_occluded(i, false, 3u);
+}
