@@ -2,7 +2,7 @@
 
 use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
 use crate::stop::Stop;
-use backend::{Backend, DeviceKind, Intersector, Layout, Method, Policy, Query};
+use backend::{Backend, DeviceKind, Layout, Method, Policy, Query};
 use geom::Animation;
 use output::Taken;
 use pipeline::{ExpectedMemory, Frame, RefitDecay, RunFacts, Threads};

@@ -6,7 +6,7 @@ pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Intersector, Method, Policy, Query, QueryKind, Rays};
+use backend::{Backend, DeviceKind, Hits, Method, Policy, Query, QueryKind, Rays};
 use clap::ValueEnum;
 use geom::{Animation, Ray};
 use host::Free;

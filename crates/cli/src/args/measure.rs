@@ -3,7 +3,7 @@
 use super::{BackendName, LayoutName, SourceArgs, UpdateName};
 use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
-use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use conformance::LAWS;
 use conformance::stress::Plan;

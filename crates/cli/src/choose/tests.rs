@@ -1,8 +1,8 @@
 //! Choices by rule, and choices for a small scene on the host.
 
 use super::*;
-use crate::{open, session};
-use backend::{QueryKind, Rays};
+use crate::open;
+use backend::{Intersector, QueryKind, Rays};
 use clap::ValueEnum;
 use scene::Scene;
 
