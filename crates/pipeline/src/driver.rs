@@ -46,12 +46,12 @@ pub enum PipelineError {
 pub struct DriverOptions {
     /// Tracing method of the backend.
     pub method: Method,
-    /// How trees follow the motion.
+    /// Policy that updates trees as vertices move.
     pub update: Policy,
-    /// First and last time that will be rendered, in key frames. No tree is built for a time beyond them.
+    /// First and last time to render, in key frames. Predicted times stay within this range.
     pub time_range: [f64; 2],
-    /// With [`Policy::Async`]: build each tree for the middle of the time it is going to be used, from key frames,
-    /// instead of for the frame that asks, from the backend's vertices.
+    /// With [`Policy::Async`]: build each tree from key frames, for the middle of the time in which it will be used.
+    /// Otherwise trees are built from the positions of the frame that requests them, read back from the backend.
     pub predict: bool,
 }
 
@@ -79,7 +79,7 @@ pub struct Driver {
     tree: Option<Tree>,
     /// Tree that was requested and is neither adopted nor rejected yet.
     candidate: Option<Candidate>,
-    /// The last tree that was asked for; generations only rise.
+    /// Generation of the last requested tree. Generations only increase.
     newest: Generation,
     /// Pause between requests after trees were rejected.
     patience: Patience,
@@ -184,8 +184,8 @@ impl Driver {
 
     /// Drops the frames of these tickets, which were abandoned before they ran.
     ///
-    /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is evaluated
-    /// again, because the device dropped its boxes.
+    /// The next frame uploads positions again. A build that waits for positions is cancelled. A finished tree is
+    /// evaluated again, because the device dropped its boxes.
     pub fn give_up(&mut self, dropped: &[Ticket]) {
         self.pending
             .retain(|frame| !dropped.contains(&frame.ticket));

@@ -24,8 +24,8 @@ pub struct FrameRecord {
     /// Milliseconds that the driver spent on the frame: from its start to the end of its submission, plus the wait for
     /// its results.
     pub wall_ms: f64,
-    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first if builds
-    /// are free-running, and with `refit`.
+    /// Milliseconds of `wall_ms` in which the driver was blocked by a build. 0 for every frame but the first with
+    /// `async` and `refit`.
     pub build_wait_ms: f64,
     /// Generation of the tree that the frame was traced with.
     pub tree_generation: Generation,
@@ -36,13 +36,13 @@ pub struct FrameRecord {
     pub asked: Option<Generation>,
     /// Tree that this frame adopted, if any.
     pub adopted: Option<Adopted>,
-    /// Whether the backend made the tree within this frame.
+    /// Whether the backend built the tree within this frame.
     pub made: bool,
     /// Generation of the finished tree that this frame rejected, if any. The tree cost no less than the current one, or
     /// a newer tree would arrive before its time of use.
     pub rejected: Option<Generation>,
-    /// Refitted cost over the cost of a fresh tree at the same time where that is known, else over the cost when it was
-    /// built. `None` where the backend measures no cost.
+    /// Refitted cost divided by the cost of a fresh tree at the same time, if known, otherwise by the cost when the
+    /// tree was built. `None` if the backend measures no cost.
     pub sah_ratio: Option<f64>,
     /// Bytes of device memory that the backend held when the frame was finished, if known.
     pub device_bytes: Option<DeviceBytes>,
@@ -125,9 +125,9 @@ pub struct FrameMoments {
 /// One submission, timed by the host and by the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Submission {
-    /// The host started to submit it. No part of it ran earlier.
+    /// The host started to submit it. The device started later.
     pub handed_in: Instant,
-    /// The host saw that it was finished. No part of it ran later.
+    /// The host saw that it was finished. The device had finished earlier.
     pub seen: Instant,
     /// Start of the first stage and duration of each stage, on the device's clock.
     pub times: StageTimes,
@@ -148,7 +148,7 @@ pub struct Adopted {
     pub snapshot_bytes: u64,
     /// Number of triangles.
     pub triangles: usize,
-    /// Where the motion stands that it was built for.
+    /// Pose that it was built for.
     pub built_for: Pose,
     /// Times of the steps from the request to the adoption.
     pub moments: TreeMoments,

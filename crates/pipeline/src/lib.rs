@@ -1,10 +1,10 @@
 //! Rebuild on the host while the device refits and traces.
 //!
-//! The asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic Scenes*, 2007) as
-//! Kim, Kim, Lee, Han (2014) split it between a device and its host. A schedule decides and knows no thread and no clock; a
-//! builder works on a thread of its own. [`Driver`] owns the backend, carries out what the schedule says and never waits
-//! for the builder, unless [`Policy::Lockstep`](backend::Policy::Lockstep) asks for it. Each [`FrameRecord`] says when what was done;
-//! [`place_on_host`] says where the device's share of it lies.
+//! Implements the asynchronous scheme of Ize, Wald, Parker (*Asynchronous BVH Construction for Ray Tracing Dynamic
+//! Scenes*, 2007), divided between a device and its host as by Kim, Kim, Lee, Han (2014). A schedule decides when to
+//! build, without threads or clocks. A builder runs on its own thread. [`Driver`] owns the backend, follows the
+//! schedule and never waits for the builder, except with [`Policy::Lockstep`](backend::Policy::Lockstep). Each
+//! [`FrameRecord`] contains the times of the driver's steps. [`place_on_host`] computes when the device ran its work.
 
 mod builder_thread;
 mod device_clock;

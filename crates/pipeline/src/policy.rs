@@ -25,7 +25,7 @@ pub struct RunFacts {
     pub decay: RefitDecay,
     /// Kind of the device that traces.
     pub device: DeviceKind,
-    /// Bytes of the device's memory where it builds trees itself ([`Policy::DeviceRebuild`]), if it can.
+    /// Bytes of device memory for trees built on the device ([`Policy::DeviceRebuild`]); `None` if it cannot.
     pub rebuild_bytes: Option<u64>,
     /// Number of host threads that trace, if the host does.
     pub threads: usize,
@@ -44,7 +44,7 @@ const TIE: f64 = 1.05;
 const LARGE_REBUILD_BYTES: u64 = 4_000_000_000;
 
 impl RunFacts {
-    /// The policy that is expected to finish the run first, and why, in one line.
+    /// Returns the policy that is expected to finish the run first, and the reason in one line.
     pub fn choose(&self) -> (Policy, String) {
         let (update, why) = if !self.moves {
             let why = "the scene does not move, so its first tree stays the best";
@@ -62,7 +62,7 @@ impl RunFacts {
         (update, why.to_owned())
     }
 
-    /// A new tree for each frame.
+    /// Returns the policy that builds a tree for each frame, on the device if possible.
     fn rebuild(&self) -> Policy {
         match self.rebuild_bytes {
             Some(_) => Policy::DeviceRebuild,
@@ -70,7 +70,7 @@ impl RunFacts {
         }
     }
 
-    /// The first policy whose estimate is about the least.
+    /// Returns the first policy whose estimate is close to the lowest.
     fn least(&self) -> (Policy, String) {
         let all = self.estimates();
         let least = all.iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
@@ -92,7 +92,7 @@ impl RunFacts {
         (taken.0, why)
     }
 
-    /// Milliseconds of the whole run by each policy that may win.
+    /// Returns the estimated milliseconds of the whole run for each policy that may win.
     fn estimates(&self) -> Vec<(Policy, f64)> {
         let [build, frame, device_build, beside_builder] = self.times();
         let frames = self.frames as f64;
@@ -140,7 +140,7 @@ impl RunFacts {
 
 /// Share of a frame's time that is proportional to its tree's cost.
 const TREE_SHARE: f64 = 0.5;
-/// Milliseconds of one thread a triangle: a first build, its conversion and its transfer to a GPU.
+/// Milliseconds per triangle on one thread: first build, conversion, and transfer to a GPU.
 const GPU_BUILD: f64 = 1.5e-3;
 /// On an H100: milliseconds per frame and per triangle, then the same for a build on the device.
 const GPU_FRAME: f64 = 0.2;
@@ -158,8 +158,8 @@ const HOST_TRIANGLE: f64 = 40e-6;
 mod tests {
     use super::*;
 
-    /// A scene with its triangles and decay, frames, and seconds of all of them, the first tree included, by `refit`, `async`
-    /// and a tree a frame.
+    /// A scene with its triangles and decay, the number of frames, and the seconds of the whole run, including the
+    /// first tree, by `refit`, `async` and a tree per frame.
     type Measured = (Scene, usize, [f64; 3]);
     type Scene = (&'static str, usize, f64);
 

@@ -58,7 +58,7 @@ impl ExpectedMemory {
     }
 }
 
-/// Only a builder that runs free makes trees that are evaluated.
+/// Returns the bytes of a candidate tree. Only builds that are adopted by cost have one.
 fn candidate_bytes(animation: &Animation, update: Policy) -> u64 {
     if update.adopts_by_cost() {
         animation.live_count() as u64 * CANDIDATE_BYTES
@@ -143,7 +143,7 @@ mod tests {
     fn cores_are_shared_where_builder_and_renderer_work_at_once() {
         use DeviceKind::{Cpu, Gpu, Software};
         let (free, refit) = (Policy::Async, Policy::Refit);
-        // Cores, what was asked for, and threads that render and that build.
+        // Cores, requested threads, and expected threads for rendering and for building.
         for (kind, update, cores, asked, expected) in [
             (Cpu, free, 16, [None, None], [12, 4]),
             (Software, free, 16, [None, None], [12, 4]),

@@ -22,8 +22,8 @@ pub(crate) struct FramePlan {
     pub(crate) ask: bool,
 }
 
-/// When to ask and when to swap: at most one build is in flight. `outdated` says whether the newest tree was built from
-/// other positions than this frame's.
+/// Returns when to request and when to swap trees. At most one build is in flight. `outdated` is set if the newest tree
+/// was built for another pose than this frame's.
 pub(crate) fn plan(
     policy: Policy,
     frame: u64,
@@ -38,7 +38,7 @@ pub(crate) fn plan(
     FramePlan {
         swap,
         wait: swap && !is_adoptable,
-        // A tree swapped in just now was built for an earlier frame, unless nothing moved since.
+        // A tree that is swapped in now was built for an earlier frame. It is outdated unless nothing has moved since.
         ask: policy.requests_trees() && outdated && (swap || build.is_none()),
     }
 }
@@ -50,7 +50,8 @@ mod tests {
     const FREE: Policy = Policy::Async;
     const LOCKSTEP: Policy = Policy::Lockstep(3);
 
-    /// The plan of a frame whose newest tree is outdated, by letters: swap, wait, ask. A build was asked for in frame 5.
+    /// Returns the plan of a frame whose newest tree is outdated, as letters: swap, wait, ask. A build was requested in
+    /// frame 5.
     fn letters(policy: Policy, frame: u64, is_adoptable: Option<bool>) -> String {
         let build = is_adoptable.map(|is_adoptable| InFlight {
             asked_at: 5,

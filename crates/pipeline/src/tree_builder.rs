@@ -32,7 +32,7 @@ pub(crate) enum Vertices {
 #[derive(Debug)]
 pub(crate) struct Built {
     pub(crate) topology: Topology,
-    /// Its [`sah_cost`] at the vertices it was built from.
+    /// [`sah_cost`] of the tree at the vertices that it was built from.
     pub(crate) cost: f64,
     /// How it was built.
     pub(crate) strategy: BuildStrategy,
@@ -106,7 +106,7 @@ impl TreeBuilder {
         }
     }
 
-    /// From now on trees are made for rays that end at a point: see [`Builder::toward`].
+    /// Sets the common end point of the rays that later trees are ordered for. See [`Builder::toward`].
     pub(crate) fn order_toward(&mut self, toward: Option<Point>) {
         self.builder.toward = toward;
     }
@@ -235,8 +235,8 @@ impl TreeBuilder {
     }
 
     /// Builds a tree from the vertices or, with two poses, over boxes that contain each triangle at both. Then the
-    /// boxes are those of the vertices. A build from subtrees computes no boxes if none are needed, and leaves the old
-    /// ones. Returns the costs at the vertices if the build computed them.
+    /// boxes are those of the vertices. A build from subtrees leaves the old boxes, unless blocks need new ones.
+    /// Returns the costs at the vertices if the build computed them.
     fn make(
         &mut self,
         moments: &Moments<'_>,

@@ -60,10 +60,10 @@
 //!
 //! # Trees ahead of the motion
 //!
-//! [`Update::Async`](crate::Update::Async) is the default for scenes that can move. The
-//! next tree is then built for predicted positions, on the line through the last two positions of each vertex. If the
-//! motion turns or jumps, the tree fits worse and queries take longer, but no hit changes. For motion that jumps in
-//! every step, [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) makes the GPU build a tree in each step.
+//! [`Update::Async`](crate::Update::Async) is the default for scenes that can move. The next tree is then built for
+//! predicted positions, on the line through the last two positions of each vertex. If the motion turns or jumps, the
+//! tree fits worse and queries take longer, but no hit changes. For motion that jumps in every step,
+//! [`Update::DeviceRebuild`](crate::Update::DeviceRebuild) makes the GPU build a tree in each step.
 //!
 //! The tree that a step uses depends on the speed of the machine. [`Update::Lockstep`](crate::Update::Lockstep) fixes
 //! it, so that each run does the same work.

@@ -12,16 +12,16 @@ pub(super) struct Candidate {
     pub(super) state: State,
     /// Distance in key frames to the middle of its use when it was last found to cost more than the current tree.
     pub(super) dearer_at: Option<f64>,
-    /// Its cost divided by the current tree's, by the evaluation that accepted it.
+    /// Its cost divided by the current tree's, from the evaluation that accepted it.
     pub(super) share: Option<f64>,
 }
 
 /// Which tree was requested, when, and for what time of use.
 pub(super) struct Request {
     pub(super) generation: Generation,
-    /// Frames begun before the one that requested it.
+    /// Number of frames begun before the one that requested it.
     pub(super) frame: u64,
-    /// Time of that frame, in key frames.
+    /// Time of the requesting frame, in key frames.
     pub(super) time: f64,
     /// Time of the next frame that moves, if its positions are read back too.
     pub(super) moved_at: Option<f64>,
@@ -46,7 +46,7 @@ pub(super) struct Request {
 /// Building -> Arrived -> Due -> Evaluating -> Accepted -> (adopted)
 ///                ^ |                |  |
 ///                | `----------------'  `----> Rejected -> (dropped)
-///                `- still dearer, but its moment is yet to come
+///                `- costs more, but its time of use is still to come
 /// ```
 pub(super) enum State {
     /// It waits for vertices or is being built.

@@ -1,25 +1,25 @@
 //! Pauses requests after trees were rejected.
 //!
-//! A build takes cores and memory bandwidth from the frames. While vertices move to and fro, the current tree may be about as good
-//! as any other, so builds gain nothing. Each further rejection therefore doubles the pause before the next request, in units of
-//! the time that the build took. An adopted tree that saves little counts as a rejection. A tree that saves more ends the pauses,
-//! and so does a current tree that costs more than ever before.
+//! Builds take cores and memory bandwidth from frames. If motion is periodic, the current tree may be as good as any
+//! other, so that builds gain nothing. Each further rejection therefore doubles the pause before the next request. The
+//! unit is the time from request to rejection. An adopted tree that saves little counts as a rejection. The pauses end
+//! when a tree saves more, or when the current tree's cost exceeds its previous maximum by [`DEARER`].
 
 /// Number of rejections in a row after which pauses stop growing. Builds then take a thirty-second of the time.
 const MOST: u32 = 6;
-/// An adopted tree ends the pauses if it costs at most this share of the cost of the tree that it replaces.
+/// Largest cost of an adopted tree, divided by the replaced tree's, that ends the pauses.
 const WORTHWHILE: f64 = 0.9;
-/// A current tree costs more than ever before if it does by this factor.
+/// Factor by which a cost must exceed the previous maximum to end the pauses.
 const DEARER: f64 = 1.1;
 
 /// Counts rejections and sets the pause.
 #[derive(Debug, Default)]
 pub(super) struct Patience {
-    /// Trees rejected since the last one was adopted.
+    /// Number of rejections, and of adoptions that save little, since the last adoption that saved more.
     rejections: u32,
     /// Frame from which on trees may be requested.
     until: u64,
-    /// Largest cost of the current tree since a tree was last adopted.
+    /// Largest cost of the current tree since that adoption.
     dearest: f64,
 }
 
@@ -31,8 +31,8 @@ impl Patience {
         self.until = now + pause * frames;
     }
 
-    /// A tree whose request, build and evaluation took `frames` frames is adopted in frame `now`. It costs `share` of the
-    /// replaced tree's cost at the same positions.
+    /// Records that frame `now` adopts a tree. Its request, build and evaluation took `frames` frames. It costs `share`
+    /// of the replaced tree's cost at the same positions.
     pub(super) fn adopted(&mut self, now: u64, frames: u64, share: f64) {
         if share > WORTHWHILE {
             self.rejected(now, frames);

@@ -107,7 +107,7 @@ impl Driver {
 
     /// Returns how many frames with such queries may be in flight, including the next one to [begin](Self::begin).
     pub fn most_under_way(&self, queries: &[Query<'_>]) -> usize {
-        // A frame that waits for its own tree or positions takes two submissions, so none may be left open before it.
+        // A frame that waits for its own tree or positions takes two submissions, so no other frame may be unfinished.
         match self.options.update.waits_for_tree() || self.needs_look(queries) {
             true => 1,
             false => FRAMES_IN_FLIGHT,

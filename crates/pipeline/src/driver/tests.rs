@@ -40,7 +40,7 @@ fn words(built: Result<Built, BuildError>) -> Vec<u32> {
     built.unwrap().topology.words().to_vec()
 }
 
-/// How trees follow the motion, and whether they are built ahead.
+/// Update policy, and whether trees are built ahead.
 pub(super) type Config = (Policy, bool);
 
 /// Creates a driver of `animation` with the fake backend and one builder thread.
@@ -79,12 +79,12 @@ struct Run {
     built: bool,
 }
 
-/// Frames of two triangles that drift apart, evenly over so many key frames.
+/// Renders frames of two triangles that drift apart over `keys` key frames.
 fn run(keys: usize, frames: u64, update: Policy, polls: Option<u32>) -> Run {
     run_scene(&drifting(keys), frames, (update, false), polls)
 }
 
-/// Each frame is followed by a millisecond: the builder is a real thread, and needs time to be heard.
+/// Renders frames and sleeps for a millisecond after each, because the builder is a real thread and needs time.
 fn run_scene(animation: &Arc<Animation>, frames: u64, by: Config, polls: Option<u32>) -> Run {
     let times = evenly(frames, animation);
     render(Fake::new(polls), (animation, by), times, |_| 1)
@@ -192,7 +192,7 @@ fn lockstep_swaps_k_frames_after_asking() {
 
 #[test]
 fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
-    // Busy cores are slow to hear it.
+    // On busy cores the builder needs many frames.
     let r = run(60, 200, Policy::Async, Some(2));
     let generations = r.records.iter().map(|f| f.tree_generation);
     assert!(r.built && generations.is_sorted());
@@ -203,7 +203,7 @@ fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_eve
     assert!(!r.built && r.log.adopted == [Generation(1)]);
 }
 
-/// Records of all trees adopted in frames at times 0 to 5, by what each seeks.
+/// Returns the topologies adopted in frames at times 0 to 5, whose queries have the given kinds.
 fn trees_for(by: Config, kind: impl Fn(u64) -> QueryKind) -> Vec<Vec<u32>> {
     let fake = Fake::new(Some(0));
     let log = Arc::clone(&fake.log);
@@ -236,7 +236,7 @@ fn every_tree_faces_the_light_of_the_frame_that_asks() {
     let rebuilt = trees_for((Policy::Rebuild, false), kind);
     assert_eq!((&rebuilt[0], &rebuilt[5]), (&ordered(0, 0), &ordered(5, 5)));
     assert_eq!(trees_for((Policy::Refit, false), kind), [ordered(0, 0)]);
-    // Asked for in one frame, such a tree is in use from the next one on; foreseen, it is built for that one.
+    // A tree requested in one frame is used from the next one on. If predicted, it is built for that frame.
     for (predict, ahead) in [(false, 0), (true, 1)] {
         let found = trees_for((Policy::Lockstep(1), predict), kind);
         for (tree, asked) in found[1..].iter().zip(1..) {
@@ -295,7 +295,7 @@ fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
     let rebuild = run(30, 20, Policy::Rebuild, Some(0)).records;
     let waits = |r: &FrameRecord| 0.0 < r.build_wait_ms && r.build_wait_ms <= r.wall_ms;
     assert!(rebuild.iter().all(waits), "{rebuild:?}");
-    // Vertices take more polls to arrive than there are frames to swap in.
+    // Vertices take more polls to arrive than there are frames until the adoption.
     let lockstep = run(30, 24, Policy::Lockstep(2), Some(9)).records;
     for r in lockstep {
         assert_eq!(r.build_wait_ms > 0.0, r.adopted.is_some(), "{r:?}");

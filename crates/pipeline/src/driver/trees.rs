@@ -139,7 +139,7 @@ impl Driver {
         Ok(())
     }
 
-    /// Compares costs once the frame that evaluated a candidate is done.
+    /// Processes the costs in a finished frame's report, for the current and the candidate tree.
     pub(super) fn judge(&mut self, ticket: Ticket, report: &FrameReport) {
         if let Some(cost) = report.sah_cost {
             self.patience.observe(cost);
@@ -215,7 +215,7 @@ impl Driver {
     /// Builds the first tree while the first frame waits.
     pub(super) fn first_tree(&mut self, pose: Pose) -> Result<(), PipelineError> {
         let mut request = self.ask(FIRST, pose);
-        // Built ahead, it is built for more than the frame.
+        // With a prediction, the first tree is built for a time interval instead of one frame.
         let ahead = self.predicts() && self.weighs();
         let halves = self.predictor.halves_of_first_use().filter(|_| ahead);
         request.middle = halves.map_or(request.middle, |[a, b]| f64::midpoint(a, b));

@@ -1,8 +1,8 @@
 //! Uncounted frames after the first one, because an idle device runs at a low clock and takes long to raise it.
 //!
 //! Opening a device, compiling kernels and building the first tree leave the device idle for milliseconds to seconds.
-//! The first frame of a run waits for all of that. Uncounted traces of that frame follow, for a fixed time and then
-//! until frame times are steady. The scene does not move on, and no tree ages ([`Driver::warm_up`]).
+//! The first frame of a run waits for these steps. It is then traced again, uncounted, for a fixed time and until frame
+//! times are steady. Meanwhile the scene does not move, and no tree ages ([`Driver::warm_up`]).
 
 use super::{Driver, PipelineError, Wanted};
 use crate::frame::{Frame, FrameRecord};
@@ -36,7 +36,7 @@ pub struct Warmed {
     pub steady: bool,
 }
 
-/// Returns the seconds of warm-up for a device. CPU backends need none. Software devices are warmed up only on request.
+/// Returns the seconds of warm-up for a device. CPU backends are never warmed up, software devices only on request.
 fn seconds(asked: Option<f64>, kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Cpu => 0.0,
@@ -147,7 +147,7 @@ impl Driver {
     /// report. Keeps as many traces in flight as the backend allows, so that the device never waits for the host.
     ///
     /// Later frames are not affected: no tree ages, time does not advance and no tree is requested. A build in flight
-    /// continues; after the first frame there is none. If builds are free-running, the builder first makes and drops a
+    /// continues, but right after the first frame there is no build. With `async`, the builder first makes and drops a
     /// tree, so that later builds find their memory allocated: see `TreeBuilder::warm_up`.
     ///
     /// # Errors
@@ -178,7 +178,7 @@ impl Driver {
         }
     }
 
-    /// Warms the builder up, if it is free-running and idle.
+    /// Warms the builder up, if trees are adopted by cost and no build is in flight.
     fn warm_up_builder(&self) {
         let runs_free = self.options.update.adopts_by_cost();
         if let Some(pose) = self.pose.filter(|_| runs_free && self.candidate.is_none()) {
@@ -198,7 +198,7 @@ mod tests {
     use backend::{Policy, QueryKind};
     use std::sync::Arc;
 
-    /// Runs frames, after the first of which so many traces are done uncounted.
+    /// Runs 20 frames, with `left` uncounted traces after the first.
     fn run(by: Config, mut left: usize) -> (Vec<FrameRecord>, Log) {
         let fake = Fake::new(Some(0));
         let log = Arc::clone(&fake.log);

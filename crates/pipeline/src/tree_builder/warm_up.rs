@@ -1,15 +1,15 @@
-//! Warms the builder up: makes trees that nobody uses, so that later ones find their memory.
+//! Warms the builder up: builds trees that are dropped, so that later builds find their memory allocated.
 
 use super::{BuildStrategy, Moments, TreeBuilder, Vertices};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Pose};
 
-/// How often a warm-up makes the next tree: once to find memory, once more to write to what conversion gives back.
+/// Number of builds in a warm-up: the first allocates memory, the second writes to the memory that the first returned.
 const ROUNDS: usize = 2;
 
 impl TreeBuilder {
-    /// Makes the next tree, if it will be one of groups, to no end but to find memory for it: in demo:shatter (1.6M
-    /// triangles) the first such tree took 120 ms, the second 43, later ones 20. Nothing is handed over.
+    /// Builds and drops a tree from subtrees, if the next one will be built so, to allocate its memory. In demo:shatter
+    /// (1.6M triangles) the first such tree took 120 ms, the second 43, later ones 20.
     pub(crate) fn warm_up(
         &mut self,
         animation: &Animation,

@@ -4,7 +4,7 @@ use super::*;
 use crate::frame::Adopted;
 use crate::tree_builder::BuildStrategy;
 
-/// Positions never arrive, and nobody asks for them but the first frame.
+/// Renders frames whose positions never arrive. Only the first frame requests any.
 fn foreseen(update: Policy) -> Run {
     let run = run_scene(&drifting(60), 50, (update, true), None);
     assert_eq!(run.log.requested, 1);
@@ -136,7 +136,7 @@ fn measuring() -> Fake {
     fake
 }
 
-/// Frames of a shuffled row with a fake that measures, whose key frames the driver knows or not.
+/// Renders frames of a shuffled row with a fake that measures costs. The driver may know the key frames.
 fn weighed(by: Config, frames: u64, knows_key_frames: bool) -> Run {
     let (animation, fake) = (shuffled(200, 64), measuring());
     let log = Arc::clone(&fake.log);
@@ -266,7 +266,7 @@ fn a_scene_at_rest_asks_for_no_tree_again_that_was_no_better() {
     assert!(left > 0);
 }
 
-/// So many frames of a scene whose vertices the backend alone knows, the first of which move. Each is followed by a millisecond.
+/// Renders frames of a scene whose positions only the backend has. It moves in the first `moving` frames.
 fn unknown(frames: u64, moving: u64) -> (Vec<FrameRecord>, Log) {
     unknown_by(FREE, frames, moving)
 }

@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// How often each frame after the first took memory, and how many trees came meanwhile.
+/// Returns the number of allocations of each frame after the first, and the number of adopted trees.
 fn takings(by: Config) -> (Vec<u64>, usize) {
     const FRAMES: u64 = 400;
     let animation = shuffled(2, 512);
@@ -72,7 +72,7 @@ fn frames_take_no_memory_once_the_loop_runs() {
     drop(std::hint::black_box(vec![0_u8; 9]));
     assert_eq!(TAKEN.get(), before + 1, "nobody counts");
     let free = Policy::Async;
-    // A thread that waits at a channel is entered there, which takes memory the first time.
+    // A thread that waits on a channel is registered there, which allocates memory the first time.
     for (update, predict, least, allowed) in [
         (Policy::Refit, true, 1, 0),
         (free, true, 4, 0),

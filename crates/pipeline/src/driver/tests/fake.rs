@@ -82,10 +82,10 @@ pub(in crate::driver) struct Fake {
     pub(in crate::driver) measures: bool,
     /// The current tree, if costs are measured.
     tree: Option<Topology>,
-    /// Costs of a candidate and the current tree, in the recording and in submissions.
+    /// Costs of a candidate and of the current tree, in the recording and per submission.
     recorded: Option<[f64; 2]>,
     costs: HashMap<Ticket, [f64; 2]>,
-    /// Vertices made beforehand: who has them takes no memory, so that nothing is logged but what needs none.
+    /// Snapshots that were allocated in advance. With these, the fake allocates no memory, so it logs nothing.
     pub(in crate::driver) prepared: Option<Vec<Snapshot>>,
 }
 
