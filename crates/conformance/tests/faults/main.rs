@@ -95,12 +95,10 @@ fn a_backend_that_panics_disagrees() {
     assert!(found.minimal.triangles <= 1, "{found}");
 }
 
-/// Returns the disagreement in the smallest case that was found. Its text appears with `cargo test -- --nocapture`.
+/// Returns the disagreement in the smallest case that was found.
 fn shrunk(property: &str, fault: &'static str) -> Disagreement {
     let cases = Cases::new(1, 0..=CASES - 1);
-    let found = verdict_in(PROPERTIES, property, fault, &cases).expect_err(fault);
-    println!("{fault}: {found}\n{}", found.options());
-    found
+    verdict_in(PROPERTIES, property, fault, &cases).expect_err(fault)
 }
 
 /// Properties, each with faults that shrink: of boxes, of hits and of streamed vertices.
