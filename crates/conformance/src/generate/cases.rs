@@ -40,7 +40,7 @@ pub struct Case {
 /// Triangles and rays that are printed of a case.
 const PRINTED: usize = 8;
 
-/// Prints the size of a case, and its numbers up to [`PRINTED`] triangles and rays.
+/// Prints the size of a case, and its numbers if it has few triangles and rays.
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (a, about, times) = (&self.animation, &self.about, &self.times);
