@@ -1,0 +1,144 @@
+//! Tests the structure that ARCHITECTURE.md describes: which crates depend on which, how many files know a value of an axis,
+//! and how wide the device traits are.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Crates, each with all crates of the workspace that it may depend on. The prefix `abvh-` is left out.
+const EDGES: &str = "
+geom:
+host:
+exact: geom
+bvh-build: geom
+bvh-layout: bvh-build geom
+backend: bvh-layout geom
+shading: backend geom
+scene: geom host
+shaders: backend bvh-build bvh-layout geom
+cpu-ref: backend bvh-build bvh-layout exact geom
+cpu-simd: backend bvh-build bvh-layout cpu-ref geom
+gpu-common: backend bvh-layout geom host shaders
+gpu-vulkan: backend geom gpu-common host shaders
+gpu-wgpu: backend geom gpu-common shaders
+backends: backend cpu-simd gpu-common gpu-vulkan gpu-wgpu host
+pipeline: backend bvh-build bvh-layout geom
+output: backend geom host pipeline
+conformance: backend bvh-build bvh-layout geom scene
+rivals: backend cpu-ref geom gpu-common gpu-vulkan host shaders
+abvh: backend backends geom gpu-vulkan gpu-wgpu host pipeline scene shading
+cli: abvh backend backends conformance geom host output pipeline rivals scene shading
+";
+
+/// Names of one value of an axis, and the most files outside tests that may contain one of these.
+const AXES: [(&str, [&str; 2], usize); 3] = [
+    ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),
+    ("policy", ["DeviceRebuild", "device-rebuild"], 5),
+    ("rival", ["vulkan-rt", "vulkan_rt"], 0),
+];
+
+/// Traits, each with its file and the most methods that it may have.
+const TRAITS: [(&str, &str, usize); 2] = [
+    ("Backend", "crates/backend/src/lib.rs", 35),
+    ("GpuDevice", "crates/gpu-common/src/device.rs", 43),
+];
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+fn short(name: &str) -> &str {
+    name.strip_prefix("abvh-").unwrap_or(name)
+}
+
+#[test]
+fn crates_depend_only_on_crates_below() {
+    let metadata = Command::new(env!("CARGO"))
+        .args([
+            "metadata",
+            "--no-deps",
+            "--offline",
+            "--format-version",
+            "1",
+        ])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let metadata: Value = serde_json::from_slice(&metadata.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    let rows = EDGES.lines().filter_map(|line| line.split_once(':'));
+    let allowed: Vec<(&str, Vec<&str>)> = rows
+        .map(|(name, below)| (name, below.split_whitespace().collect()))
+        .collect();
+    for package in packages {
+        let name = short(package["name"].as_str().unwrap());
+        // These test the other crates.
+        if ["integration", "benches"].contains(&name) {
+            continue;
+        }
+        let row = allowed.iter().find(|(of, _)| *of == name);
+        let (_, below) = row.unwrap_or_else(|| panic!("{name} is not in the table"));
+        for dependency in package["dependencies"].as_array().unwrap() {
+            let other = short(dependency["name"].as_str().unwrap());
+            let is_ours = allowed.iter().any(|(of, _)| *of == other);
+            if dependency["kind"].is_null() && is_ours {
+                assert!(below.contains(&other), "{name} must not depend on {other}");
+            }
+        }
+    }
+    // A crate may depend only on crates in earlier rows, so that there is no cycle.
+    for (i, (name, below)) in allowed.iter().enumerate() {
+        let is_earlier = |other: &&str| allowed[..i].iter().any(|(of, _)| of == other);
+        assert!(below.iter().all(is_earlier), "{name}");
+    }
+}
+
+/// Returns all files of Rust and WGSL below `folder`, except those of tests.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy();
+        let is_test =
+            ["tests", "testing", "examples"].contains(&&*name) || name.ends_with("_tests");
+        let is_source = path.extension().is_some_and(|e| e == "rs" || e == "wgsl");
+        if path.is_dir() && !is_test {
+            sources(&path, found);
+        } else if is_source && !is_test {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn few_files_know_a_value_of_an_axis() {
+    let mut files = Vec::new();
+    sources(&root().join("crates"), &mut files);
+    assert!(files.len() > 300, "{} files", files.len());
+    for (axis, names, most) in AXES {
+        let knows = |path: &&PathBuf| {
+            let text = fs::read_to_string(path).unwrap();
+            let product = text
+                .split("\n#[cfg(test)]\nmod ")
+                .next()
+                .unwrap_or_default();
+            names.iter().any(|name| product.contains(name))
+        };
+        let found: Vec<_> = files.iter().filter(knows).collect();
+        assert!(found.len() <= most, "{axis}: {found:#?}");
+    }
+}
+
+#[test]
+fn traits_of_devices_do_not_grow() {
+    for (name, file, most) in TRAITS {
+        let text = fs::read_to_string(root().join(file)).unwrap();
+        let begin = text.find(&format!("pub trait {name}")).unwrap();
+        let body = text[begin..].split("\n}").next().unwrap_or_default();
+        let methods = body.matches("\n    fn ").count();
+        assert!(
+            (10..=most).contains(&methods),
+            "{name} has {methods} methods"
+        );
+    }
+}
