@@ -56,7 +56,7 @@ pub trait Rival {
     /// Before a frame was traced.
     fn hits(&mut self) -> Result<&Hits>;
 
-    /// Returns the bytes of device memory that the rival holds, where it can tell.
+    /// Returns the bytes of device memory that the rival has allocated, if the driver reports it.
     fn device_bytes(&self) -> Option<DeviceBytes> {
         None
     }
@@ -93,7 +93,7 @@ pub const RIVALS: &[Known] = &[
     },
 ];
 
-/// Returns the rival of that name.
+/// Returns the rival with the given name.
 #[must_use]
 pub fn known(name: &str) -> Option<&'static Known> {
     RIVALS.iter().find(|known| known.name == name)

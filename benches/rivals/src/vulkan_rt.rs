@@ -2,7 +2,7 @@
 //! ray-tracing pipeline.
 //!
 //! The kernel that interpolates our positions writes the vertices, and the driver's structure is built from them in place.
-//! Primary and shadow rays are made by our arithmetic and traced in one launch. The driver decides what they hit, within the
+//! Primary and shadow rays are computed with our arithmetic and traced in one launch. The driver decides what they hit, within the
 //! Vulkan specification. Kernels count hits after the end of the last stage, so that the driver's time excludes the counting.
 
 mod frame;
@@ -44,7 +44,7 @@ impl Prefer {
     }
 }
 
-/// A device whose driver makes trees and traces them.
+/// A device whose driver builds and traces the tree.
 pub struct VulkanRt {
     engine: Engine<VulkanDevice>,
     prefer: Prefer,

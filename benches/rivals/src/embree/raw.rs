@@ -166,7 +166,7 @@ const NAMES: [&str; 4] = [
 /// Loads the library once for the process.
 ///
 /// # Errors
-/// No library of that name is found, or it lacks a function.
+/// No library with this name is found, or it lacks a function.
 pub(super) fn functions() -> Result<&'static Functions, String> {
     static LOADED: OnceLock<Result<Functions, String>> = OnceLock::new();
     let loaded = LOADED.get_or_init(|| {
@@ -175,7 +175,7 @@ pub(super) fn functions() -> Result<&'static Functions, String> {
             unsafe { Library::new(name) }.ok()
         });
         let library = found.next().ok_or("the library libembree4 was not found")?;
-        // SAFETY: libraries of that name are Embree 4.
+        // SAFETY: libraries with this name are Embree 4.
         unsafe { Functions::of(library) }.map_err(|e| format!("libembree4 is incomplete: {e}"))
     });
     loaded.as_ref().map_err(Clone::clone)

@@ -1,4 +1,4 @@
-//! A frame: positions, the driver's tree, rays, counts.
+//! Records a frame: positions, the driver's tree, rays, counts.
 
 use super::VulkanRt;
 use super::scene::DriverScene;
@@ -57,7 +57,7 @@ impl Rival for VulkanRt {
     }
 }
 
-/// Returns the entry point that makes a query's rays.
+/// Returns the ray generation shader of a query.
 fn maker(query: &Query<'_>) -> &'static str {
     match (query.kind, are_given(query)) {
         (QueryKind::Any, _) => "given_any",
@@ -93,7 +93,7 @@ impl VulkanRt {
         self.count()
     }
 
-    /// Records the copy of the triangles that leaves out vertices that are not finite, where there may be any.
+    /// Records a copy of the triangles without vertices that are not finite, if the scene may have such vertices.
     fn cleanse(&mut self) -> Result<()> {
         let params = self.params();
         let triangles = self.engine.scene().animation.triangle_count() as u32;

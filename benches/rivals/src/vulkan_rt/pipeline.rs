@@ -1,4 +1,4 @@
-//! The pipeline of rays, and the table by which the driver finds its shaders.
+//! The ray-tracing pipeline and its shader binding table.
 
 use super::support::RayTracing;
 use ash::vk;
@@ -11,18 +11,18 @@ use shaders::RAYS;
 use std::ffi::CString;
 use std::sync::Arc;
 
-/// Every shader of [`RAYS`], in one pipeline: those that make rays first, then misses, then hits.
+/// One pipeline with all shaders of [`RAYS`]: ray generation first, then miss, then hit shaders.
 pub(crate) struct RayPipeline {
-    /// Null until the driver has made it.
+    /// Null until the driver has created it.
     pub(crate) vk: vk::Pipeline,
     pub(crate) layouts: Layouts,
     table: Option<Table>,
     pub(crate) rays: Arc<RayTracing>,
 }
 
-/// Handles of all groups, each at an aligned place.
+/// Shader binding table: an aligned handle for each group.
 struct Table {
-    /// Kept for its memory.
+    /// Owns the memory of the table.
     _buffer: Buffer,
     at: vk::DeviceAddress,
     stride: u64,
@@ -53,7 +53,7 @@ impl RayPipeline {
         Ok(made)
     }
 
-    /// Records rays made by the entry point `generate`, over so many columns and rows.
+    /// Records a launch of the ray generation shader `generate` over a number of columns and rows.
     pub(crate) fn launch(&self, commands: vk::CommandBuffer, generate: &str, [x, y]: [u32; 2]) {
         let place = RAYS.generate.iter().position(|&name| name == generate);
         let place = place.expect("rays are made by one of the entry points") as u64;
@@ -69,7 +69,7 @@ impl RayPipeline {
         let (miss, hit) = (region(makers), region(makers + 1));
         let pipelines = &self.rays.pipelines;
         // SAFETY: the command buffer is being recorded with the pipeline bound; the table holds a
-        // handle for each group of it.
+        // handle for each group of the pipeline.
         unsafe {
             pipelines.cmd_trace_rays(commands, &region(place), &miss, &hit, &none, x, y, 1);
         }
@@ -119,7 +119,7 @@ fn compile(
         .map_err(|(_, e)| refused("the pipeline of rays")(e))
 }
 
-/// The group of the `i`-th stage: each has one of its own.
+/// Returns the group of stage `i`. Each stage has its own group.
 fn group<'a>(i: usize, stage: vk::ShaderStageFlags) -> vk::RayTracingShaderGroupCreateInfoKHR<'a> {
     let none = vk::RayTracingShaderGroupCreateInfoKHR::default()
         .general_shader(vk::SHADER_UNUSED_KHR)
@@ -141,7 +141,7 @@ impl Table {
         let (handle, alignment) = (rays.bounds.handle_bytes, rays.bounds.table_alignment);
         let groups = RAYS.generate.len() + 2;
         let bytes = handle as usize * groups;
-        // SAFETY: the pipeline has so many groups.
+        // SAFETY: the pipeline has the requested number of groups.
         let handles = unsafe {
             let pipelines = &rays.pipelines;
             pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, groups as u32, bytes)

@@ -1,4 +1,4 @@
-//! A scene as the driver's trees need it: its box, its tree, and what it does about vertices that are not finite.
+//! The scene that the driver builds its tree from, and the handling of vertices that are not finite.
 
 use super::Prefer;
 use super::support::RayTracing;
@@ -11,22 +11,22 @@ use gpu_vulkan::VulkanDevice;
 use gpu_vulkan::memory::{Buffer, BufferUse};
 use std::sync::Arc;
 
-/// Coordinates from here on may overflow when they are blended.
+/// Least coordinate that may overflow when it is blended.
 const HUGE: f32 = f32::MAX / 4.0;
 
-/// What a loaded scene has beside its buffers.
+/// State of a loaded scene, in addition to its buffers.
 pub(crate) struct DriverScene {
     pub(crate) tree: DriverTree,
-    /// The box of all key frames, in scaled units, as the two rows of a tree's root.
+    /// Box of all key frames, in scaled units, as the two rows of a root node.
     pub(crate) root: Buffer,
-    /// Three vertices a triangle, all finite; `None` where positions are, always.
+    /// Three finite vertices per triangle; `None` if positions are always finite.
     pub(crate) cleansed: Option<Buffer>,
-    /// Where triangles are drawn together that are not to be hit.
+    /// Point to which all vertices of inactive triangles are moved, so that no ray hits these.
     pub(crate) centre: Point,
 }
 
 impl DriverScene {
-    /// Of the scene that the engine has loaded.
+    /// Creates the state for the scene that the engine has loaded.
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
@@ -52,7 +52,7 @@ impl DriverScene {
         })
     }
 
-    /// Bytes of device memory that the tree takes, and the room to make it, with what it is made from beside positions.
+    /// Returns the bytes of device memory of the tree, and of its scratch and input buffers except positions.
     pub(crate) fn held(&self) -> [u64; 2] {
         let cleansed = self.cleansed.as_ref().map_or(0, Buffer::held);
         let [tree, scratch] = self.tree.held();
@@ -68,7 +68,7 @@ fn root_of(animation: &Animation) -> [f32; 8] {
     [a, b, c, 0.0, d, e, f, 0.0]
 }
 
-/// Amid all key frames; the origin if there is nothing.
+/// Returns the centre of all key frames, or the origin if the scene is empty.
 fn centre_of(animation: &Animation) -> Point {
     let bounds = animation.bounds();
     let middle = |i: usize| f32::midpoint(bounds.min[i], bounds.max[i]);
@@ -79,7 +79,8 @@ fn centre_of(animation: &Animation) -> Point {
     }
 }
 
-/// Whether all vertices are finite and stay so when they are blended. Of key frames to come nobody knows.
+/// Returns whether all vertices are finite and remain finite when blended. Future key frames are unknown, so the result is
+/// `false` for them.
 fn is_tame(animation: &Animation) -> bool {
     !animation.is_arriving() && animation.magnitude() < HUGE
 }

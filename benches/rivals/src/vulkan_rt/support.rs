@@ -1,4 +1,4 @@
-//! Whether a device traces rays by trees of its driver's, and what it takes to ask it.
+//! Extensions, features and limits of devices that support ray-tracing pipelines.
 
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, Result};
@@ -8,7 +8,7 @@ use gpu_vulkan::gpu::{Gpu, RAY_EXTENSIONS};
 use gpu_vulkan::instance::Host;
 use std::sync::Arc;
 
-/// The calls, and the bounds that they have, of a device opened for trees that its driver makes.
+/// Extension functions and limits of an opened device.
 pub(crate) struct RayTracing {
     pub(crate) structures: khr::acceleration_structure::Device,
     pub(crate) pipelines: khr::ray_tracing_pipeline::Device,
@@ -16,20 +16,20 @@ pub(crate) struct RayTracing {
     pub(crate) gpu: Arc<Gpu>,
 }
 
-/// What the driver bounds or asks for.
+/// Limits and alignments of the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bounds {
-    /// Triangles of one tree.
+    /// Maximum number of triangles of a tree.
     pub(crate) triangles: u64,
-    /// Alignment of the room for a build, bytes.
+    /// Alignment of scratch buffers, in bytes.
     pub(crate) scratch_alignment: u64,
-    /// Bytes of a shader's handle.
+    /// Size of a shader group handle, in bytes.
     pub(crate) handle_bytes: u64,
-    /// Alignment of a table of shaders, bytes; of a handle in it likewise.
+    /// Alignment of the shader binding table and of its handles, in bytes.
     pub(crate) table_alignment: u64,
-    /// Rays of one launch.
+    /// Maximum number of rays of a launch.
     pub(crate) rays: u64,
-    /// Rays of one launch along an axis.
+    /// Maximum number of rays of a launch along an axis.
     pub(crate) along: [u64; 2],
 }
 
@@ -76,15 +76,15 @@ impl Bounds {
     }
 }
 
-/// Every device of this machine whose driver makes trees and traces them by pipelines.
+/// Returns all devices of this machine that support acceleration structures and ray-tracing pipelines.
 ///
 /// # Errors
-/// [`NoDevice`](BackendError::NoDevice) where there is none, with what each lacks.
+/// [`NoDevice`](BackendError::NoDevice) if there is no such device. The message lists what each device lacks.
 pub fn ray_adapters() -> Result<Vec<AdapterInfo>> {
     able(Host::new(Validation::Off)?.as_ref(), None)
 }
 
-/// Likewise; where an adapter is `wanted` by its index, that one alone if it is able.
+/// Returns the devices as [`ray_adapters`] does. If `wanted` is the index of an adapter, only that adapter is considered.
 pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo>> {
     let mut list = all(host)?;
     if wanted.is_some() {
@@ -117,7 +117,7 @@ pub(crate) fn able(host: &Host, wanted: Option<usize>) -> Result<Vec<AdapterInfo
     }
 }
 
-/// What a device lacks of extensions and features; `None` if it is able.
+/// Returns the extensions and features that a device lacks, or `None` if it has all.
 fn lacks(host: &Host, device: vk::PhysicalDevice) -> Option<String> {
     let offered = host.offered(device, &RAY_EXTENSIONS);
     let mut needed = RAY_EXTENSIONS.into_iter();

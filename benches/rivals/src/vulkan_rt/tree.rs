@@ -1,5 +1,5 @@
-//! The driver's tree of a scene: one structure of all triangles, and above it one of that alone,
-//! since rays are traced through no other.
+//! The driver's tree of a scene: a bottom-level structure of all triangles, and a top-level structure with one instance of it,
+//! because rays are traced through top-level structures only.
 
 use super::Prefer;
 use super::support::RayTracing;
@@ -14,31 +14,31 @@ use gpu_vulkan::memory::{Buffer, BufferUse};
 use shaders::BufferName;
 use std::sync::Arc;
 
-/// What a structure is built from.
+/// Input of a build.
 pub(crate) type Geometry<'a> = vk::AccelerationStructureGeometryKHR<'a>;
-/// How it is built.
+/// Build preference.
 type Info<'a> = vk::AccelerationStructureBuildGeometryInfoKHR<'a>;
 type Level = vk::AccelerationStructureTypeKHR;
 type Flags = vk::BuildAccelerationStructureFlagsKHR;
 type Mode = vk::BuildAccelerationStructureModeKHR;
 
-/// Both structures, made anew or updated in place.
+/// Both structures, which are rebuilt or updated in place.
 pub(crate) struct DriverTree {
     bottom: Structure,
     top: Structure,
-    /// The one instance of `bottom`, as the driver reads it.
+    /// Buffer with the only instance of `bottom`.
     instance: Buffer,
     flags: Flags,
     triangles: u32,
-    /// Whether there is a tree that an update can start from.
+    /// Whether the tree was built, so that it can be updated.
     is_updatable: bool,
 }
 
-/// An instance as Vulkan lays it out: a matrix of three rows, a mask above an index, flags above an offset, an address.
+/// An instance in Vulkan's layout: three matrix rows, mask and index, flags and offset, address.
 const INSTANCE_WORDS: usize = 16;
 
 impl DriverTree {
-    /// Room for a tree of the scene that the engine has loaded.
+    /// Creates structures for the scene that the engine has loaded.
     pub(crate) fn new(
         engine: &mut Engine<VulkanDevice>,
         rays: &Arc<RayTracing>,
@@ -71,23 +71,23 @@ impl DriverTree {
         })
     }
 
-    /// Bytes of device memory of both structures, and of the room to make them.
+    /// Returns the bytes of device memory of both structures and their scratch buffers.
     pub(crate) fn held(&self) -> [u64; 2] {
         let ([bottom, room], [top, more]) = (self.bottom.held(), self.top.held());
         [bottom + top + self.instance.held(), room + more]
     }
 
-    /// What rays are traced through.
+    /// Returns the top-level structure.
     pub(crate) fn top(&self) -> vk::AccelerationStructureKHR {
         self.top.vk
     }
 
-    /// Forgets the tree, because the commands that were recorded for it never ran.
+    /// Marks the tree as not built, because its recorded commands never ran.
     pub(crate) fn forget(&mut self) {
         self.is_updatable = false;
     }
 
-    /// Records a build of the tree, or an update where it follows the motion by updates and has been built.
+    /// Records a build of the tree, or an update if the policy is to update and the tree was built.
     pub(crate) fn make(&mut self, commands: &Commands, from: Geometry<'_>) {
         let mode = if self.is_updatable {
             Mode::UPDATE
@@ -124,7 +124,7 @@ fn info<'a>(level: Level) -> Info<'a> {
     Info::default().ty(level)
 }
 
-/// Opaque, so that no hit asks a shader whether it counts.
+/// Returns opaque geometry, so that the driver calls no any-hit shader.
 fn geometry<'a>(
     kind: vk::GeometryTypeKHR,
     data: vk::AccelerationStructureGeometryDataKHR<'a>,
@@ -141,7 +141,7 @@ fn at(buffer: &Buffer) -> vk::DeviceOrHostAddressConstKHR {
     }
 }
 
-/// The scene's triangles over positions; or those `cleansed`, with vertices of their own.
+/// Returns the scene's triangles over positions, or the `cleansed` triangles over their own vertices.
 pub(crate) fn triangles_of<'a>(
     scene: &SceneBuffers<VulkanDevice>,
     positions: &Buffer,
@@ -174,7 +174,7 @@ fn instances_of<'a>(instance: &Buffer) -> Geometry<'a> {
     geometry(vk::GeometryTypeKHR::INSTANCES, data)
 }
 
-/// As it stands, seen by all rays, from both sides.
+/// Returns an instance with the identity transform that all rays see from both sides.
 fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
     let mut words = [0; INSTANCE_WORDS];
     for diagonal in [0, 5, 10] {
@@ -189,13 +189,13 @@ fn instance_of(bottom: &Structure) -> [u32; INSTANCE_WORDS] {
     words
 }
 
-/// An acceleration structure. Built and updated in place.
+/// An acceleration structure that is built and updated in place.
 struct Structure {
     vk: vk::AccelerationStructureKHR,
     rays: Arc<RayTracing>,
-    /// Room for a build or an update.
+    /// Scratch buffer for builds and updates.
     scratch: Buffer,
-    /// Dropped after the structure that lies in it.
+    /// Memory of the structure. Dropped after the structure.
     storage: Buffer,
 }
 
@@ -223,7 +223,7 @@ impl Structure {
             .buffer(storage.vk)
             .size(bytes)
             .ty(info.ty);
-        // SAFETY: the buffer may hold acceleration structures and is as large as asked for.
+        // SAFETY: the buffer has the usage for acceleration structures and the size that the driver returned.
         let vk = unsafe { rays.structures.create_acceleration_structure(&made, None) }
             .map_err(failed_for(what, bytes))?;
         Ok(Self {
@@ -234,12 +234,12 @@ impl Structure {
         })
     }
 
-    /// Bytes of device memory, and of the room to make it.
+    /// Returns the bytes of device memory of the structure and its scratch buffer.
     fn held(&self) -> [u64; 2] {
         [self.storage.held(), self.scratch.held()]
     }
 
-    /// Where the device finds it.
+    /// Returns the device address of the structure.
     fn address(&self) -> vk::DeviceAddress {
         let info = vk::AccelerationStructureDeviceAddressInfoKHR::default()
             .acceleration_structure(self.vk);
@@ -248,7 +248,7 @@ impl Structure {
         unsafe { structures.get_acceleration_structure_device_address(&info) }
     }
 
-    /// Records a build of what `info` describes, or an update in place.
+    /// Records the build or update that `info` describes.
     fn record(&self, commands: vk::CommandBuffer, info: Info<'_>, primitives: u32) {
         let rays = &self.rays;
         let at = self.scratch.address();
@@ -263,8 +263,8 @@ impl Structure {
         }
         let range =
             vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(primitives);
-        // SAFETY: the command buffer is being recorded; structure and room are as large as the
-        // driver asked for, and all buffers of the geometry live.
+        // SAFETY: the command buffer is being recorded; structure and scratch have the sizes that the
+        // driver returned, and all buffers of the geometry are alive.
         unsafe {
             rays.structures
                 .cmd_build_acceleration_structures(commands, &[info], &[&[range]]);
