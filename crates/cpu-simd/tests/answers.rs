@@ -230,7 +230,7 @@ fn size() -> impl Strategy<Value = f32> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn neighbours_together_hit_what_each_hits_alone(camera in cameras(), light in near(9.0), size in size()) {
