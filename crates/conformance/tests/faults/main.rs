@@ -66,13 +66,9 @@ fn verdict_in(
     hold(property, &mut Faulty::new(fault), &mut reference, cases)
 }
 
-/// Checks that every property holds without a fault, and detects each of its faults. Returns the properties without
-/// any.
+/// Checks that every property detects each of its faults. Returns the properties without any.
 fn notices(properties: &[Property], noticed: &'static str) -> Vec<&'static str> {
     let mut idle: Vec<_> = properties.iter().map(|l| l.name).collect();
-    for property in properties {
-        verdict(properties, property.name, "none").unwrap();
-    }
     for (property, faults) in noticed.lines().filter_map(|line| line.split_once(": ")) {
         idle.retain(|l| *l != property);
         for fault in faults.split(", ") {
@@ -84,7 +80,16 @@ fn notices(properties: &[Property], noticed: &'static str) -> Vec<&'static str> 
 }
 
 #[test]
-fn every_property_holds_without_a_fault_and_notices_its_own() {
+fn every_property_holds_without_a_fault() {
+    // The tests of backends try more cases. These show that the wrapper around the backend changes nothing.
+    let cases = Cases::new(1, 0..=11);
+    for property in PROPERTIES {
+        verdict_in(PROPERTIES, property.name, "none", &cases).unwrap();
+    }
+}
+
+#[test]
+fn every_property_detects_its_faults() {
     assert_eq!(notices(PROPERTIES, NOTICED), [""; 0]);
 }
 
