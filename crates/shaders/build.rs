@@ -17,7 +17,9 @@ use naga::back::spv;
 use naga::valid::{
     Capabilities, ModuleInfo, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator,
 };
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use variants::{EntryPoint, Text, Variant};
 
 fn main() -> Result<()> {
@@ -29,8 +31,7 @@ fn main() -> Result<()> {
     sources.conditions = variants::conditions(&entries);
     let (beside, kernels): (Vec<_>, Vec<_>) = entries.iter().partition(|e| e.file == rays::KERNELS);
     let table = |about, constant, some: &[&EntryPoint]| {
-        let each = some.iter().map(|e| compile(&out, &sources, e));
-        let all = each.collect::<Result<String>>()?;
+        let all = compile_all(&out, &sources, some)?;
         anyhow::Ok(format!(
             "/// {about}\npub static {constant}: &[Kernel] = &[\n{all}];\n"
         ))
@@ -44,6 +45,30 @@ fn main() -> Result<()> {
     std::fs::write(out.join("module.wgsl"), module)?;
     let all = [kernels, beside, pipeline].concat();
     std::fs::write(out.join("kernels.rs"), all).context("kernels.rs")
+}
+
+/// Compiles kernels on all cores. Returns them in their order, as Rust expressions.
+fn compile_all(out: &Path, sources: &Sources, entries: &[&EntryPoint]) -> Result<String> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let taken = std::iter::from_fn(|| {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            entries
+                .get(i)
+                .map(|entry| (i, compile(out, sources, entry)))
+        });
+        taken.collect::<Vec<_>>()
+    };
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let mut compiled: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        let joined = threads.into_iter().map(|thread| thread.join());
+        joined
+            .flat_map(|done| done.expect("no thread panics"))
+            .collect()
+    });
+    compiled.sort_by_key(|(i, _)| *i);
+    compiled.into_iter().map(|(_, code)| code).collect()
 }
 
 /// Compiles all variants of a kernel. Returns them as Rust expressions.
