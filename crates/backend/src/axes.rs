@@ -53,7 +53,7 @@ impl Policy {
         }
     }
 
-    /// Returns whether a builder thread makes trees beside the frames.
+    /// Returns whether a builder thread builds trees while frames are traced.
     #[must_use]
     pub fn builds_beside_frames(self) -> bool {
         matches!(self, Self::Async | Self::Lockstep(_))
@@ -74,13 +74,13 @@ impl Policy {
         }
     }
 
-    /// Returns whether the device builds all trees, and the host none.
+    /// Returns whether the device builds all trees, so that the host builds no tree.
     #[must_use]
     pub fn builds_on_device(self) -> bool {
         self == Self::DeviceRebuild
     }
 
-    /// Returns whether each frame that moves has a tree of its own, built within the frame.
+    /// Returns whether each frame with motion builds its own tree.
     #[must_use]
     pub fn rebuilds_every_frame(self) -> bool {
         matches!(self, Self::Rebuild | Self::DeviceRebuild)

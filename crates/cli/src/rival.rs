@@ -1,4 +1,4 @@
-//! Rivals: opened by name, timed over frames, compared with us.
+//! Opens rivals by name, measures their frames, and compares their hits with ours.
 
 use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, update_name};
 use crate::choose::Ask;
@@ -16,10 +16,10 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The name that stands for a rival's intersector and for its layout.
+/// Name of a rival's intersector and layout in tables and files, because rivals use their own.
 pub(crate) const OWN: &str = "own";
 
-/// A rival, and how its tree follows the motion.
+/// A rival and the policy by which it updates its tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contest {
     pub(crate) rival: &'static Known,
@@ -32,7 +32,7 @@ impl fmt::Display for Contest {
     }
 }
 
-/// Returns every rival with each policy that it knows, and remarks on the others.
+/// Returns every rival with each policy that it supports, and remarks on the policies that it does not support.
 pub(crate) fn contests(
     rivals: &[&'static Known],
     updates: &[UpdateName],
@@ -95,7 +95,7 @@ impl Running {
         })
     }
 
-    /// Times frames. The device is warmed up after the first, for `warm_up` seconds or as long as is usual.
+    /// Times frames. After the first frame, the device is warmed up for `warm_up` seconds, or for a default time.
     pub(crate) fn time(
         &mut self,
         frames: &[Frame],
@@ -147,7 +147,7 @@ impl Running {
         Ok(warm_up.end())
     }
 
-    /// Completes the statistics of frame `number` by the facts about its tree.
+    /// Adds the facts about the tree to the statistics of frame `number`.
     fn stats(&self, frame: Frame, number: usize, stats: FrameStats) -> FrameStats {
         let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
@@ -223,7 +223,7 @@ impl Running {
     }
 }
 
-/// Counts rays of which two traces name another triangle, or another shadow.
+/// Counts rays for which two traces return different triangles or shadows.
 fn count_differing(a: &Hits, b: &Hits) -> usize {
     let at = |of: &Hits, i: usize| {
         let triangle = of.closest.get(i).map(|hit| hit.triangle);
@@ -233,7 +233,7 @@ fn count_differing(a: &Hits, b: &Hits) -> usize {
     (0..rays).filter(|&i| at(a, i) != at(b, i)).count()
 }
 
-/// Counts inactive and degenerate triangles, for rivals do not.
+/// Counts inactive and degenerate triangles, because rivals do not count these.
 fn unhittable(moment: &Moment<'_>) -> (u64, u64) {
     let count = |triangle| {
         let corners = moment.corners(triangle);

@@ -69,7 +69,7 @@ pub struct Minimal {
     pub keys: usize,
     /// Number of rays.
     pub rays: usize,
-    /// All of it in numbers.
+    /// The case as text, with all numbers.
     pub text: String,
 }
 
@@ -191,10 +191,10 @@ mod tests {
     use cpu_ref::CpuBackend;
     use proptest::strategy::ValueTree;
 
-    /// Attempts to shrink a case, every third of which is taken back, until its properties are tested.
+    /// Number of attempts to shrink a case before its properties are tested. Every third attempt is undone.
     const ATTEMPTS: usize = 60;
 
-    /// A property that fails on small cases for reasons of its own would hide what a backend does wrong.
+    /// Properties must hold for shrunken cases too. Otherwise shrinking would end at a case that shows no fault.
     #[test]
     fn properties_hold_while_cases_shrink() {
         let backend = || CpuBackend::new(Some(1)).unwrap();

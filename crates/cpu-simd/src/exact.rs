@@ -1,6 +1,6 @@
-//! The filter of intersector `exact` in lanes: "Filter" in `docs/design/hits.md`.
+//! The vectorized filter of intersector `exact`: see "Filter" in `docs/design/hits.md`.
 //!
-//! A ray whose hit is not sure is left to the reference.
+//! The reference resolves rays whose hit is uncertain.
 
 use crate::intersect::{Intersect, Touch};
 use crate::leaf::{OfBlock, OfLane, TriangleRay, Triangles, edges, solve};
@@ -83,14 +83,14 @@ impl Intersect for Exact {
     }
 }
 
-/// No interval begins so late.
+/// A `t` after the start of every interval.
 const NEVER: f32 = f32::MAX;
 
-/// Triangles that may be hit, and where their exact `t` lies if they are.
+/// Triangles that may be hit, with an interval that contains the exact `t` of a hit.
 struct Judged<L> {
-    /// Lanes that are no sure miss.
+    /// Lanes that may be hit.
     possible: u32,
-    /// Lanes that are surely hit, within the ray's limits.
+    /// Lanes that are certainly hit within the ray's limits.
     sure: u32,
     low: L,
     high: L,
@@ -123,7 +123,7 @@ fn judge<L: Lanes>(
     if possible == 0 {
         return None;
     }
-    // An edge function that is not a number shows in the sum.
+    // If an edge function is NaN, so is the sum.
     let sum = u.abs().add(v.abs()).add(w.abs());
     let inside = L::either(doubt.less(least), most.less(doubt.neg()));
     let certain = L::both(inside, sum.less(L::splat(f32::INFINITY)));
@@ -154,10 +154,11 @@ fn judge<L: Lanes>(
     })
 }
 
-/// A `t` strictly between these rounds to one within the ray's limits: `PreparedRay::sure_limits`.
+/// Returns limits such that each `t` strictly between them rounds to a `t` within the ray's limits. See
+/// `PreparedRay::sure_limits`.
 #[inline(always)]
 fn sure_limits<L: Lanes>(ray: &TriangleRay<L>) -> [L; 2] {
-    // 2^-125 and 2^127 in the ray's own units; of the former, no less than 2^-99.
+    // 2^-125, raised to at least 2^-99, and 2^127, in the ray's own units.
     let small = L::splat(f32::MIN_POSITIVE * 2.0).div(ray.back);
     let small = small.max(L::splat(2.0 * LEAST));
     let large = L::splat(f32::from_bits(254 << 23)).div(ray.back);
@@ -185,13 +186,13 @@ fn least_of<L: Lanes>([a, b, c]: &[L; 3]) -> L {
 struct Alone<'a, R: Lanes> {
     tree: &'a Wide,
     ray: &'a OneRay<'a, R>,
-    /// The least upper end of the intervals of sure hits.
+    /// Least upper end of the intervals of certain hits.
     bound: f32,
-    /// The lower end of that interval.
+    /// Lower end of the interval that ends at `bound`.
     low: f32,
-    /// Where the first interval of all other candidates begins.
+    /// Least lower end of the intervals of all other candidates.
     other: f32,
-    /// The triangle whose interval ends at `bound`.
+    /// Triangle whose interval ends at `bound`.
     place: u32,
 }
 
@@ -226,7 +227,7 @@ impl<I: Isa, R: Lanes> Visitor<I> for Alone<'_, R> {
     }
 }
 
-/// The closest hits of a packet so far, one a lane; fields as in [`Alone`].
+/// The closest hits of a packet so far, one per lane. The fields correspond to those of [`Alone`].
 struct Together<'a, L: Lanes, P> {
     tree: &'a Wide,
     packet: &'a Packet<L, P>,
@@ -234,7 +235,7 @@ struct Together<'a, L: Lanes, P> {
     low: L,
     other: L,
     places: [u32; MOST_RAYS],
-    /// Lanes that have a place.
+    /// Lanes that have a hit.
     placed: u32,
     patience: Patient,
 }
@@ -259,7 +260,7 @@ impl<I, L: Lanes, P: Halves> Visitor<I> for Together<'_, L, P> {
 }
 
 impl<L: Lanes, P> Together<'_, L, P> {
-    /// Returns whether a bound has changed.
+    /// Tests a triangle. Returns whether a bound has changed.
     #[inline(always)]
     fn triangle(&mut self, triangle: OfLane<'_>) -> bool {
         let Some(judged) = judge(&self.packet.rays, &triangle, self.bound) else {

@@ -1,4 +1,4 @@
-//! Intersectors in lanes: each gives the bits of the reference's.
+//! Vectorized intersectors. Each returns the same bits as the reference.
 
 use crate::leaf::{Meetings, TriangleRay, Triangles};
 use crate::packet::{self, Packet};
@@ -10,22 +10,22 @@ use cpu_ref::intersect::{MollerTrumbore, Search, Watertight, Woop};
 
 /// An intersector as the tracer of the wide tree sees it. All functions must be `#[inline(always)]`.
 pub(crate) trait Intersect: Sync {
-    /// Whether hits are found only up to rounding, so that they have to be reported by the reference.
+    /// Whether the lanes only filter hits, so that the reference computes the reported values.
     const IS_EXACT: bool;
     /// The same intersector for one ray and one triangle.
     type Reference: for<'a> Search<&'a Wide>;
 
-    /// Which lanes hit, within the ray's limits.
+    /// Returns the lanes that hit within the ray's limits.
     fn touch<L: Lanes>(ray: &TriangleRay<L>, triangles: &impl Triangles<L>) -> Touch;
 
-    /// The closest hit of one ray, its `t` in scaled units.
+    /// Returns the closest hit of one ray, with `t` in scaled units.
     fn closest_alone<I: Isa>(
         tree: &Wide,
         ray: &OneRay<'_, impl Lanes>,
         stack: &mut Stack,
     ) -> Placed;
 
-    /// The closest hits of a packet; `None` if its rays go better one by one.
+    /// Returns the closest hits of a packet, or `None` if tracing its rays singly is likely to be faster.
     fn closest_together<I: Isa>(
         tree: &Wide,
         packet: &Packet<I::Packet, I::Planes>,
@@ -33,7 +33,7 @@ pub(crate) trait Intersect: Sync {
     ) -> Option<packet::Found<I::Packet>>;
 }
 
-/// Lanes that surely hit, and lanes of which rounded arithmetic cannot tell.
+/// Lanes that certainly hit, and lanes that rounded arithmetic cannot decide.
 #[derive(Clone, Copy)]
 pub(crate) struct Touch {
     pub(crate) hit: u32,
@@ -44,9 +44,9 @@ impl Touch {
     pub(crate) const NOTHING: Self = Self { hit: 0, open: 0 };
 }
 
-/// A test whose hits are those reported.
+/// A test that computes the reported values itself.
 pub(crate) trait LaneTest: Sync {
-    /// Where rays meet triangles, `t` clamped and no later than `best`. Must be `#[inline(always)]`.
+    /// Returns the intersections with `t` clamped and at most `best`. Must be `#[inline(always)]`.
     fn meet<L: Lanes>(
         ray: &TriangleRay<L>,
         triangles: &impl Triangles<L>,
@@ -149,7 +149,7 @@ struct Row<L> {
 }
 
 impl<L: Lanes> Row<L> {
-    /// In the order of the reference's sum.
+    /// Returns the row's product with `v` and `w`, summed in the reference's order.
     #[inline(always)]
     fn of(&self, v: &[L; 3], w: L) -> L {
         let [x, y, z] = each!(i => self.vector[i].mul(v[i]));

@@ -133,7 +133,7 @@ pub(crate) struct Found<L: Lanes> {
     pub(crate) v: L,
     /// Places of the triangles.
     pub(crate) places: [u32; MOST_RAYS],
-    /// Lanes of which rounded arithmetic cannot tell.
+    /// Lanes that rounded arithmetic cannot decide.
     pub(crate) open: u32,
 }
 
@@ -146,7 +146,7 @@ pub(crate) struct Patient(u32);
 impl Patient {
     pub(crate) const FULL: Self = Self(256);
 
-    /// Subtracts tested triangles. Returns `None` if none are left.
+    /// Subtracts tested triangles. Returns `None` if this exceeds the remaining number.
     #[inline(always)]
     pub(crate) fn spend(&mut self, triangles: u32) -> Option<()> {
         self.0 = self.0.checked_sub(triangles)?;

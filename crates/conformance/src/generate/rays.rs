@@ -68,15 +68,15 @@ backend::named! {
 pub(crate) struct RayDescription {
     pub(crate) kind: RayKind,
     target: Target,
-    /// Whether triangles that reach far are left out of the targets.
+    /// Whether the targets exclude triangles that extend far.
     is_near: bool,
-    /// Numbers that stand for the triangle of the target, and for another one.
+    /// Numbers that select the triangle of the target and another triangle, modulo the number of triangles.
     triangles: [u32; 2],
-    /// Where on the triangle the target lies.
+    /// Weights of the target in its triangle.
     weights: [f64; 2],
-    /// Which vertex or edge of the triangle.
+    /// Vertex or edge of the triangle.
     part: usize,
-    /// Whether a ray that starts at the rim of a triangle starts at a vertex.
+    /// Whether a ray that starts on the boundary of a triangle starts at a vertex.
     is_vertex: bool,
     /// Points around the scene.
     points: [[f64; 3]; 2],
@@ -276,7 +276,7 @@ impl Aims {
         }
     }
 
-    /// Returns the triangle that any number stands for.
+    /// Returns the triangle that `number` selects, modulo the number of triangles.
     fn triangle(&self, number: u32) -> [[f64; 3]; 3] {
         let t = self.corners[number as usize % self.corners.len()];
         t.map(|p| p.map(f64::from))

@@ -253,7 +253,7 @@ fn resting() -> impl Strategy<Value = Moving> {
     })
 }
 
-/// Returns the index in `range` that any number stands for.
+/// Returns the index in `range` that `number` selects, modulo its length.
 fn within(range: &Range<usize>, number: u32) -> usize {
     range.start + number as usize % range.len()
 }

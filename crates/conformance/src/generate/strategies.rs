@@ -1,7 +1,7 @@
-//! Strategies that others are composed of, and their random numbers.
+//! Building blocks of the strategies, and their random numbers.
 //!
-//! A tree of `proptest` shrinks one number at a time. A failing scene has thousands of them, and each attempt runs a
-//! property on a backend. So these strategies shrink in large steps: [`each`] removes half of a list at once, and
+//! A tree of `proptest` shrinks one number at a time. A failing scene has thousands of numbers, and each attempt runs
+//! a property on a backend. So these strategies shrink in large steps: [`each`] removes half of a list at once, and
 //! [`steps`] tries the simplest of a few values first.
 
 use geom::Point;
@@ -10,7 +10,7 @@ use proptest::strategy::{NewTree, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use std::fmt::Debug;
 
-/// Milliseconds after which the smallest failing case is reported that was found until then.
+/// Milliseconds after which shrinking stops. The smallest failing case found by then is reported.
 const MAX_SHRINK_TIME: u32 = 30_000;
 
 /// Bytes of the seed of proptest's generator.
@@ -101,7 +101,7 @@ pub(crate) struct EachTree<T> {
 }
 
 impl<T: ValueTree> EachTree<T> {
-    /// Removes the next run; `false` if there is none left to try.
+    /// Removes the next run. Returns `false` if no run is left to try.
     fn remove(&mut self) -> bool {
         while self.run > 0 {
             let most = self.run.min(self.kept.len().saturating_sub(1));
@@ -213,7 +213,7 @@ impl<T: Clone + Debug> ValueTree for StepsTree<T> {
     }
 }
 
-/// How exactly a number is given.
+/// Precision of generated numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Precision {
     /// As a multiple of an eighth.

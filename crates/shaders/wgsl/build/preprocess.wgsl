@@ -50,7 +50,7 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
         low = bitcast<vec3<u32>>(min(min(a, b), c));
         high = bitcast<vec3<u32>>(max(max(a, b), c));
     } else {
-        // Rasterization comes to triangles by other ways than their boxes.
+        // Rasterization reaches triangles without testing their boxes.
         records[3u * leaf].w = NO_TRIANGLE;
         atomicAdd(&counts[select(0u, 1u, stands == DEGENERATE)], 1u);
     }

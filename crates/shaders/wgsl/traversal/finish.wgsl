@@ -5,12 +5,12 @@ import package::geometry::ray::{MISS, Prepared};
 import package::intersect::intersector::{Found, hit_of, is_unresolved, store_occluded};
 import package::lib::buffers::{hits, occluded};
 
-// Writes the hit of ray `i` from `eye`, and whether it lies in shadow.
+// Writes the hit of ray `i` from `eye`, and whether the hit point is in shadow.
 fn finish_ray(i: u32, ray: Prepared, found: Found, eye: vec3<f32>) {
     let hit = hit_of(i, ray, found);
     hits[i] = hit;
     if is_unresolved(hit) {
-        // The ray's notes, for `resolve_exact_together`.
+        // `resolve_exact_together` reads the ray's notes here.
         occluded[i] = hit.y;
         return;
     }
