@@ -7,10 +7,9 @@ use crate::stop::Stop;
 use backend::{
     BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query, QueryKind, Rays,
 };
-use geom::{Animation, Moment, Ray, is_active, is_degenerate};
+use geom::{Animation, Ray};
 use output::FrameStats;
-use pipeline::{Answers, Frame, Wanted, WarmUp, Warmed};
-use rayon::prelude::*;
+use pipeline::{Answers, Frame, Wanted, WarmUp, Warmed, unhittable_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -123,7 +122,8 @@ impl Running {
         }
         for frame in &mut stats {
             let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
-            (frame.inactive, frame.degenerate) = unhittable(&moment);
+            // Rivals do not count these.
+            [frame.inactive, frame.degenerate] = unhittable_at(&moment).map(|count| count as u64);
         }
         Ok(Frames {
             setup: self.setup(),
@@ -231,17 +231,4 @@ fn count_differing(a: &Hits, b: &Hits) -> usize {
     };
     let rays = a.closest.len().max(a.blocked.len());
     (0..rays).filter(|&i| at(a, i) != at(b, i)).count()
-}
-
-/// Counts inactive and degenerate triangles, because rivals do not count these.
-fn unhittable(moment: &Moment<'_>) -> (u64, u64) {
-    let count = |triangle| {
-        let corners = moment.corners(triangle);
-        let is_active = is_active(&corners);
-        let is_flat = is_active && is_degenerate(&corners);
-        (u64::from(!is_active), u64::from(is_flat))
-    };
-    let triangles = 0..moment.animation().triangle_count() as u32;
-    let sum = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
-    triangles.into_par_iter().map(count).reduce(|| (0, 0), sum)
 }

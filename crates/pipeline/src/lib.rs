@@ -23,7 +23,7 @@ pub use driver::{
     Answers, Driver, DriverOptions, LOOK_AHEAD, PipelineError, Wanted, WarmUp, Warmed, warm_up,
 };
 pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
-pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable};
+pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable, unhittable_at};
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};
 pub use tree_builder::BuildMoments;

@@ -1,7 +1,7 @@
 //! Measures how a scene moves, which triangles cannot be hit, and how much refits degrade the first tree.
 
 use bvh_build::{BinaryTree, BuildError, Builder, Cancel, sah_cost};
-use geom::{Aabb, Animation, KeyFrameError, Point, Pose, is_active, is_degenerate};
+use geom::{Aabb, Animation, KeyFrameError, Moment, Point, Pose, is_active, is_degenerate};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -82,15 +82,7 @@ pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
             key: key as u32,
             alpha: 0.0,
         };
-        let moment = animation.moment(pose)?;
-        let triangles = (0..animation.triangle_count() as u32).into_par_iter();
-        let each = triangles.map(|t| {
-            let corners = moment.corners(t);
-            let active = is_active(&corners);
-            let degenerate = active && is_degenerate(&corners);
-            [!active, degenerate].map(usize::from)
-        });
-        Ok(each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]]))
+        Ok(unhittable_at(&animation.moment(pose)?))
     };
     let counts = (0..animation.key_count()).map(count);
     let counts = counts.collect::<Result<Vec<[usize; 2]>, _>>()?;
@@ -98,6 +90,18 @@ pub fn unhittable(animation: &Animation) -> Result<[Spread; 2], KeyFrameError> {
         min: counts.iter().map(|c| c[i]).min().unwrap_or(0),
         max: counts.iter().map(|c| c[i]).max().unwrap_or(0),
     }))
+}
+
+/// Returns the numbers of inactive and of degenerate triangles at a moment.
+pub fn unhittable_at(moment: &Moment<'_>) -> [usize; 2] {
+    let triangles = (0..moment.animation().triangle_count() as u32).into_par_iter();
+    let each = triangles.map(|t| {
+        let corners = moment.corners(t);
+        let active = is_active(&corners);
+        let degenerate = active && is_degenerate(&corners);
+        [!active, degenerate].map(usize::from)
+    });
+    each.reduce(|| [0, 0], |a, b| [a[0] + b[0], a[1] + b[1]])
 }
 
 /// Compares the tree of time 0, refitted, with a fresh tree at `samples` times of the animation.
