@@ -126,11 +126,11 @@ impl RunCommand for BenchSettings {
         all.extend([
             needs_async("predict", updates),
             needs_host_builds(updates),
-            Requirement {
-                option: "fail_above",
-                is_met: !self.compare.is_empty(),
-                text: "goes only with --compare",
-            },
+            Requirement::new(
+                "fail_above",
+                !self.compare.is_empty(),
+                "goes only with --compare",
+            ),
         ]);
         all
     }

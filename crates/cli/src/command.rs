@@ -19,7 +19,6 @@ pub(crate) trait RunCommand {
 }
 
 /// An option that has an effect only under a condition.
-#[derive(Clone)]
 pub(crate) struct Requirement {
     /// The option's name, with `_` for `-`.
     pub(crate) option: &'static str,
@@ -27,4 +26,14 @@ pub(crate) struct Requirement {
     pub(crate) is_met: bool,
     /// The message after the name of the option.
     pub(crate) text: &'static str,
+}
+
+impl Requirement {
+    pub(crate) fn new(option: &'static str, is_met: bool, text: &'static str) -> Self {
+        Self {
+            option,
+            is_met,
+            text,
+        }
+    }
 }

@@ -105,17 +105,14 @@ impl RunCommand for ConformSettings {
 
     fn requirements(&self) -> Vec<Requirement> {
         let oracle = self.oracle_rays > 0;
-        let needs_oracle = |option| Requirement {
-            option,
-            is_met: oracle,
-            text: "goes only with --oracle-rays",
-        };
+        let needs_oracle =
+            |option| Requirement::new(option, oracle, "goes only with --oracle-rays");
         vec![
-            Requirement {
-                option: "intersector",
-                is_met: oracle || self.leak_rays > 0,
-                text: "goes only with --leak-rays or --oracle-rays",
-            },
+            Requirement::new(
+                "intersector",
+                oracle || self.leak_rays > 0,
+                "goes only with --leak-rays or --oracle-rays",
+            ),
             needs_oracle("oracle_batch"),
             needs_oracle("scene"),
         ]

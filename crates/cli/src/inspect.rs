@@ -89,12 +89,12 @@ impl RunCommand for InspectSettings {
     }
 
     fn requirements(&self) -> Vec<Requirement> {
-        let mut all = scene_source::requirements(std::slice::from_ref(&self.scene)).to_vec();
-        all.push(Requirement {
-            option: "reduced_out",
-            is_met: self.reduce_keys.is_some(),
-            text: "goes only with --reduce-keys",
-        });
+        let mut all = scene_source::requirements(&[&self.scene]);
+        all.push(Requirement::new(
+            "reduced_out",
+            self.reduce_keys.is_some(),
+            "goes only with --reduce-keys",
+        ));
         all
     }
 }

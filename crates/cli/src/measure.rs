@@ -52,7 +52,7 @@ pub(crate) struct MeasureSettings {
         value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
     pub(crate) rival: Vec<&'static Known>,
     /// Update policies
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update())]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "rebuild,refit,async", value_parser = parsers::update(|_| true))]
     pub(crate) update: Vec<PolicyChoice>,
     /// Intersectors
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parsers::intersector(|_| true))]
@@ -100,7 +100,7 @@ impl MeasureSettings {
     }
 
     pub(crate) fn requirements(&self) -> Vec<Requirement> {
-        scene_source::requirements(&self.scenes).to_vec()
+        scene_source::requirements(&self.scenes)
     }
 }
 

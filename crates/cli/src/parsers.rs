@@ -47,18 +47,29 @@ pub(crate) fn intersector(
     PossibleValuesParser::new(taken.map(value)).try_map(|name| name.parse())
 }
 
-/// Parses the name of an update policy; `auto` is `None`.
-pub(crate) fn update() -> impl TypedValueParser<Value = Option<Policy>> {
+fn policy_names(is_taken: fn(Policy) -> bool) -> impl Iterator<Item = PossibleValue> {
+    let taken = Policy::ALL.into_iter().filter(move |&p| is_taken(p));
+    taken.map(|p| PossibleValue::new(p.name()).help(p.description()))
+}
+
+/// Parses the name of an update policy, of those that `is_taken` accepts.
+pub(crate) fn policy(is_taken: fn(Policy) -> bool) -> impl TypedValueParser<Value = Policy> {
+    PossibleValuesParser::new(policy_names(is_taken)).try_map(|name| name.parse())
+}
+
+/// Parses the name of an update policy, of those that `is_taken` accepts; `auto` is `None`.
+pub(crate) fn update(
+    is_taken: fn(Policy) -> bool,
+) -> impl TypedValueParser<Value = Option<Policy>> {
     let auto = PossibleValue::new(AUTO).help("Whichever is expected to finish the run first");
-    let value = |p: Policy| PossibleValue::new(p.name()).help(p.description());
-    let all = Policy::ALL.map(value).into_iter();
-    PossibleValuesParser::new([auto].into_iter().chain(all)).try_map(|name| match &*name {
+    let all = [auto].into_iter().chain(policy_names(is_taken));
+    PossibleValuesParser::new(all).try_map(|name| match &*name {
         AUTO => Ok(None),
         name => name.parse().map(Some),
     })
 }
 
-/// `x,y,z`, all finite.
+/// Parses `x,y,z`, all finite.
 pub(crate) fn point<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<[T; 3], String> {
     let numbers: Vec<T> = text.split(',').map(finite).collect::<Result<_, _>>()?;
     numbers.try_into().map_err(|numbers: Vec<T>| {

@@ -99,16 +99,11 @@ impl RunCommand for RenderSettings {
 
     fn requirements(&self) -> Vec<Requirement> {
         let writes_files = !self.no_images || self.hits.is_some();
-        let needs_files = |option| Requirement {
-            option,
-            is_met: writes_files,
-            text: "goes only with pictures or --hits",
-        };
+        let needs_files =
+            |option| Requirement::new(option, writes_files, "goes only with pictures or --hits");
         let mut all = self.tracer.requirements();
         all.extend(["resume", "overwrite"].map(needs_files));
-        all.extend(scene_source::requirements(std::slice::from_ref(
-            &self.scene,
-        )));
+        all.extend(scene_source::requirements(&[&self.scene]));
         if self.chroma().any() {
             // Videos play --fps frames per second.
             all.retain(|requirement| requirement.option != "fps");

@@ -60,18 +60,19 @@ impl SceneSettings {
 }
 
 /// Returns what `--fps` and `--recentre` require of the scenes.
-pub(crate) fn requirements(scenes: &[String]) -> [Requirement; 2] {
-    [
-        Requirement {
-            option: "fps",
-            is_met: scenes.iter().any(|scene| may_have_clip(scene)),
-            text: "goes only with a .gltf or .glb scene",
-        },
-        Requirement {
-            option: "recentre",
-            is_met: scenes.iter().any(|scene| has_file(scene)),
-            text: "goes only with a scene of files",
-        },
+pub(crate) fn requirements(scenes: &[impl AsRef<str>]) -> Vec<Requirement> {
+    let mut scenes = scenes.iter().map(AsRef::as_ref);
+    vec![
+        Requirement::new(
+            "fps",
+            scenes.clone().any(may_have_clip),
+            "goes only with a .gltf or .glb scene",
+        ),
+        Requirement::new(
+            "recentre",
+            scenes.any(has_file),
+            "goes only with a scene of files",
+        ),
     ]
 }
 

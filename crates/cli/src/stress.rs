@@ -12,7 +12,6 @@ use crate::scene_source::{self, SceneSettings};
 use crate::stop::Stop;
 use crate::table::{Cells, TRIANGLES, counted, ms, table};
 use crate::tested_backends::TestSettings;
-use crate::tracer_settings::{PolicyChoice, policy_name};
 use abvh::{
     Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
     Tracer,
@@ -43,8 +42,8 @@ pub(crate) struct StressSettings {
     #[command(flatten)]
     test: TestSettings,
     /// Update policies
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "async,refit", value_parser = parsers::update())]
-    update: Vec<PolicyChoice>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "async,refit", value_parser = parsers::policy(|p| !p.builds_on_device()))]
+    update: Vec<Policy>,
     /// Timed steps of each run
     #[arg(long, value_name = "N", default_value = "1000",
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=10_000_000))]
@@ -99,7 +98,7 @@ impl RunCommand for StressSettings {
     }
 
     fn requirements(&self) -> Vec<Requirement> {
-        scene_source::requirements(std::slice::from_ref(&self.scene)).to_vec()
+        scene_source::requirements(&[&self.scene])
     }
 }
 
@@ -109,7 +108,6 @@ impl StressSettings {
         for &name in &self.test.backend {
             let device = device(name, self.test.adapter.as_deref())?;
             for &update in &self.update {
-                let update = policy(update)?;
                 let sources = [VertexSource::Copied, VertexSource::InPlace];
                 runs.extend(sources.map(|source| StressRun {
                     backend: name.name(),
@@ -268,17 +266,6 @@ impl VertexSource {
             Self::InPlace => "in place",
         }
     }
-}
-
-/// Returns the policy of a run, if `stress` measures it: one whose trees the host builds.
-fn policy(name: PolicyChoice) -> Result<Policy, Stop> {
-    let builds_on_host = |policy: &Policy| !policy.builds_on_device();
-    name.filter(builds_on_host).ok_or_else(|| {
-        let known: Vec<_> = Policy::ALL.into_iter().filter(builds_on_host).collect();
-        let known: Vec<_> = known.into_iter().map(Policy::name).collect();
-        let (name, known) = (policy_name(name), known.join(", "));
-        Stop::bad(format!("--update {name}: stress takes {known}"))
-    })
 }
 
 /// One row of the table.

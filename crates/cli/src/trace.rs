@@ -48,7 +48,7 @@ pub(crate) struct TraceSettings {
     layout: LayoutName,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
     /// --time. Hits are the same, only the speed differs
-    #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update())]
+    #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_beside_frames()))]
     update: PolicyChoice,
     /// With --update refit: time at which the tree is built, in key frames [default: 0]
     #[arg(long, value_name = "T0", value_parser = parsers::finite::<f64>, allow_hyphen_values = true)]
@@ -65,16 +65,14 @@ impl RunCommand for TraceSettings {
 
     fn requirements(&self) -> Vec<Requirement> {
         let mut all = vec![
-            Requirement {
-                option: "tree_time",
-                is_met: self.update == Some(Policy::Refit),
-                text: "goes only with --update refit",
-            },
+            Requirement::new(
+                "tree_time",
+                self.update == Some(Policy::Refit),
+                "goes only with --update refit",
+            ),
             needs_host_builds(&[self.update]),
         ];
-        all.extend(scene_source::requirements(std::slice::from_ref(
-            &self.scene,
-        )));
+        all.extend(scene_source::requirements(&[&self.scene]));
         all
     }
 
@@ -111,7 +109,15 @@ fn run(settings: &TraceSettings) -> Result<(), Stop> {
         .open_to_trace(&settings.scene, file.count())?;
     let offset = scene.facts.offset;
     let rays = file.read(offset.unwrap_or_default()).map_err(Stop::bad)?;
-    let Times { tree_time, time } = times(settings, scene.animation.whole_times())?;
+    let keys = scene.animation.whole_times();
+    let time = frame_list::check_time("--time", settings.time, keys)?;
+    let tree_time = match settings.update {
+        Some(Policy::Refit) => {
+            let time = settings.tree_time.unwrap_or(0.0);
+            Some(frame_list::check_time("--tree-time", time, keys)?)
+        }
+        _ => None,
+    };
     let query = if settings.any_hit {
         Query::Any
     } else {
@@ -149,34 +155,4 @@ fn run(settings: &TraceSettings) -> Result<(), Stop> {
     let rays = counted(rays.len(), ["ray", "rays"]);
     let met = counted(closest + any, ["hit", "hits"]);
     console::print(&format!("{rays}, {met} at time {time}\n{caption}\n"))
-}
-
-/// Times in key frames.
-struct Times {
-    /// Time at which `refit` builds its tree.
-    tree_time: Option<f64>,
-    /// Time at which rays are traced.
-    time: f64,
-}
-
-fn times(settings: &TraceSettings, keys: usize) -> Result<Times, Stop> {
-    let time = frame_list::check_time("--time", settings.time, keys)?;
-    let mut tree_time = None;
-    match settings.update {
-        Some(policy) if policy.builds_beside_frames() => {
-            let mut others = Policy::ALL.to_vec();
-            others.retain(|policy| !policy.builds_beside_frames());
-            let others: Vec<_> = others.into_iter().map(Policy::name).collect();
-            return Err(Stop::bad(format!(
-                "--update {policy} needs more than one moment; trace takes {}",
-                others.join(", ")
-            )));
-        }
-        Some(Policy::Refit) => {
-            let at = settings.tree_time.unwrap_or(0.0);
-            tree_time = Some(frame_list::check_time("--tree-time", at, keys)?);
-        }
-        _ => {}
-    }
-    Ok(Times { tree_time, time })
 }

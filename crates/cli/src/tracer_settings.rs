@@ -19,7 +19,7 @@ pub(crate) struct TracerSettings {
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) layout: LayoutName,
     /// How trees follow the motion
-    #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update())]
+    #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update(|_| true))]
     pub(crate) update: PolicyChoice,
     /// With async: adopt each tree exactly K frames after its request
     #[arg(long, value_name = "K")]
@@ -127,21 +127,21 @@ impl TracerSettings {
 /// Requires a policy that builds trees while frames are traced.
 pub(crate) fn needs_async(option: &'static str, updates: &[PolicyChoice]) -> Requirement {
     let may_be_async = |update: &PolicyChoice| update.is_none_or(Policy::builds_beside_frames);
-    Requirement {
+    Requirement::new(
         option,
-        is_met: updates.iter().any(may_be_async),
-        text: "goes only with --update async",
-    }
+        updates.iter().any(may_be_async),
+        "goes only with --update async",
+    )
 }
 
 /// Requires, for `--builder-threads`, a policy whose trees the host builds.
 pub(crate) fn needs_host_builds(updates: &[PolicyChoice]) -> Requirement {
     let host_builds = |update: &PolicyChoice| !update.is_some_and(Policy::builds_on_device);
-    Requirement {
-        option: "builder_threads",
-        is_met: updates.iter().any(host_builds),
-        text: "goes only with trees that the host builds",
-    }
+    Requirement::new(
+        "builder_threads",
+        updates.iter().any(host_builds),
+        "goes only with trees that the host builds",
+    )
 }
 
 /// The frames and rays of a run, by which `auto` chooses and memory is estimated.
