@@ -246,10 +246,6 @@ impl BenchSettings {
 
     /// Returns all meaningful combinations.
     fn contenders(&self) -> Contenders {
-        let builders: Vec<Option<usize>> = match self.builder_threads.as_slice() {
-            [] => vec![None],
-            some => some.iter().copied().map(Some).collect(),
-        };
         let mut contenders = Contenders::default();
         for &backend in &self.measure.backend {
             for (update, predict) in self.policies() {
@@ -257,23 +253,8 @@ impl BenchSettings {
                     contenders.skipped.push(why);
                     continue;
                 }
-                for &intersector in &self.measure.intersector {
-                    for &layout in &self.layout {
-                        let tracer = |&builder_threads: &Option<usize>| TracerSettings {
-                            device: DeviceSettings {
-                                adapter: self.adapter.clone(),
-                                threads: self.threads,
-                                builder_threads,
-                                ..DeviceSettings::of(backend)
-                            },
-                            layout,
-                            predict,
-                            ..TracerSettings::of(backend, intersector, update)
-                        };
-                        let tracers = builders.iter().map(tracer);
-                        contenders.all.extend(tracers.map(Contender::Ours));
-                    }
-                }
+                let tracers = self.tracers(backend, update, predict);
+                contenders.all.extend(tracers.map(Contender::Ours));
             }
         }
         let RivalPolicies { policies, skipped } =
@@ -283,6 +264,35 @@ impl BenchSettings {
             .extend(policies.into_iter().map(Contender::Rival));
         contenders.skipped.extend(skipped);
         contenders
+    }
+
+    /// Returns settings for each intersector, layout and number of builder threads.
+    fn tracers(
+        &self,
+        backend: BackendName,
+        update: PolicyChoice,
+        predict: bool,
+    ) -> impl Iterator<Item = TracerSettings> {
+        let builders: Vec<Option<usize>> = match self.builder_threads.as_slice() {
+            [] => vec![None],
+            some => some.iter().copied().map(Some).collect(),
+        };
+        let methods = self.measure.intersector.iter();
+        let methods = methods.flat_map(|&by| self.layout.iter().map(move |&layout| (by, layout)));
+        methods.flat_map(move |(intersector, layout)| {
+            let tracer = |builder_threads| TracerSettings {
+                device: DeviceSettings {
+                    adapter: self.adapter.clone(),
+                    threads: self.threads,
+                    builder_threads,
+                    ..DeviceSettings::of(backend)
+                },
+                layout,
+                predict,
+                ..TracerSettings::of(backend, intersector, update)
+            };
+            builders.iter().copied().map(tracer).collect::<Vec<_>>()
+        })
     }
 
     /// Returns each update policy, with and without prediction if that makes a difference.

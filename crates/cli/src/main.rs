@@ -12,7 +12,7 @@
 //! | `measure`, `rival` | times of frames, by a backend or by a rival |
 //! | `file_checks` | refuses outputs that overwrite inputs or each other |
 //! | `console`, `table`, `machine` | output to the terminal; text of results; facts about the machine |
-//! | `stop`, `threads` | errors, exit codes and signals; threads outside the backend |
+//! | `stop`, `signals`, `threads` | errors with exit codes; SIGINT and SIGTERM; threads outside the backend |
 //!
 //! A module imports only modules that do not import it.
 
@@ -36,6 +36,7 @@ mod parsers;
 mod render;
 mod scene_source;
 mod setup;
+mod signals;
 mod stability;
 mod stop;
 mod stress;
@@ -49,7 +50,7 @@ use std::process::ExitCode;
 use stop::Stop;
 
 fn main() -> ExitCode {
-    stop::heed_signals();
+    signals::handle();
     match run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => console::complain(&stop),

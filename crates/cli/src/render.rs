@@ -14,7 +14,8 @@ use crate::machine::{self, VERSION};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Setup, Started};
-use crate::stop::{self, Stop};
+use crate::signals;
+use crate::stop::Stop;
 use crate::table;
 use crate::tracer_settings::{TracerSettings, Workload};
 use abvh::Tracer;
@@ -154,6 +155,31 @@ impl RenderSettings {
         Ok(())
     }
 
+    /// Writes the primary rays, if requested.
+    fn write_rays(&self, scene: &Scene, shot: &LitCamera) -> Result<(), Stop> {
+        if let Some(file) = &self.rays_out {
+            let (camera, offset) = (&shot.camera, scene.facts.offset);
+            output::write_rays(file, camera.pixels(), camera.rays(), offset)?;
+        }
+        Ok(())
+    }
+
+    /// Prints remarks before the first of `todo` frames. `done` frames are complete.
+    fn begin_progress(&self, scene: &Scene, setup: &Setup, todo: usize, done: usize) -> Progress {
+        let progress = Progress::new(todo as u64, self.quiet);
+        let choices = setup.auto.iter().map(ToString::to_string);
+        for remark in choices.chain(scene.facts.notes.iter().cloned()) {
+            progress.say(&remark);
+        }
+        if done > 0 {
+            progress.say(&format!(
+                "{done} of {} frames are there already",
+                done + todo
+            ));
+        }
+        progress
+    }
+
     fn write_stats(&self, stats: Value, rows: &[FrameStats]) -> Result<(), Stop> {
         match &self.stats {
             Some(file) => statistics::write(file, &statistics::with_rows(stats, rows)),
@@ -207,25 +233,13 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         wanted = Wanted::HITS;
     }
     let new_folders = files.create_folders()?;
-    if let Some(file) = &settings.rays_out {
+    settings.write_rays(&scene, &shot).inspect_err(|_| {
         // A run that does not begin leaves no folders.
-        let remove = |_: &_| {
-            for folder in &new_folders {
-                let _ = std::fs::remove_dir(folder);
-            }
-        };
-        let (camera, offset) = (&shot.camera, scene.facts.offset);
-        output::write_rays(file, camera.pixels(), camera.rays(), offset).inspect_err(remove)?;
-    }
-    // A video needs all frames, including those whose files are complete.
-    let Progressed { done, todo } = if files.video.any() {
-        Progressed {
-            done: Vec::new(),
-            todo: frames,
+        for folder in &new_folders {
+            let _ = std::fs::remove_dir(folder);
         }
-    } else {
-        earlier.divide(frames, &files)
-    };
+    })?;
+    let Progressed { done, todo } = earlier.divide(frames, &files);
     let stats = with_plan(statistics_of(settings, &scene, &setup), &files, &plan);
     let mut journals = earlier.begin(settings, &plan, &stats)?;
     passed("begin files");
@@ -233,16 +247,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     if let Some(timeline) = &mut timeline {
         timeline.start_up = start_up;
     }
-    stop::let_signals_wait();
-    let progress = Progress::new(todo.len() as u64, settings.quiet);
-    let choices = setup.auto.iter().map(ToString::to_string);
-    for remark in choices.chain(scene.facts.notes.iter().cloned()) {
-        progress.say(&remark);
-    }
-    if !done.is_empty() {
-        let (done, all) = (done.len(), done.len() + todo.len());
-        progress.say(&format!("{done} of {all} frames are there already"));
-    }
+    signals::defer();
     let rendered = Rendered {
         scene: &scene,
         shot: &shot,
@@ -252,7 +257,7 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
     let log = FrameLog {
         journals: &mut journals,
         timeline: timeline.as_mut(),
-        progress,
+        progress: settings.begin_progress(&scene, &setup, todo.len(), done.len()),
         video,
         rows: Vec::new(),
         failed: None,

@@ -3,7 +3,8 @@
 use super::files::FrameFiles;
 use crate::camera::LitCamera;
 use crate::console::Progress;
-use crate::stop::{self, Stop};
+use crate::signals;
+use crate::stop::Stop;
 use abvh::frames::{Answers, Frame, FrameRecord, Wanted};
 use geom::lock;
 use output::{FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
@@ -123,7 +124,7 @@ impl<'a> FrameWriter<'a> {
         frame: &FrameRecord,
         answers: &mut Answers,
     ) -> Result<(), Stop> {
-        stop::check_signals()?;
+        signals::check()?;
         self.check()?;
         let waits = Instant::now();
         let mut borrowed = self.borrow_buffers()?;

@@ -56,11 +56,11 @@ impl EarlierRun {
         })
     }
 
-    /// Separates frames whose files are all complete from the others.
+    /// Separates frames whose files are all complete from the others. A video needs all frames.
     pub(super) fn divide(&self, frames: Vec<Frame>, files: &FrameFiles) -> Progressed {
         let (mut done, mut todo) = (Vec::new(), Vec::new());
         for frame in frames {
-            match self.row(frame.index, files) {
+            match self.row(frame.index, files).filter(|_| !files.video.any()) {
                 Some(row) => done.push(row),
                 None => todo.push(frame),
             }
