@@ -10,8 +10,8 @@ use crate::devices::{BackendName, DeviceSettings, Opening, builds_trees};
 use crate::file_checks::CommandFiles;
 use crate::frame_list::TimeRange;
 use crate::machine::{self, VERSION};
-use crate::measure::rival::{RivalDevice, RivalPolicies, rival_policies};
-use crate::measure::{Contender, MeasureSettings, MeasuredRow, Measuring, RayKind};
+use crate::measure::rival::RivalDevice;
+use crate::measure::{Contender, Contenders, MeasureSettings, MeasuredRow, Measuring, RayKind};
 use crate::parsers;
 use crate::stop::{self, Stop};
 use crate::tracer_settings::{
@@ -147,13 +147,6 @@ struct Results {
     failures: Vec<FailedRun>,
 }
 
-/// Contenders, and remarks on combinations that are left out.
-#[derive(Default)]
-struct Contenders {
-    all: Vec<Contender>,
-    skipped: Vec<String>,
-}
-
 impl BenchSettings {
     fn measure_and_report(&self) -> Result<(), Stop> {
         let results = self.measure_all()?;
@@ -257,12 +250,7 @@ impl BenchSettings {
                 contenders.all.extend(tracers.map(Contender::Ours));
             }
         }
-        let RivalPolicies { policies, skipped } =
-            rival_policies(&self.measure.rival, &self.measure.update);
-        contenders
-            .all
-            .extend(policies.into_iter().map(Contender::Rival));
-        contenders.skipped.extend(skipped);
+        contenders.add_rivals(&self.measure);
         contenders
     }
 

@@ -21,7 +21,8 @@ use crate::devices::{BackendName, DeviceRequest, Opening};
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
 use crate::measure::{
-    self, Contender, LoadedScene, MeasureSettings, MeasuredRow, MeasuredScene, Measuring, RayKind,
+    self, Contender, Contenders, LoadedScene, MeasureSettings, MeasuredRow, MeasuredScene,
+    Measuring, RayKind,
 };
 use crate::parsers;
 use crate::scene_source::is_demo;
@@ -32,7 +33,7 @@ use backend::{Backend, DeviceKind, Hits, Intersector};
 use clap::Args;
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
-use plan::{ChartPlan, HitMethod};
+use plan::HitMethod;
 use scene::Scene;
 use std::path::PathBuf;
 
@@ -65,15 +66,15 @@ pub(crate) struct ChartSettings {
 
 impl RunCommand for ChartSettings {
     fn run(&self) -> Result<(), Stop> {
-        let plan = ChartPlan::of(self)?;
+        let Contenders { all, skipped } = plan::contenders(self)?;
         let scenes = plan::unique(&self.measure.scenes);
         if !self.measure.quiet {
-            plan.skipped.iter().for_each(|s| console::say(s));
+            skipped.iter().for_each(|s| console::say(s));
         }
-        let methods = plan::methods(&plan.contenders);
+        let methods = plan::methods(&all);
         let ours = methods.iter().filter(|m| matches!(m, HitMethod::Ours(..)));
         let judged = STAGES.len() * (1 + methods.len());
-        let steps = scenes.len() * (plan.contenders.len() + judged) + ours.count();
+        let steps = scenes.len() * (all.len() + judged) + ours.count();
         let mut run = ChartRun {
             settings: self,
             progress: Progress::new(steps as u64, self.measure.quiet),
@@ -91,7 +92,7 @@ impl RunCommand for ChartSettings {
         };
         let mut entries = Vec::new();
         for name in &scenes {
-            entries.push(run.time_scene(name, &plan.contenders)?);
+            entries.push(run.time_scene(name, &all)?);
         }
         run.count_hard_rays(&mut entries);
         for (name, entries) in scenes.iter().zip(&mut entries) {

@@ -22,7 +22,7 @@ use pipeline::{Driver, Frame, Warmed};
 use rays::FrameRays;
 pub(crate) use rays::{RayKind, random_rays};
 use rival::{OWN, RivalDevice, RivalPolicy, RunningRival};
-use rivals::Known;
+use rivals::{Known, Upkeep};
 use scene::Scene;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -109,6 +109,31 @@ impl MeasureSettings {
 pub(crate) enum Contender {
     Ours(TracerSettings),
     Rival(RivalPolicy),
+}
+
+/// What is measured, and remarks on combinations that are left out.
+#[derive(Debug, Default)]
+pub(crate) struct Contenders {
+    pub(crate) all: Vec<Contender>,
+    pub(crate) skipped: Vec<String>,
+}
+
+impl Contenders {
+    /// Adds every rival with each policy that it supports.
+    pub(crate) fn add_rivals(&mut self, settings: &MeasureSettings) {
+        for &rival in &settings.rival {
+            for policy in settings.update.iter().copied().map(policy_name) {
+                if let Some(upkeep) = Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
+                    self.all
+                        .push(Contender::Rival(RivalPolicy { rival, upkeep }));
+                } else {
+                    let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
+                    self.skipped
+                        .push(format!("{} with {policy} {why}", rival.name));
+                }
+            }
+        }
+    }
 }
 
 /// The names of a contender's settings on the command line.

@@ -3,8 +3,7 @@
 use super::ChartSettings;
 use crate::devices::{BackendName, BackendPresence, presences};
 use crate::frame_list::FrameChoice;
-use crate::measure::rival::{RivalPolicies, rival_policies};
-use crate::measure::{Contender, MeasuredRow};
+use crate::measure::{Contender, Contenders, MeasuredRow};
 use crate::setup::Setup;
 use crate::stop::Stop;
 use crate::tracer_settings::{LayoutName, TracerSettings};
@@ -39,58 +38,47 @@ impl HitMethod {
     }
 }
 
-/// The contenders of a chart, and remarks on those that are skipped.
-#[derive(Debug, Default)]
-pub(super) struct ChartPlan {
-    pub(super) contenders: Vec<Contender>,
-    pub(super) skipped: Vec<String>,
+/// Returns everything that backends and rivals support, once.
+pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
+    let measure = &settings.measure;
+    let mut contenders = Contenders::default();
+    for backend in backends(&measure.backend, &mut contenders.skipped) {
+        let layouts = [LayoutName::Bvh2, LayoutName::Fast];
+        let by = measure.intersector.iter();
+        for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
+            let contender = |&update| {
+                Contender::Ours(TracerSettings {
+                    layout,
+                    ..TracerSettings::of(backend, intersector, update)
+                })
+            };
+            let all = measure.update.iter().map(contender);
+            contenders.all.extend(all);
+        }
+    }
+    contenders.add_rivals(measure);
+    if contenders.all.is_empty() {
+        let why = contenders.skipped.join("; ");
+        return Err(Stop::bad(format!("there is nothing to chart: {why}")));
+    }
+    contenders.all = unique(&contenders.all);
+    Ok(contenders)
 }
 
-impl ChartPlan {
-    /// Returns everything that backends and rivals support, once.
-    pub(super) fn of(settings: &ChartSettings) -> Result<Self, Stop> {
-        let measure = &settings.measure;
-        let mut plan = Self::default();
-        for backend in plan.backends(&measure.backend) {
-            let layouts = [LayoutName::Bvh2, LayoutName::Fast];
-            let by = measure.intersector.iter();
-            for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-                let contender = |&update| {
-                    Contender::Ours(TracerSettings {
-                        layout,
-                        ..TracerSettings::of(backend, intersector, update)
-                    })
-                };
-                plan.contenders.extend(measure.update.iter().map(contender));
+/// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
+fn backends(requested: &[BackendName], skipped: &mut Vec<String>) -> Vec<BackendName> {
+    let (auto, mut found): (Vec<_>, Vec<_>) =
+        (requested.iter()).partition(|&&b| b == BackendName::Auto);
+    if !auto.is_empty() {
+        for presence in presences().rev() {
+            let name = presence.backend;
+            match why_not(presence) {
+                Some(why) => skipped.push(format!("{name} is skipped: {why}")),
+                None => found.extend(BackendName::from_str(name, true)),
             }
         }
-        let RivalPolicies { policies, skipped } = rival_policies(&measure.rival, &measure.update);
-        plan.contenders
-            .extend(policies.into_iter().map(Contender::Rival));
-        plan.skipped.extend(skipped);
-        if plan.contenders.is_empty() {
-            let why = plan.skipped.join("; ");
-            return Err(Stop::bad(format!("there is nothing to chart: {why}")));
-        }
-        plan.contenders = unique(&plan.contenders);
-        Ok(plan)
     }
-
-    /// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
-    fn backends(&mut self, requested: &[BackendName]) -> Vec<BackendName> {
-        let (auto, mut found): (Vec<_>, Vec<_>) =
-            (requested.iter()).partition(|&&b| b == BackendName::Auto);
-        if !auto.is_empty() {
-            for presence in presences().rev() {
-                let name = presence.backend;
-                match why_not(presence) {
-                    Some(why) => self.skipped.push(format!("{name} is skipped: {why}")),
-                    None => found.extend(BackendName::from_str(name, true)),
-                }
-            }
-        }
-        found
-    }
+    found
 }
 
 /// Returns each method of the contenders once.
@@ -213,11 +201,8 @@ mod tests {
         let Ok(CommandSettings::Chart(settings)) = parsed else {
             panic!("{words}: {parsed:?}");
         };
-        let ChartPlan {
-            contenders,
-            skipped,
-        } = ChartPlan::of(&settings).unwrap();
-        let contenders: Vec<_> = contenders.iter().map(ToString::to_string).collect();
+        let Contenders { all, skipped } = contenders(&settings).unwrap();
+        let contenders: Vec<_> = all.iter().map(ToString::to_string).collect();
         let methods = ["bvh2 woop", "fast woop", "bvh2 exact", "fast exact"];
         let expected = methods.map(|m| ["refit", "async"].map(|u| format!("cpu {m} {u}")));
         assert_eq!(contenders, expected.concat());

@@ -4,7 +4,7 @@ use super::timing::{TimedFrames, TimingPlan, trace_frame};
 use crate::devices::{BackendName, Opening};
 use crate::setup::{self, Setup, Started};
 use crate::stop::Stop;
-use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, policy_name};
+use crate::tracer_settings::{TracerSettings, Workload};
 use backend::{BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query};
 use geom::Animation;
 use output::FrameStats;
@@ -35,30 +35,6 @@ impl fmt::Display for RivalPolicy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.rival.name, self.upkeep)
     }
-}
-
-/// Rivals with their policies, and remarks on the policies that they do not support.
-pub(crate) struct RivalPolicies {
-    pub(crate) policies: Vec<RivalPolicy>,
-    pub(crate) skipped: Vec<String>,
-}
-
-/// Returns every rival with each policy that it supports.
-pub(crate) fn rival_policies(rivals: &[&'static Known], updates: &[PolicyChoice]) -> RivalPolicies {
-    let (mut policies, mut skipped) = (Vec::new(), Vec::new());
-    for &rival in rivals {
-        for policy in updates.iter().copied().map(policy_name) {
-            match Upkeep::ALL.into_iter().find(|u| u.name() == policy) {
-                Some(upkeep) => policies.push(RivalPolicy { rival, upkeep }),
-                None => {
-                    let name = rival.name;
-                    let why = "is left out: it keeps its own tree, which it rebuilds or refits in each frame";
-                    skipped.push(format!("{name} with {policy} {why}"));
-                }
-            }
-        }
-    }
-    RivalPolicies { policies, skipped }
 }
 
 /// A rival with a scene.
