@@ -4,6 +4,7 @@ use crate::is_full;
 use backend::{Backend, Generation, Hits, Intersector, Method, QueryKind, Rays};
 use conformance::stage::{ask, stand, tree_at};
 use geom::{Animation, Camera, Point, Ray};
+use scene::Viewpoint;
 use std::sync::Arc;
 
 /// A backend that traces one animation.
@@ -59,7 +60,7 @@ impl Stage {
 
 /// Returns the camera that the program would choose.
 pub fn camera(animation: &Animation, size: [u32; 2]) -> Camera {
-    let view = shading::frame_scene(animation, 40.0, size);
+    let view = Viewpoint::framing(animation, 40.0, size);
     view.camera(size).expect("every scene can be framed")
 }
 
@@ -71,7 +72,7 @@ pub fn pixels(animation: &Animation) -> Vec<Ray> {
 
 /// Returns the light that the program would choose.
 pub fn light(animation: &Animation) -> Point {
-    shading::frame_scene(animation, 40.0, [64, 64]).light
+    Viewpoint::framing(animation, 40.0, [64, 64]).light
 }
 
 /// Returns `count` different colours.

@@ -13,7 +13,6 @@ host:
 bvh-build: geom
 bvh-layout: bvh-build geom
 backend: bvh-layout geom
-shading: backend geom
 scene: geom host
 shaders: backend bvh-build bvh-layout geom
 cpu-ref: backend bvh-build bvh-layout geom
@@ -26,8 +25,8 @@ pipeline: backend bvh-build bvh-layout geom
 output: backend geom host pipeline
 conformance: backend bvh-build bvh-layout geom scene
 rivals: backend cpu-ref geom gpu-common gpu-vulkan host shaders
-abvh: backend backends geom gpu-vulkan gpu-wgpu host pipeline scene shading
-cli: abvh backend backends conformance geom host output pipeline rivals scene shading
+abvh: backend backends geom gpu-vulkan gpu-wgpu host pipeline scene
+cli: abvh backend backends conformance geom host output pipeline rivals scene
 ";
 
 /// Names of one value of an axis, and the most files outside tests that may contain one of these.

@@ -12,6 +12,7 @@ use gpu_common::{Options, Validation};
 use integration::program;
 use rivals::vulkan_rt::{Prefer, VulkanRt};
 use rivals::{Known, RIVALS, Rival, Upkeep, known};
+use scene::Viewpoint;
 use std::ffi::OsStr;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -107,7 +108,7 @@ struct Shot {
 
 impl Shot {
     fn of(animation: Arc<Animation>) -> Self {
-        let view = shading::frame_scene(&animation, 40.0, SIZE);
+        let view = Viewpoint::framing(&animation, 40.0, SIZE);
         Self {
             camera: view.camera(SIZE).unwrap(),
             light: view.light,
@@ -121,7 +122,7 @@ impl Shot {
     }
 
     fn query(&self) -> Query<'_> {
-        shading::query((&self.camera, self.light))
+        Query::picture(&self.camera, self.light)
     }
 
     /// Returns our hits, those of `watertight` on the host.

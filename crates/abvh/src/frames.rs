@@ -1,7 +1,7 @@
 //! Renders sequences of pictures at the full speed of the device.
 //!
 //! ```
-//! use abvh::frames::{Frame, Wanted};
+//! use abvh::frames::{Frame, LitView, Wanted};
 //! use abvh::{Camera, Device, Mesh, Scene, Tracer};
 //!
 //! let [low, high] = [0.0, 2.0].map(|y| vec![[-1.0, y, -1.0], [1.0, y, -1.0], [0.0, y, 1.0]]);
@@ -10,8 +10,9 @@
 //! let mut tracer = Tracer::builder().device(Device::Cpu).build(scene)?;
 //! let camera = Camera::look_at([0.0, 4.0, 6.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [64, 36]).unwrap();
 //! let frames: Vec<Frame> = (0..5).map(|i| Frame { index: i, time: i as f64 / 4.0 }).collect();
-//! let (light, mut pictures) = ([3.0, 8.0, 3.0], Vec::new());
-//! tracer.render_frames(&frames, (&camera, light), Wanted::PIXELS, |_, answers| {
+//! let view = LitView { camera: &camera, light: [3.0, 8.0, 3.0] };
+//! let mut pictures = Vec::new();
+//! tracer.render_frames(&frames, view, Wanted::PIXELS, |_, answers| {
 //!     pictures.push(std::mem::take(&mut answers.pixels));
 //!     Ok::<_, abvh::Error>(())
 //! })?;
@@ -22,20 +23,36 @@
 use crate::loaded::Loaded;
 use crate::tracer::{State, moment};
 use crate::{Error, Point, Result, Tracer};
+use backend::Query;
 use geom::Camera;
 use pipeline::LOOK_AHEAD;
 pub use pipeline::{Answers, Frame, FrameRecord, Wanted};
 
+/// The camera and the light of a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct LitView<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Position of the point light.
+    pub light: Point,
+}
+
+impl<'a> LitView<'a> {
+    pub(crate) fn query(self) -> Query<'a> {
+        Query::picture(self.camera, self.light)
+    }
+}
+
 impl Tracer {
     /// Starts to compile the kernels for such frames, on separate threads. Returns whether the device computes the
-    /// pixels, if pixels are wanted. If it returns `false`, the host shades the hits.
+    /// pixels, if pixels are wanted. If it returns `false`, the host shades the hits. Then [`Answers`] also holds hits.
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn prepare_frames(&mut self, shot: (&Camera, Point), wanted: Wanted) -> Result<bool> {
+    pub fn prepare_frames(&mut self, view: LitView<'_>, wanted: Wanted) -> Result<bool> {
         let loaded = &mut self.state().current;
         let shades = wanted.pixels && loaded.host_colours()?.is_none();
-        loaded.driver.prepare(shading::query(shot));
+        loaded.driver.prepare(view.query());
         Ok(shades)
     }
 
@@ -54,7 +71,7 @@ impl Tracer {
     pub fn render_frames<E: From<Error>>(
         &mut self,
         frames: &[Frame],
-        shot: (&Camera, Point),
+        view: LitView<'_>,
         wanted: Wanted,
         mut on_frame: impl FnMut(&FrameRecord, &mut Answers) -> Result<(), E>,
     ) -> Result<(), E> {
@@ -62,23 +79,25 @@ impl Tracer {
         state.current.finish_all(&mut state.last)?;
         state.keep_from(u64::MAX);
         let State { current, last, .. } = state;
-        let colours = match wanted.pixels {
-            true => current.host_colours()?,
-            false => None,
+        let colours = if wanted.pixels {
+            current.host_colours()?
+        } else {
+            None
         };
-        let query = shading::query(shot);
-        let most = match colours.is_some() && current.joined.is_arriving() {
+        let query = view.query();
+        let most = if colours.is_some() && current.joined.is_arriving() {
             // The host shades with the animation's newest vertices, which a later frame would replace.
-            true => 1,
-            false => current.driver.most_under_way(&[query]),
+            1
+        } else {
+            current.driver.most_under_way(&[query])
         };
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
             let mut record = loaded.take((wanted, &mut answers), last)?;
             if let Some(colours) = &colours {
                 let Answers { hits, pixels } = &mut answers;
-                let time = moment(frame.time);
-                (loaded.joined).shade(time, colours, shot, (hits, pixels))?;
+                let surfaces = loaded.joined.surfaces(moment(frame.time), colours)?;
+                surfaces.shade(view, hits, pixels);
             }
             record.frame = frame;
             on_frame(&record, &mut answers)

@@ -48,6 +48,7 @@ mod pictures;
 mod replacement;
 #[cfg(feature = "wgpu")]
 pub mod shader_module;
+mod shading;
 mod step;
 mod tracer;
 mod vertices;

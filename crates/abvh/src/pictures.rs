@@ -1,12 +1,13 @@
 //! Pictures of a step.
 
+use crate::frames::LitView;
 use crate::loaded::{Answer, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
+use crate::shading::{Surfaces, palette};
 use crate::tracer::State;
 use crate::{Error, Point, QueryId, Result, Step, StepId, Tracer};
-use geom::{Camera, in_parallel};
-use shading::Shot;
+use geom::Camera;
 use std::sync::Arc;
 
 impl Step<'_> {
@@ -38,14 +39,14 @@ impl Step<'_> {
     /// As for [`Step::trace`].
     pub fn render(&mut self, camera: &Camera, light: Point) -> Result<QueryId> {
         let id = self.next_id();
-        let rendered = self.render_as(id, (camera, light));
+        let rendered = self.render_as(id, LitView { camera, light });
         self.keep_if(id, rendered)
     }
 
-    fn render_as(&mut self, id: QueryId, shot: (&Camera, Point)) -> Result<()> {
+    fn render_as(&mut self, id: QueryId, view: LitView<'_>) -> Result<()> {
         let State { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
-        current.begin(self.time, (&[id], &[shading::query(shot)]), last)?;
+        current.begin(self.time, (&[id], &[view.query()]), last)?;
         let answer = current.results.back();
         let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
             return Ok(());
@@ -53,8 +54,8 @@ impl Step<'_> {
         current.wait(ticket, last)?;
         let hits = current.driver.backend().hits_of(ticket, place);
         let (hits, mut rgba) = (hits.map_err(Error::of_backend)?, Vec::new());
-        let joined = &current.joined;
-        joined.shade(self.time, &colours, shot, (hits, &mut rgba))?;
+        let surfaces = current.joined.surfaces(self.time, &colours)?;
+        surfaces.shade(view, hits, &mut rgba);
         if let Some(answer) = current.results.back_mut() {
             answer.pixels = Some(rgba);
         }
@@ -96,7 +97,7 @@ impl Loaded {
             return Ok(known.clone());
         }
         let colours = self.joined.triangle_colours();
-        let palette = shading::palette(&colours);
+        let palette = palette(&colours);
         // Without triangles, the device traces nothing and the picture is only sky, so the host shades.
         let is_on_device = self.joined.animation.live_count() > 0
             && self.driver.shade(&palette).map_err(Error::of_driver)?;
@@ -106,25 +107,14 @@ impl Loaded {
 }
 
 impl Joined {
-    /// Shades the hits of a query of the last step, which was at `time`.
-    pub(crate) fn shade(
-        &self,
-        time: f64,
-        colours: &[Colour],
-        (camera, light): (&Camera, Point),
-        (hits, rgba): (&backend::Hits, &mut Vec<u8>),
-    ) -> Result<()> {
-        let time = match self.is_arriving() {
-            true => self.animation.end(),
-            false => time,
+    /// Returns the triangles of the last step, which was at `time`.
+    pub(crate) fn surfaces<'a>(&'a self, time: f64, colours: &'a [Colour]) -> Result<Surfaces<'a>> {
+        let time = if self.is_arriving() {
+            self.animation.end()
+        } else {
+            time
         };
-        let shot = Shot {
-            moment: self.animation.at(time).map_err(Error::of_reading)?,
-            colours,
-            camera,
-            light,
-        };
-        in_parallel(|| shading::shade(&shot, &hits.closest, &hits.blocked, rgba));
-        Ok(())
+        let moment = self.animation.at(time).map_err(Error::of_reading)?;
+        Ok(Surfaces { moment, colours })
     }
 }

@@ -60,7 +60,7 @@
 //! # Pictures
 //!
 //! If [`Backend::load_palette`] returns `true`, [`Backend::shade`] records the shading of hits after `trace`, and
-//! [`Backend::pixels`] returns the pixels. They equal, byte for byte, those of the host's shading (crate `shading`).
+//! [`Backend::pixels`] returns the pixels. They equal, byte for byte, those of the host's shading in crate `abvh`.
 //!
 //! # Positions
 //!

@@ -83,6 +83,16 @@ pub struct Query<'a> {
     pub kind: QueryKind,
 }
 
+impl<'a> Query<'a> {
+    /// Returns the query of a picture: the closest hit of each pixel's ray, and whether the light illuminates the hit.
+    pub fn picture(camera: &'a Camera, light: Point) -> Self {
+        Self {
+            rays: Rays::Camera(camera),
+            kind: QueryKind::ClosestAndShadow { light },
+        }
+    }
+}
+
 /// Colour tables of [`Backend::shade`](crate::Backend::shade).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Palette {

@@ -2,12 +2,12 @@
 
 use crate::parsers;
 use crate::stop::Stop;
+use abvh::frames::LitView;
 use backend::Query;
 use clap::Args;
 use geom::{Camera, Point};
-use scene::Scene;
+use scene::{Scene, Viewpoint};
 use serde::Serialize;
-use shading::View;
 use std::fmt::Display;
 
 /// Default frame size, in pixels.
@@ -62,7 +62,15 @@ pub(crate) struct LitCamera {
 impl LitCamera {
     /// Returns the query for the camera's rays and their shadow rays.
     pub(crate) fn query(&self) -> Query<'_> {
-        shading::query((&self.camera, self.light))
+        Query::picture(&self.camera, self.light)
+    }
+
+    /// Returns the view that the library renders.
+    pub(crate) fn view(&self) -> LitView<'_> {
+        LitView {
+            camera: &self.camera,
+            light: self.light,
+        }
     }
 }
 
@@ -88,13 +96,13 @@ impl CameraSettings {
     }
 
     /// Returns the view that frames the motion, with the requested points in place of its own.
-    pub(crate) fn view(&self, scene: &Scene) -> Result<View, Stop> {
-        let framed = shading::frame_scene(&scene.animation, self.fov, self.size);
+    pub(crate) fn view(&self, scene: &Scene) -> Result<Viewpoint, Stop> {
+        let framed = Viewpoint::framing(&scene.animation, self.fov, self.size);
         let point = |option, requested: Option<[f64; 3]>, framed| match requested {
             Some(point) => in_scene(option, point, scene),
             None => Ok(framed),
         };
-        Ok(View {
+        Ok(Viewpoint {
             eye: point("--eye", self.eye, framed.eye)?,
             look_at: point("--look-at", self.look_at, framed.look_at)?,
             up: self.up.unwrap_or(framed.up),
@@ -118,8 +126,8 @@ fn point_words<T: Display>(option: &str, point: Option<[T; 3]>) -> String {
 }
 
 /// Returns the reason why a view has no camera.
-fn no_camera(view: &View) -> Stop {
-    let View {
+fn no_camera(view: &Viewpoint) -> Stop {
+    let Viewpoint {
         eye, look_at, up, ..
     } = view;
     Stop::bad(if eye == look_at {

@@ -228,10 +228,9 @@ fn run(settings: &RenderSettings) -> Result<(), Stop> {
         hits: files.has_hits(),
         pixels: files.has_pictures() || files.video.any(),
     };
-    let shades = tracer.prepare_frames((&shot.camera, shot.light), wanted)?;
-    if wanted.pixels && !shades {
-        wanted = Wanted::HITS;
-    }
+    let on_device = tracer.prepare_frames(shot.view(), wanted)?;
+    // The host shades hits, which count as memory of each frame.
+    wanted.hits |= wanted.pixels && !on_device;
     let new_folders = files.create_folders()?;
     settings.write_rays(&scene, &shot).inspect_err(|_| {
         // A run that does not begin leaves no folders.
@@ -309,11 +308,11 @@ fn render_frames(
     rendered: Rendered<'_>,
     log: FrameLog<'_>,
 ) -> Result<Vec<FrameStats>, Stop> {
-    let (LitCamera { camera, light }, wanted) = (rendered.shot, rendered.wanted);
+    let (view, wanted) = (rendered.shot.view(), rendered.wanted);
     let writer = FrameWriter::new(rendered, log);
     let mut places = 0..;
     rayon::in_place_scope(|scope| {
-        tracer.render_frames::<Stop>(frames, (camera, *light), wanted, |frame, answers| {
+        tracer.render_frames::<Stop>(frames, view, wanted, |frame, answers| {
             writer.write(scope, places.next().unwrap_or_default(), frame, answers)
         })
     })?;

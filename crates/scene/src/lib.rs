@@ -4,6 +4,8 @@
 //! directory or glob of `.obj` or `.ply` files. Each file of a directory or glob is one key frame, in natural order.
 //! Several names joined by `+` make one scene. Each may be followed by its placement: `@x,y,z` or `@x,y,z*scale`.
 //!
+//! [`Viewpoint`] chooses a camera and a light for any scene.
+//!
 //! Every error is one line of text. No input makes this crate panic.
 
 mod clip;
@@ -20,6 +22,7 @@ mod sequence;
 mod source;
 mod stream;
 mod text;
+mod viewpoint;
 
 pub use files::{files, word};
 pub use ply::write_ply;
@@ -28,6 +31,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+pub use viewpoint::Viewpoint;
 
 /// A colour in sRGB.
 pub type Rgb = [u8; 3];

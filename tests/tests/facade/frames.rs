@@ -1,9 +1,9 @@
 //! Tests frames of an animation, and key frames that are read during playback.
 
-use crate::pictures::{LAMP, shown};
+use crate::pictures::{LAMP, Shown, shown};
 use crate::pool::{self, Pooled};
 use crate::{Demo, demo, of_keys, scene_of, seen, still};
-use abvh::frames::{Frame, Wanted};
+use abvh::frames::{Frame, LitView, Wanted};
 use abvh::{Device, Error, Mesh, Point, Query, Source, Tracer, Update};
 use integration::stage::{camera, colours};
 use std::sync::Arc;
@@ -42,6 +42,10 @@ fn sail(height: f32) -> [Point; 3] {
 pub(crate) fn as_steps(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
+    let view = LitView {
+        camera: &camera,
+        light: LAMP,
+    };
     let wanted = Wanted {
         hits: true,
         pixels: true,
@@ -62,20 +66,23 @@ pub(crate) fn as_steps(device: &Device) {
             step.vertices(sail_id, Source::Host(&sail(0.4))).unwrap();
             step.submit().unwrap();
         }
-        let expected = TIMES.map(|time| shown(&mut tracer, (time, LAMP), &camera));
+        let expected = TIMES.map(|time| shown(&mut tracer, time, view));
         assert!(expected[0] != expected[1]);
         let mut step = tracer.step(0.0);
         let query = step.trace(&demo.rays, Query::Closest).unwrap();
         let before = step.submit().unwrap();
-        let is_prepared = tracer.prepare_frames((&camera, LAMP), wanted);
+        let is_prepared = tracer.prepare_frames(view, wanted);
         assert_eq!(is_prepared, Ok(*device != Device::Cpu));
         for most in [3, TIMES.len()] {
             let mut found = Vec::new();
             let given_up = Err(Error::NoDevice("enough".to_owned()));
-            let ended = tracer.render_frames(&all, (&camera, LAMP), wanted, |record, answers| {
+            let ended = tracer.render_frames(&all, view, wanted, |record, answers| {
                 assert_eq!(record.frame, all[found.len()]);
                 let hit = answers.hits.closest.iter().map(|hit| hit.triangle);
-                found.push((std::mem::take(&mut answers.pixels), hit.collect::<Vec<_>>()));
+                found.push(Shown {
+                    rgba: std::mem::take(&mut answers.pixels),
+                    triangles: hit.collect(),
+                });
                 match found.len() {
                     count if count == most => given_up.clone(),
                     _ => Ok(()),
@@ -83,7 +90,7 @@ pub(crate) fn as_steps(device: &Device) {
             });
             assert_eq!(ended, given_up);
             assert!(found == expected[..most], "alone: {is_alone}");
-            assert!(shown(&mut tracer, (TIMES[1], LAMP), &camera) == expected[1]);
+            assert!(shown(&mut tracer, TIMES[1], view) == expected[1]);
         }
         let dropped = tracer.hits(before, query).err();
         assert_eq!(dropped, Some(Error::NoResult));
@@ -163,10 +170,14 @@ pub(crate) fn unreadable(device: &Device) {
 pub(crate) fn policies(device: &Device) {
     let demo = demo("demo:twist:2000");
     let camera = camera(&demo.animation, [40, 30]);
+    let view = LitView {
+        camera: &camera,
+        light: LAMP,
+    };
     let mut usual = of_keys(&demo, device);
     let within = TIMES.map(|time| time.clamp(0.0, demo.animation.end()));
     let expected = within.map(|time| still(&mut usual, time, &demo.rays));
-    let pictures = within.map(|time| shown(&mut usual, (time, LAMP), &camera));
+    let pictures = within.map(|time| shown(&mut usual, time, view));
     for update in [
         Update::Lockstep(0),
         Update::Lockstep(2),
@@ -196,7 +207,7 @@ pub(crate) fn policies(device: &Device) {
             // The offset of shadow rays depends on the size of the scene, so also on the sail.
             let pictures = pictures.iter().filter(|_| sail_id.is_none());
             for (time, picture) in TIMES.into_iter().zip(pictures) {
-                let found = shown(&mut tracer, (time, LAMP), &camera);
+                let found = shown(&mut tracer, time, view);
                 assert!(found == *picture, "{update:?} at {time}");
             }
             let trees = tracer.statistics().unwrap().generation;

@@ -1,11 +1,11 @@
 //! Tests several cameras in a step, and pictures.
 
 use crate::{Demo, Found, bits, demo, of_keys, pool, scene_of};
+use abvh::frames::LitView;
 use abvh::{Camera, Device, Error, Hits, Intersector, Mesh, Point, Query, Scene, Source, Tracer};
-use backend::{QueryKind, Rays};
+use cpu_ref::CpuBackend;
 use geom::Animation;
 use integration::stage::{Stage, camera, colours};
-use shading::Shot;
 use std::sync::Arc;
 
 const FLOOR: [Point; 3] = [[-5.0, -0.6, -5.0], [5.0, -0.6, -5.0], [0.0, -0.6, 5.0]];
@@ -20,30 +20,31 @@ fn expected(cloth: &Demo, vertices: &[Point], camera: &Camera) -> Vec<u8> {
     let animation = Animation::new(vec![all], triangles).unwrap();
     let own = colours(cloth.triangles.len());
     let own = [&[FLOOR_COLOUR][..], &own].concat();
-    let (rgba, hits) = by_host(&Arc::new(animation), &own, (camera, LAMP));
-    assert!(hits.blocked.contains(&1) && hits.blocked.contains(&0));
-    rgba
+    let view = LitView {
+        camera,
+        light: LAMP,
+    };
+    let blocked = hits_by_reference(&Arc::new(animation.clone()), view).blocked;
+    assert!(blocked.contains(&1) && blocked.contains(&0));
+    by_reference(&animation, &own, view)
 }
 
-/// Traces an animation at time 0 on the host, and shades the hits.
-fn by_host(
-    animation: &Arc<Animation>,
-    colours: &[[u8; 3]],
-    (camera, light): (&Camera, Point),
-) -> (Vec<u8>, backend::Hits) {
+/// Traces a picture of an animation at time 0 with the scalar reference.
+fn hits_by_reference(animation: &Arc<Animation>, view: LitView<'_>) -> backend::Hits {
     let mut stage = Stage::new(animation, Intersector::Watertight, 1);
     stage.plant(0.0);
-    let kind = QueryKind::ClosestAndShadow { light };
-    let hits = stage.trace(0.0, Rays::Camera(camera), kind);
-    let shot = Shot {
-        moment: animation.at(0.0).unwrap(),
-        colours,
-        camera,
-        light,
-    };
-    let mut rgba = Vec::new();
-    shading::shade(&shot, &hits.closest, &hits.blocked, &mut rgba);
-    (rgba, hits)
+    let query = backend::Query::picture(view.camera, view.light);
+    stage.trace(0.0, query.rays, query.kind)
+}
+
+/// Traces an animation of one key frame as a single mesh with the scalar reference, and shades the hits.
+fn by_reference(animation: &Animation, colours: &[[u8; 3]], view: LitView<'_>) -> Vec<u8> {
+    let reference = CpuBackend::new(Some(1)).unwrap();
+    let keys = animation.all_keys().unwrap();
+    let mesh = Mesh::fixed(&keys[0], animation.triangles()).unwrap();
+    let scene = scene_of([mesh.with_colours(colours).unwrap()]).0;
+    let builder = Tracer::builder().build_on(Box::new(reference), scene);
+    shown(&mut builder.unwrap(), 0.0, view).rgba
 }
 
 fn floor() -> Mesh {
@@ -125,10 +126,17 @@ fn still(device: &Device, mesh: (Vec<Point>, &[[u32; 3]]), shots: &[(Point, f32,
     let animation = Arc::new(Animation::new(vec![vertices], triangles.to_vec()).unwrap());
     for &(eye, fov, light) in shots {
         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], fov, [66, 62]).unwrap();
-        let (expected, hits) = by_host(&animation, &own, (&camera, light));
-        assert!(hits.closest.iter().any(|hit| hit.is_hit()), "{eye:?}");
-        let found = shown(&mut tracer, (0.0, light), &camera).0;
-        assert!(found == expected, "from {eye:?} under {light:?}");
+        let view = LitView {
+            camera: &camera,
+            light,
+        };
+        let hits = hits_by_reference(&animation, view).closest;
+        assert!(hits.iter().any(|hit| hit.is_hit()), "{eye:?}");
+        let found = shown(&mut tracer, 0.0, view).rgba;
+        assert!(
+            found == by_reference(&animation, &own, view),
+            "from {eye:?} under {light:?}"
+        );
     }
 }
 
@@ -149,23 +157,33 @@ pub(crate) fn replaced(device: &Device) {
 }
 
 fn picture(tracer: &mut Tracer, camera: &Camera) -> Vec<u8> {
-    shown(tracer, (0.0, LAMP), camera).0
+    let view = LitView {
+        camera,
+        light: LAMP,
+    };
+    shown(tracer, 0.0, view).rgba
 }
 
-/// Returns the picture of a step, and the triangle that each pixel shows.
-pub(crate) fn shown(
-    tracer: &mut Tracer,
-    (time, light): (f64, Point),
-    camera: &Camera,
-) -> (Vec<u8>, Vec<u32>) {
+/// A picture, and the triangle that each pixel shows.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Shown {
+    pub(crate) rgba: Vec<u8>,
+    pub(crate) triangles: Vec<u32>,
+}
+
+/// Returns the picture of a step.
+pub(crate) fn shown(tracer: &mut Tracer, time: f64, view: LitView<'_>) -> Shown {
     let mut step = tracer.step(time);
-    let picture = step.render(camera, light).unwrap();
+    let picture = step.render(view.camera, view.light).unwrap();
     let done = step.submit().unwrap();
     let mut rgba = Vec::new();
     tracer.pixels(done, picture, &mut rgba).unwrap();
     let hits = tracer.hits(done, picture).unwrap();
-    let hit = hits.in_scene().iter().map(|hit| hit.triangle);
-    (rgba, hit.collect())
+    let triangles = hits.in_scene().iter().map(|hit| hit.triangle);
+    Shown {
+        rgba,
+        triangles: triangles.collect(),
+    }
 }
 
 /// Returns all information about a query's hits.

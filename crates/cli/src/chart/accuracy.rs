@@ -14,7 +14,7 @@ use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
 use output::plot::{self, Rate, TError};
 use rayon::prelude::*;
-use shading::View;
+use scene::Viewpoint;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ const PROBE: usize = 1 << 10;
 /// Generates and traces the rays of a scene.
 pub(super) struct RaySampler<'a> {
     pub(super) animation: &'a Arc<Animation>,
-    pub(super) view: View,
+    pub(super) view: Viewpoint,
     /// Number of plain rays in all stages.
     pub(super) rays: usize,
 }
@@ -292,7 +292,7 @@ fn moments(animation: &Animation, count: usize) -> Vec<f64> {
 }
 
 /// Returns `count` plain rays, half from a camera and half random, and a quarter as many aimed rays.
-fn rays_at(animation: &Animation, view: &View, time: f64, count: usize) -> [Vec<Ray>; 2] {
+fn rays_at(animation: &Animation, view: &Viewpoint, time: f64, count: usize) -> [Vec<Ray>; 2] {
     let mut rng = Rng::with_seed(time.to_bits());
     let bounds = animation.bounds();
     let mut plain = of_camera(view, count / 2);
@@ -303,7 +303,7 @@ fn rays_at(animation: &Animation, view: &View, time: f64, count: usize) -> [Vec<
 }
 
 /// Returns the first `count` rays of a camera of about that many pixels, row by row. Empty without a camera.
-fn of_camera(view: &View, count: usize) -> Vec<Ray> {
+fn of_camera(view: &Viewpoint, count: usize) -> Vec<Ray> {
     let width = (count as f64 * 1.6).sqrt().ceil().max(1.0) as u32;
     let height = count.div_ceil(width as usize).max(1) as u32;
     let camera = view.camera([width, height]);
@@ -432,7 +432,7 @@ mod tests {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let sampler = RaySampler {
             animation: &scene.animation,
-            view: shading::frame_scene(&scene.animation, 40.0, [64, 40]),
+            view: Viewpoint::framing(&scene.animation, 40.0, [64, 40]),
             rays: 1000,
         };
         let rays = |stage: &Range<usize>| -> Vec<Ray> {
@@ -459,7 +459,7 @@ mod tests {
     fn every_sort_of_ray_is_made_and_the_same_ones_again() {
         let scene = scene::open("demo:collide:300", &scene::Options::default()).unwrap();
         let a = &scene.animation;
-        let view = shading::frame_scene(a, 40.0, [64, 40]);
+        let view = Viewpoint::framing(a, 40.0, [64, 40]);
         let rays = rays_at(a, &view, 1.5, 1000).concat();
         assert!(rays.len() == 1250 && rays.iter().all(Ray::is_valid));
         let from_eye = rays.iter().filter(|r| r.origin == view.eye);
@@ -479,7 +479,7 @@ mod tests {
     #[test]
     fn a_scene_without_a_triangle_to_aim_at_has_fewer_rays() {
         let nothing = Animation::new(vec![vec![[f32::NAN; 3]]], vec![[0; 3]]).unwrap();
-        let view = shading::frame_scene(&nothing, 40.0, [64, 40]);
+        let view = Viewpoint::framing(&nothing, 40.0, [64, 40]);
         let counts = rays_at(&nothing, &view, 0.0, 100).map(|rays| rays.len());
         assert_eq!(counts, [100, 0]);
     }

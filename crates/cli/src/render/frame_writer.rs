@@ -10,7 +10,6 @@ use geom::lock;
 use output::{FrameStats, HitArrays, Journal, Planes, RunTimeline, Video};
 use rayon::Scope;
 use scene::Scene;
-use shading::Shot;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
@@ -57,8 +56,6 @@ pub(super) struct FrameLog<'a> {
 #[derive(Default)]
 struct FrameBuffers {
     answers: Answers,
-    /// Colours that the host shaded.
-    rgba: Vec<u8>,
     rgb: Vec<u8>,
     /// Empty without a video.
     planes: Planes,
@@ -184,18 +181,7 @@ impl<'a> FrameWriter<'a> {
         let Rendered {
             scene, shot, files, ..
         } = self.rendered;
-        let hits = &buffers.answers.hits;
-        let mut pixels = &buffers.answers.pixels;
-        if pixels.is_empty() && (files.has_pictures() || files.video.any()) {
-            let shot = Shot {
-                moment: scene.animation.at(time).map_err(Stop::bad)?,
-                colours: &scene.colours,
-                camera: &shot.camera,
-                light: shot.light,
-            };
-            shading::shade(&shot, &hits.closest, &hits.blocked, &mut buffers.rgba);
-            pixels = &buffers.rgba;
-        }
+        let Answers { hits, pixels } = &buffers.answers;
         let [width, height] = [shot.camera.width, shot.camera.height];
         if files.has_pictures() {
             output::drop_alpha(pixels, &mut buffers.rgb);

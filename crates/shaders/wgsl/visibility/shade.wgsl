@@ -1,5 +1,5 @@
-// Turns hits into pixels: face normals, file colours, one lamp with shadows, a soft sky. The crate `shading` computes the same
-// bits on the host; docs/design/pictures.md explains why they are equal.
+// Turns hits into pixels: face normals, file colours, one lamp with shadows, a soft sky. Module `shading` of crate `abvh`
+// computes the same bits on the host; docs/design/pictures.md explains why they are equal.
 
 import package::geometry::triangle::points_of;
 import package::geometry::units::{flushed, scale_bits, snapped};

@@ -62,9 +62,10 @@ const KNEE: f64 = 0.7;
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let x = i as f64 / 255.0;
-        let linear = match x <= 0.040_45 {
-            true => x / 12.92,
-            false => ((x + 0.055) / 1.055).powf(2.4),
+        let linear = if x <= 0.040_45 {
+            x / 12.92
+        } else {
+            ((x + 0.055) / 1.055).powf(2.4)
         };
         linear as f32
     })
@@ -73,9 +74,10 @@ static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 static FROM_LINEAR: LazyLock<[u8; LAST_STEP + 1]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let x = shoulder(i as f64 / STEPS as f64);
-        let y = match x <= 0.003_130_8 {
-            true => x * 12.92,
-            false => 1.055 * x.powf(1.0 / 2.4) - 0.055,
+        let y = if x <= 0.003_130_8 {
+            x * 12.92
+        } else {
+            1.055 * x.powf(1.0 / 2.4) - 0.055
         };
         (y * 255.0).round() as u8
     })
@@ -102,7 +104,7 @@ pub(crate) fn encode(light: Vec3) -> [u8; 3] {
 
 /// Returns the tables that a device needs to shade triangles with these sRGB colours.
 #[must_use]
-pub fn palette(colours: &[[u8; 3]]) -> Palette {
+pub(crate) fn palette(colours: &[[u8; 3]]) -> Palette {
     let linear = TO_LINEAR.iter().map(|x| x.to_bits());
     Palette {
         colours: colours

@@ -1,6 +1,5 @@
-//! Automatic camera and lamp for any motion.
+//! Automatic camera and light for any motion.
 
-use backend::{Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Point};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use rayon::prelude::*;
@@ -11,9 +10,9 @@ const UP: DVec3 = DVec3::Y;
 /// Fraction of the field of view that the scene fills, in the direction that limits its size.
 const FILL: f64 = 0.94;
 
-/// Parameters of a camera, and the position of a lamp.
+/// Parameters of a camera, and the position of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
+pub struct Viewpoint {
     /// Position of the eye.
     pub eye: Point,
     /// Point at the centre of the picture.
@@ -22,11 +21,39 @@ pub struct View {
     pub up: Point,
     /// Vertical field of view in degrees.
     pub fov_degrees: f32,
-    /// Position of the lamp.
+    /// Position of the light.
     pub light: Point,
 }
 
-impl View {
+impl Viewpoint {
+    /// Chooses a view that shows every finite vertex of every key frame. It looks from the front, the side and slightly
+    /// above. For paged key frames, the view shows their bounding boxes instead.
+    ///
+    /// The light is above and to the side, outside the bounds. Animations may be flat, single points or empty.
+    #[must_use]
+    pub fn framing(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> Self {
+        let bounds = animation.bounds();
+        let centre = centre(&bounds);
+        let size = size(&bounds);
+        let tan_y = (f64::from(fov_degrees).to_radians() * 0.5).tan() * FILL;
+        let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
+        let tan = dvec2(tan_x, tan_y);
+        let back = unit(TO_EYE);
+        let right = unit(UP.cross(back));
+        let up = back.cross(right);
+        let extent = PyramidExtent::of(animation, centre, [right, up, back], tan);
+        let shift = extent.shift();
+        let middle = centre + (right * shift.x + up * shift.y);
+        let aside = right * -0.62 + (UP * 0.95 + back * 0.80);
+        Self {
+            eye: narrow(middle + back * extent.distance(tan, size)),
+            look_at: narrow(middle),
+            up: narrow(UP),
+            fov_degrees,
+            light: narrow(centre + unit(aside) * (1.15 * size)),
+        }
+    }
+
     /// Returns the camera for a picture of `size` (width, height), or `None` if [`Camera::look_at`] does.
     #[must_use]
     pub fn camera(&self, size: [u32; 2]) -> Option<Camera> {
@@ -34,53 +61,17 @@ impl View {
     }
 }
 
-/// Returns the query for the closest hit of each pixel's ray, and whether the lamp illuminates the hit.
-#[must_use]
-pub fn query((camera, light): (&Camera, Point)) -> Query<'_> {
-    Query {
-        rays: Rays::Camera(camera),
-        kind: QueryKind::ClosestAndShadow { light },
-    }
-}
-
-/// Chooses a camera whose picture contains every finite vertex of every key frame. It looks from the front, the side
-/// and slightly above. For paged key frames, the picture contains their bounding boxes instead.
-///
-/// The lamp is above and to the side, outside the bounds. Animations may be flat, single points or empty.
-#[must_use]
-pub fn frame_scene(animation: &Animation, fov_degrees: f32, [width, height]: [u32; 2]) -> View {
-    let bounds = animation.bounds();
-    let (centre, size) = centre_and_size(&bounds);
-    let tan_y = (f64::from(fov_degrees).to_radians() * 0.5).tan() * FILL;
-    let tan_x = tan_y * f64::from(width.max(1)) / f64::from(height.max(1));
-    let back = unit(TO_EYE);
-    let right = unit(UP.cross(back));
-    let up = back.cross(right);
-    let tan = dvec2(tan_x, tan_y);
-    let fit = Fit::of(animation, centre, [right, up, back], tan);
-    let (shift, distance) = fit.eye(tan, size);
-    let middle = centre + (right * shift.x + up * shift.y);
-    let aside = right * -0.62 + (UP * 0.95 + back * 0.80);
-    View {
-        eye: narrow(middle + back * distance),
-        look_at: narrow(middle),
-        up: narrow(UP),
-        fov_degrees,
-        light: narrow(centre + unit(aside) * (1.15 * size)),
-    }
-}
-
 /// Bounds of the vertices against the four sides of a view pyramid. For both axes they are the largest `x + z * tan`
 /// and the largest `-x + z * tan`, with `z` towards the eye.
 #[derive(Clone, Copy)]
-struct Fit {
+struct PyramidExtent {
     high: DVec2,
     low: DVec2,
     /// Largest `z`.
     near: f64,
 }
 
-impl Fit {
+impl PyramidExtent {
     const NONE: Self = Self {
         high: DVec2::NEG_INFINITY,
         low: DVec2::NEG_INFINITY,
@@ -119,32 +110,50 @@ impl Fit {
         }
     }
 
-    /// Returns the eye's shift along both axes of the picture, and its distance back from the centre. All vertices are
-    /// at least `0.05 * size` in front of the eye.
-    fn eye(&self, tan: DVec2, size: f64) -> (DVec2, f64) {
-        if !self.high.is_finite() || !self.low.is_finite() {
-            return (DVec2::ZERO, 2.0 * size);
+    /// Returns whether there is any vertex.
+    fn is_finite(&self) -> bool {
+        self.high.is_finite() && self.low.is_finite()
+    }
+
+    /// Returns the eye's shift along both axes of the picture.
+    fn shift(&self) -> DVec2 {
+        if self.is_finite() {
+            (self.high - self.low) / 2.0
+        } else {
+            DVec2::ZERO
+        }
+    }
+
+    /// Returns the eye's distance back from the centre. All vertices are at least `0.05 * size` in front of the eye.
+    fn distance(&self, tan: DVec2, size: f64) -> f64 {
+        if !self.is_finite() {
+            return 2.0 * size;
         }
         // A vertex is inside the pyramid if x - shift <= (back - z) * tan, and the same holds for -x.
         let back = (self.high + self.low) / (2.0 * tan);
-        let shift = (self.high - self.low) / 2.0;
-        (shift, back.max_element().max(self.near + 0.05 * size))
+        back.max_element().max(self.near + 0.05 * size)
     }
 }
 
-/// Returns the centre of the bounds and the length of their diagonal. The length is increased if it would vanish in the
-/// rounding of the coordinates.
-fn centre_and_size(bounds: &Aabb) -> (DVec3, f64) {
+fn centre(bounds: &Aabb) -> DVec3 {
     if bounds.is_empty() {
-        return (DVec3::ZERO, 1.0);
+        DVec3::ZERO
+    } else {
+        wide(bounds.min).midpoint(wide(bounds.max))
     }
-    let [min, max] = [wide(bounds.min), wide(bounds.max)];
-    let centre = min.midpoint(max);
-    let diagonal = (max - min).length();
-    let least = 1e-4 * centre.abs().max_element();
+}
+
+/// Returns the length of the bounds' diagonal. The length is increased if it would vanish in the rounding of the
+/// coordinates.
+fn size(bounds: &Aabb) -> f64 {
+    if bounds.is_empty() {
+        return 1.0;
+    }
+    let diagonal = (wide(bounds.max) - wide(bounds.min)).length();
+    let least = 1e-4 * centre(bounds).abs().max_element();
     match diagonal.max(least) {
-        0.0 => (centre, 1.0),
-        size => (centre, size.max(1e-36)),
+        0.0 => 1.0,
+        size => size.max(1e-36),
     }
 }
 
@@ -161,9 +170,10 @@ fn wide(p: Point) -> DVec3 {
 /// Normalizes `a` to length 1. Returns zero if the length is zero or not finite.
 fn unit(a: DVec3) -> DVec3 {
     let length = a.length();
-    match length > 0.0 && length.is_finite() {
-        true => a / length,
-        false => DVec3::ZERO,
+    if length > 0.0 && length.is_finite() {
+        a / length
+    } else {
+        DVec3::ZERO
     }
 }
 
@@ -209,7 +219,7 @@ mod tests {
             for (shape, fov) in shapes.iter().flat_map(|s| [(s, 20.0), (s, 60.0)]) {
                 let keys = [3.0, 4.0].map(|x| cloud([x, 4.0, 5.0], *shape));
                 let a = animation(keys.to_vec());
-                let camera = frame_scene(&a, fov, size).camera(size).unwrap();
+                let camera = Viewpoint::framing(&a, fov, size).camera(size).unwrap();
                 let keys = a.all_keys().unwrap();
                 let all = keys.iter().flat_map(|key| key.iter());
                 let seen: Vec<_> = all.map(|&p| project(&camera, p)).collect();
@@ -241,7 +251,7 @@ mod tests {
             vec![[3e38; 3], [-3e38; 3], [0.0; 3]],
         ];
         for points in odd {
-            let view = frame_scene(&animation(vec![points.clone()]), 40.0, SIZE);
+            let view = Viewpoint::framing(&animation(vec![points.clone()]), 40.0, SIZE);
             let camera = view.camera(SIZE);
             assert!(camera.is_some(), "{points:?}: {view:?}");
             assert!(view.light.iter().all(|x| x.is_finite()));
@@ -249,7 +259,11 @@ mod tests {
         let ones = [[0.0; 3], [1.0; 3], [1.0, 0.0, 0.0]];
         let mut more = ones.to_vec();
         more.insert(1, [f32::INFINITY, 0.0, 0.0]);
-        let views = [ones.to_vec(), more].map(|p| frame_scene(&animation(vec![p]), 40.0, SIZE));
-        assert_eq!(views[0], views[1], "what is nowhere needs no room");
+        let views =
+            [ones.to_vec(), more].map(|p| Viewpoint::framing(&animation(vec![p]), 40.0, SIZE));
+        assert_eq!(
+            views[0], views[1],
+            "a vertex that is not finite does not count"
+        );
     }
 }
