@@ -2,7 +2,7 @@
 
 use crate::{Mesh, pool};
 use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
-use bvh_build::{BinaryTree, BlockSize, Boxes, Builder, Cancel};
+use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
 use geom::{Aabb, Point, Ray};
@@ -21,7 +21,7 @@ pub struct Ours {
 impl Ours {
     /// Builds a tree and converts it, in the caller's pool.
     pub fn make(&mut self, mesh: &Mesh, positions: &[Point]) -> &Topology {
-        let boxes = (&*mesh.animation, positions);
+        let boxes = boxes(mesh, positions);
         let built = self.builder.build(&boxes, &Cancel::new(), &mut self.tree);
         built.expect("nobody cancels");
         self.convert(mesh)
@@ -51,7 +51,7 @@ impl Ours {
     pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
         self.builder.block_size = BlockSize::Eight;
         self.make(mesh, positions);
-        let boxes = (&*mesh.animation, positions);
+        let boxes = boxes(mesh, positions);
         let triangles = (0..mesh.triangle_count() as u32).into_par_iter();
         let boxes: Vec<Aabb> = triangles.map(|t| boxes.get(t)).collect();
         let record = std::mem::take(&mut self.record);
@@ -60,7 +60,14 @@ impl Ours {
 
     /// Returns the cost by the surface area heuristic (traversal 1, intersection 1) over `positions`.
     pub fn sah_cost(&self, mesh: &Mesh, positions: &[Point]) -> f64 {
-        bvh_build::sah_cost(&self.tree, &(&*mesh.animation, positions))
+        bvh_build::sah_cost(&self.tree, &boxes(mesh, positions))
+    }
+}
+
+fn boxes<'a>(mesh: &'a Mesh, vertices: &'a [Point]) -> AnimationBoxes<'a> {
+    AnimationBoxes {
+        animation: &mesh.animation,
+        vertices,
     }
 }
 

@@ -37,7 +37,7 @@ impl BlockSize {
 }
 
 /// Number of triangles in each bin, axis by axis.
-pub(crate) type Counts = [[u32; BINS]; 3];
+pub(crate) type BinCounts = [[u32; BINS]; 3];
 
 /// Maps a centre to its bin: `(center - base) * scale`, rounded to nearest.
 #[derive(Clone, Copy, Debug)]
@@ -108,7 +108,7 @@ impl Plane {
     }
 
     /// Returns the number of counted triangles on the left.
-    pub(crate) fn left_of(&self, counts: &Counts) -> usize {
+    pub(crate) fn left_of(&self, counts: &BinCounts) -> usize {
         counts[self.axis][..self.bin].iter().sum::<u32>() as usize
     }
 }
@@ -116,11 +116,11 @@ impl Plane {
 #[derive(Clone, Debug)]
 pub(crate) struct Bins {
     boxes: [[Bounds; BINS]; 3],
-    pub(crate) counts: Counts,
+    pub(crate) counts: BinCounts,
 }
 
 impl Bins {
-    pub(crate) const NO_COUNTS: Counts = [[0; BINS]; 3];
+    pub(crate) const NO_COUNTS: BinCounts = [[0; BINS]; 3];
     pub(crate) const EMPTY: Self = Self {
         boxes: [[Bounds::EMPTY; BINS]; 3],
         counts: Self::NO_COUNTS,
@@ -148,7 +148,7 @@ impl Bins {
     /// Adds `prims` to empty bins by chunks in parallel. Writes each chunk's counts to `counts`.
     ///
     /// Takes references, because bins are large and the stack must hold few at once.
-    pub(crate) fn add_parallel(&mut self, prims: &[Prim], grid: &Grid, counts: &mut [Counts]) {
+    pub(crate) fn add_parallel(&mut self, prims: &[Prim], grid: &Grid, counts: &mut [BinCounts]) {
         if let [only] = counts {
             self.add(prims, grid);
             *only = self.counts;
@@ -174,10 +174,12 @@ impl Bins {
         }
     }
 
-    fn column(&self, bin: usize) -> ([Bounds; 3], Vec4) {
+    fn column(&self, bin: usize) -> Column {
         let count = |axis: usize| self.counts[axis][bin] as f32;
-        let boxes = [0, 1, 2].map(|axis| self.boxes[axis][bin]);
-        (boxes, Vec4::new(count(0), count(1), count(2), 0.0))
+        Column {
+            boxes: [0, 1, 2].map(|axis| self.boxes[axis][bin]),
+            triangles: Vec4::new(count(0), count(1), count(2), 0.0),
+        }
     }
 
     /// Returns the plane of least cost by the surface area heuristic. `None` if every axis has all triangles in one
@@ -190,9 +192,9 @@ impl Bins {
         block_size: BlockSize,
     ) -> Option<Plane> {
         let column = |bin| self.column(bin);
-        let (_, best, best_bin) = cuts::<BINS>(grid.bins, column, (Ruler::new(node), block_size));
-        let axis = least_axis(best)?;
-        Some(Plane::new(*grid, axis, best_bin[axis] as usize))
+        let cuts = Cuts::<BINS>::of(grid.bins, column, Ruler::new(node), block_size);
+        let axis = cuts.least_axis()?;
+        Some(Plane::new(*grid, axis, cuts.best_left[axis] as usize))
     }
 
     pub(crate) fn sides(&self, plane: &Plane) -> [Bounds; 2] {
@@ -201,20 +203,90 @@ impl Bins {
     }
 }
 
-/// Evaluates all cuts of a row of `n` boxes along each axis, with one axis per lane. `column` returns the boxes at an
-/// index, with their numbers of triangles.
-///
-/// Returns the costs by number of boxes on the left, then the least cost, then its number of boxes on the left.
-/// An empty side costs infinity times zero, which is NaN and never the least.
-#[inline(always)]
-pub(crate) fn cuts<const N: usize>(
-    n: usize,
-    column: impl Fn(usize) -> ([Bounds; 3], Vec4),
-    (ruler, block_size): (Ruler, BlockSize),
-) -> ([Vec4; N], Vec4, Vec4) {
-    match block_size {
-        BlockSize::One => cuts_by(n, column, ruler, |triangles| triangles),
-        BlockSize::Eight => cuts_by(n, column, ruler, eights),
+/// Boxes at one index of a row along each axis, with their numbers of triangles. One axis per lane.
+#[derive(Clone, Copy)]
+pub(crate) struct Column {
+    pub(crate) boxes: [Bounds; 3],
+    pub(crate) triangles: Vec4,
+}
+
+impl Column {
+    const EMPTY: Self = Self {
+        boxes: [Bounds::EMPTY; 3],
+        triangles: Vec4::ZERO,
+    };
+
+    #[inline(always)]
+    fn add(&mut self, other: Self) {
+        let boxes = self.boxes.iter_mut().zip(other.boxes);
+        boxes.for_each(|(b, c)| b.grow(&c));
+        self.triangles += other.triangles;
+    }
+}
+
+/// All cuts of a row of boxes along each axis. One axis per lane.
+pub(crate) struct Cuts<const N: usize> {
+    /// Costs by number of boxes on the left.
+    pub(crate) costs: [Vec4; N],
+    /// Least costs.
+    pub(crate) best: Vec4,
+    /// Numbers of boxes on the left at the least costs.
+    pub(crate) best_left: Vec4,
+}
+
+impl<const N: usize> Cuts<N> {
+    /// Evaluates all cuts of a row of `n` boxes. `column` returns the boxes at an index.
+    ///
+    /// An empty side costs infinity times zero, which is NaN and never the least.
+    #[inline(always)]
+    pub(crate) fn of(
+        n: usize,
+        column: impl Fn(usize) -> Column,
+        ruler: Ruler,
+        block_size: BlockSize,
+    ) -> Self {
+        match block_size {
+            BlockSize::One => Self::by(n, column, ruler, |triangles| triangles),
+            BlockSize::Eight => Self::by(n, column, ruler, eights),
+        }
+    }
+
+    #[inline(always)]
+    fn by(
+        n: usize,
+        column: impl Fn(usize) -> Column,
+        ruler: Ruler,
+        blocks: impl Fn(Vec4) -> Vec4,
+    ) -> Self {
+        let cost_of = |side: &Column| ruler.half_areas(&side.boxes) * blocks(side.triangles);
+        let mut costs = [Vec4::NAN; N];
+        let mut side = Column::EMPTY;
+        for left in (1..n).rev() {
+            side.add(column(left));
+            costs[left % N] = cost_of(&side);
+        }
+        let (mut best, mut best_left) = (Vec4::INFINITY, Vec4::ONE);
+        side = Column::EMPTY;
+        for left in 1..n {
+            side.add(column(left - 1));
+            let cost = cost_of(&side) + costs[left % N];
+            let better = cost.cmplt(best);
+            best = Vec4::select(better, cost, best);
+            best_left = Vec4::select(better, Vec4::splat(left as f32), best_left);
+            costs[left % N] = cost;
+        }
+        Self {
+            costs,
+            best,
+            best_left,
+        }
+    }
+
+    /// Returns the first axis of least cost, if that cost is finite.
+    pub(crate) fn least_axis(&self) -> Option<usize> {
+        let least = |a, b| if self.best[b] < self.best[a] { b } else { a };
+        let axis = (0..3).reduce(least)?;
+        self.best[axis].is_finite().then_some(axis)
     }
 }
 
@@ -225,50 +297,11 @@ fn eights(triangles: Vec4) -> Vec4 {
     (triangles / 8.0 + Vec4::splat(7.0 / 16.0) + round) - round
 }
 
-#[inline(always)]
-fn cuts_by<const N: usize>(
-    n: usize,
-    column: impl Fn(usize) -> ([Bounds; 3], Vec4),
-    ruler: Ruler,
-    blocks: impl Fn(Vec4) -> Vec4,
-) -> ([Vec4; N], Vec4, Vec4) {
-    let add = |(boxes, count): &mut ([Bounds; 3], Vec4),
-               (other, its_count): ([Bounds; 3], Vec4)| {
-        boxes.iter_mut().zip(other).for_each(|(b, c)| b.grow(&c));
-        *count += its_count;
-    };
-    let cost_of = |(boxes, count): &([Bounds; 3], Vec4)| ruler.half_areas(boxes) * blocks(*count);
-    let mut costs = [Vec4::NAN; N];
-    let none = ([Bounds::EMPTY; 3], Vec4::ZERO);
-    let mut side = none;
-    for left in (1..n).rev() {
-        add(&mut side, column(left));
-        costs[left % N] = cost_of(&side);
-    }
-    let (mut best, mut best_left) = (Vec4::INFINITY, Vec4::ONE);
-    side = none;
-    for left in 1..n {
-        add(&mut side, column(left - 1));
-        let cost = cost_of(&side) + costs[left % N];
-        let better = cost.cmplt(best);
-        best = Vec4::select(better, cost, best);
-        best_left = Vec4::select(better, Vec4::splat(left as f32), best_left);
-        costs[left % N] = cost;
-    }
-    (costs, best, best_left)
-}
-
-/// Returns the first axis of least cost, if that cost is finite.
-pub(crate) fn least_axis(costs: Vec4) -> Option<usize> {
-    let axis = (0..3).reduce(|a, b| if costs[b] < costs[a] { b } else { a })?;
-    costs[axis].is_finite().then_some(axis)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::builder::tests::sized;
-    use crate::prim::Extents;
+    use crate::prim::PrimExtents;
     use geom::Aabb;
     use proptest::prelude::*;
 
@@ -291,7 +324,7 @@ mod tests {
             size in prop::sample::select(vec![BlockSize::One, BlockSize::Eight]),
         ) {
             let prims: Vec<_> = corners.iter().zip(0..).map(|(c, i)| prim(c, i)).collect();
-            let extents = Extents::of(&prims);
+            let extents = PrimExtents::of(&prims);
             let grid = Grid::new(&extents.centers, prims.len());
             let mut bins = Bins::EMPTY;
             bins.add(&prims, &grid);
@@ -320,7 +353,7 @@ mod tests {
         for far in [1.0, 0.1, 3.3e7, 1e-30] {
             let ends = [-0.7 * far, far].map(|x: f32| sized([x; 3], [0.0; 3]));
             let prims = [Prim::new(&ends[0], 0), Prim::new(&ends[1], 1)];
-            let grid = Grid::new(&Extents::of(&prims).centers, 1000);
+            let grid = Grid::new(&PrimExtents::of(&prims).centers, 1000);
             let bins = prims.map(|p| grid.bins_of(&p));
             assert_eq!(bins, [[0; 3], [BINS - 1; 3]], "{far}");
         }

@@ -1,7 +1,7 @@
 //! The builder: a reusable workspace and the entry point of the recursion.
 
-use crate::gather::gather;
-use crate::node::{self, BuildTask, Node};
+use crate::gather::{Gathered, gather};
+use crate::node::{self, BuildNode, BuildTask};
 use crate::prim::Prim;
 use crate::{BinaryTree, BlockSize, Boxes};
 use geom::Point;
@@ -46,13 +46,20 @@ impl Cancel {
 #[derive(Debug, Default)]
 pub struct Builder {
     prims: Vec<Prim>,
-    room: Vec<Prim>,
+    scratch: Vec<Prim>,
     /// Point that children are ordered toward, if any. Of two children divided by a plane, the one that reaches less far
     /// from the point comes first; in small nodes, the one on that side of the split. Rays to the point then find an
     /// occluder sooner. The tree is otherwise the same.
     pub toward: Option<Point>,
     /// Number of triangles that the heuristic counts as one. Trees have one triangle per leaf in any case.
     pub block_size: BlockSize,
+}
+
+/// Options of a build that differ between whole trees and the upper levels of one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RootOptions {
+    pub(crate) depth: u32,
+    pub(crate) block_size: BlockSize,
 }
 
 impl Builder {
@@ -69,13 +76,18 @@ impl Builder {
         cancel: &Cancel,
         tree: &mut BinaryTree,
     ) -> Result<(), BuildError> {
-        self.build_below((0, self.block_size), boxes, cancel, tree)
+        let root = RootOptions {
+            depth: 0,
+            block_size: self.block_size,
+        };
+        self.build_below(root, boxes, cancel, tree)
     }
 
-    /// Builds a tree whose root counts as `depth` levels deep, which leaves fewer levels below [`crate::MAX_DEPTH`].
+    /// Builds a tree whose root counts as `root.depth` levels deep, which leaves fewer levels below
+    /// [`crate::MAX_DEPTH`].
     pub(crate) fn build_below<B: Boxes + ?Sized>(
         &mut self,
-        (depth, block_size): (u32, BlockSize),
+        root: RootOptions,
         boxes: &B,
         cancel: &Cancel,
         tree: &mut BinaryTree,
@@ -85,27 +97,31 @@ impl Builder {
             assert!(u32::try_from(n).is_ok(), "{n} triangles cannot be numbered");
             if self.prims.len() < n {
                 self.prims.resize(n, Prim::default());
-                self.room.resize(n, Prim::default());
+                self.scratch.resize(n, Prim::default());
             }
-            let (leaves, extents, factor) = gather(boxes, &mut self.prims[..n]);
+            let Gathered {
+                count: leaves,
+                extents,
+                factor,
+            } = gather(boxes, &mut self.prims[..n]);
             let slot = tree.slot(leaves);
             if leaves == 0 {
                 return Ok(());
             }
-            let root = Node {
+            let node = BuildNode {
                 prims: &mut self.prims[..leaves],
-                room: &mut self.room[..leaves],
+                scratch: &mut self.scratch[..leaves],
                 slot,
                 extents,
-                depth,
+                depth: root.depth,
             };
             let toward = self.toward.map(|point| point.map(|x| x * factor));
             let task = BuildTask {
                 cancel,
                 toward,
-                block_size,
+                block_size: root.block_size,
             };
-            node::build(root, task)
+            node::build(node, task)
         })
     }
 }
@@ -145,7 +161,7 @@ pub(crate) mod tests {
         let (large, cancel) = (row(50_000, 1.0), Cancel::new());
         builder.build(&large[..], &cancel, &mut tree).unwrap();
         let memory = |builder: &Builder, tree: &BinaryTree| {
-            let work = [&builder.prims, &builder.room].map(|v| (v.as_ptr(), v.capacity()));
+            let work = [&builder.prims, &builder.scratch].map(|v| (v.as_ptr(), v.capacity()));
             let out = [&tree.order, &tree.left_leaves].map(|v| (v.as_ptr(), v.capacity()));
             (work, out)
         };

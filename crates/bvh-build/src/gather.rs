@@ -1,7 +1,7 @@
 //! Reads the builder's boxes, drops unusable boxes, and scales the others to a safe range.
 
 use crate::bins::CHUNK;
-use crate::prim::{Bounds, Extents, Prim};
+use crate::prim::{Bounds, Prim, PrimExtents};
 use geom::{Aabb, Animation, Point};
 use rayon::prelude::*;
 
@@ -25,15 +25,23 @@ impl Boxes for [Aabb] {
     }
 }
 
-/// The boxes of an animation with the given vertices.
-impl Boxes for (&Animation, &[Point]) {
+/// The boxes of an animation's triangles with the given vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct AnimationBoxes<'a> {
+    /// The animation.
+    pub animation: &'a Animation,
+    /// Positions of its vertices.
+    pub vertices: &'a [Point],
+}
+
+impl Boxes for AnimationBoxes<'_> {
     fn triangle_count(&self) -> usize {
-        self.0.triangle_count()
+        self.animation.triangle_count()
     }
 
     #[inline]
     fn get(&self, triangle: u32) -> Aabb {
-        self.0.build_box(self.1, triangle)
+        self.animation.build_box(self.vertices, triangle)
     }
 }
 
@@ -42,47 +50,58 @@ pub(crate) fn is_usable(b: &Aabb) -> bool {
     (0..3).all(|i| b.min[i] <= b.max[i] && b.min[i].is_finite() && b.max[i].is_finite())
 }
 
+/// The usable boxes of a scene.
+pub(crate) struct Gathered {
+    pub(crate) count: usize,
+    pub(crate) extents: PrimExtents,
+    /// Factor that all coordinates were multiplied by.
+    pub(crate) factor: f32,
+}
+
 /// Fills the front of `prims` with all usable boxes, in the order of triangles. `prims` has one entry per triangle.
-/// Returns the number of usable boxes, their extents, and the factor that all coordinates were multiplied by.
-pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> (usize, Extents, f32) {
+pub(crate) fn gather<B: Boxes + ?Sized>(boxes: &B, prims: &mut [Prim]) -> Gathered {
     let parts: Vec<_> = prims
         .par_chunks_mut(CHUNK)
         .enumerate()
         .map(|(i, chunk)| gather_chunk(boxes, i * CHUNK, chunk))
         .collect();
-    let mut count = 0;
-    let mut all = Extents::EMPTY;
-    for (i, (kept, extents)) in parts.into_iter().enumerate() {
+    let mut all = Gathered {
+        count: 0,
+        extents: PrimExtents::EMPTY,
+        factor: 1.0,
+    };
+    for (i, part) in parts.into_iter().enumerate() {
         let start = i * CHUNK;
-        if count < start {
-            prims.copy_within(start..start + kept, count);
+        if all.count < start {
+            prims.copy_within(start..start + part.count, all.count);
         }
-        count += kept;
-        all = all.union(extents);
+        all.count += part.count;
+        all.extents = all.extents.union(part.extents);
     }
-    match safe_factor(&all.boxes) {
-        Some(factor) => (count, rescale(&mut prims[..count], factor), factor),
-        None => (count, all, 1.0),
+    if let Some(factor) = safe_factor(&all.extents.boxes) {
+        all.factor = factor;
+        all.extents = rescale(&mut prims[..all.count], factor);
     }
+    all
 }
 
-fn gather_chunk<B: Boxes + ?Sized>(
-    boxes: &B,
-    start: usize,
-    chunk: &mut [Prim],
-) -> (usize, Extents) {
-    let mut kept = 0;
-    let mut extents = Extents::EMPTY;
+fn gather_chunk<B: Boxes + ?Sized>(boxes: &B, start: usize, chunk: &mut [Prim]) -> Gathered {
+    let mut count = 0;
+    let mut extents = PrimExtents::EMPTY;
     for i in start..start + chunk.len() {
         let bounds = boxes.get(i as u32);
         if is_usable(&bounds) {
             let prim = Prim::new(&bounds, i as u32);
             extents.add(&prim);
-            chunk[kept] = prim;
-            kept += 1;
+            chunk[count] = prim;
+            count += 1;
         }
     }
-    (kept, extents)
+    Gathered {
+        count,
+        extents,
+        factor: 1.0,
+    }
 }
 
 /// Returns a factor for all coordinates if the largest is so far from 1 that sums would overflow or small boxes would
@@ -97,14 +116,14 @@ fn safe_factor(all: &Bounds) -> Option<f32> {
     }
 }
 
-fn rescale(prims: &mut [Prim], factor: f32) -> Extents {
+fn rescale(prims: &mut [Prim], factor: f32) -> PrimExtents {
     prims
         .par_chunks_mut(CHUNK)
         .map(|chunk| {
             for prim in &mut *chunk {
                 *prim = prim.scaled(factor);
             }
-            Extents::of(chunk)
+            PrimExtents::of(chunk)
         })
-        .reduce(|| Extents::EMPTY, Extents::union)
+        .reduce(|| PrimExtents::EMPTY, PrimExtents::union)
 }

@@ -22,8 +22,8 @@ mod tree;
 pub use bins::BlockSize;
 pub use builder::{BuildError, Builder, Cancel};
 pub use cost::sah_cost;
-pub use gather::Boxes;
-pub use subtrees::{Costs, SubtreeRebuilder};
+pub use gather::{AnimationBoxes, Boxes};
+pub use subtrees::{MovedTree, SubtreeRebuilder, TreeCosts};
 pub use tree::{BinaryTree, Subtree};
 
 /// Runs both closures, in parallel if the work is large, and returns both results.
@@ -33,9 +33,10 @@ fn join_if<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
-    match is_large {
-        true => rayon::join(a, b),
-        false => (a(), b()),
+    if is_large {
+        rayon::join(a, b)
+    } else {
+        (a(), b())
     }
 }
 

@@ -1,8 +1,8 @@
 //! The recursion: finds the split plane of a node and builds its two children.
 
-use crate::bins::{Bins, BlockSize, CHUNK, Counts, Grid, Plane};
+use crate::bins::{BinCounts, Bins, BlockSize, CHUNK, Grid, Plane};
 use crate::occluder_first::reach;
-use crate::prim::{Bounds, Extents, Prim};
+use crate::prim::{Bounds, Prim, PrimExtents};
 use crate::tree::SubtreeSlot;
 use crate::{BuildError, Cancel, MAX_DEPTH, join_if, small};
 use geom::Point;
@@ -18,20 +18,20 @@ const SUBTREES_A_THREAD: usize = 8;
 const PARALLEL_CHILDREN: usize = 2048;
 
 /// A node to build: its triangles, a scratch buffer of the same size, and the output for its subtree.
-pub(crate) struct Node<'a> {
+pub(crate) struct BuildNode<'a> {
     pub(crate) prims: &'a mut [Prim],
-    pub(crate) room: &'a mut [Prim],
+    pub(crate) scratch: &'a mut [Prim],
     pub(crate) slot: SubtreeSlot<'a>,
-    pub(crate) extents: Extents,
+    pub(crate) extents: PrimExtents,
     pub(crate) depth: u32,
 }
 
 /// A plane, with the boxes and counts of its sides from binning.
-struct Split {
+struct NodeSplit {
     plane: Plane,
     boxes: [Bounds; 2],
     left: usize,
-    chunks: Vec<Counts>,
+    chunks: Vec<BinCounts>,
 }
 
 /// Parameters common to all nodes of a build.
@@ -58,10 +58,10 @@ impl BuildTask<'_> {
 ///
 /// No subtree is built before all large nodes are divided. Otherwise a thread that waits for parts of a large node
 /// could start a subtree in the meantime, which would delay everything below that node.
-pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
+pub(crate) fn build(root: BuildNode<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let others = rayon::current_num_threads() - 1;
     let share = root.prims.len() / (SUBTREES_A_THREAD * others).max(1);
-    let is_large = |node: &Node<'_>| node.prims.len() > share.max(PARALLEL_NODE);
+    let is_large = |node: &BuildNode<'_>| node.prims.len() > share.max(PARALLEL_NODE);
     let (mut wave, mut subtrees) = (vec![root], Vec::new());
     while !wave.is_empty() {
         if task.cancel.is_cancelled() {
@@ -77,7 +77,7 @@ pub(crate) fn build(root: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildErro
     each.try_for_each(|node| build_subtree(node, task))
 }
 
-fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
+fn build_subtree(node: BuildNode<'_>, task: BuildTask<'_>) -> Result<(), BuildError> {
     let leaves = node.prims.len();
     if leaves <= small::MOST {
         small::build(node.prims, node.slot, node.depth, task);
@@ -95,7 +95,7 @@ fn build_subtree(node: Node<'_>, task: BuildTask<'_>) -> Result<(), BuildError> 
     a.and(b)
 }
 
-fn divide<'a>(node: Node<'a>, task: BuildTask<'_>) -> [Node<'a>; 2] {
+fn divide<'a>(node: BuildNode<'a>, task: BuildTask<'_>) -> [BuildNode<'a>; 2] {
     match find_split(&node, task.block_size) {
         Some(split) => divide_by(node, &split, task.right_first(split.boxes)),
         None => halve(node),
@@ -103,7 +103,7 @@ fn divide<'a>(node: Node<'a>, task: BuildTask<'_>) -> [Node<'a>; 2] {
 }
 
 /// Returns the best plane, unless a child would have too many triangles for the remaining levels.
-fn find_split(node: &Node<'_>, block_size: BlockSize) -> Option<Split> {
+fn find_split(node: &BuildNode<'_>, block_size: BlockSize) -> Option<NodeSplit> {
     let n = node.prims.len();
     let grid = Grid::new(&node.extents.centers, n);
     let mut chunks = Vec::new();
@@ -116,7 +116,7 @@ fn find_split(node: &Node<'_>, block_size: BlockSize) -> Option<Split> {
     }
     let plane = bins.best_plane(&node.extents.boxes, &grid, block_size)?;
     let left = plane.left_of(&bins.counts);
-    fits(left.max(n - left), node.depth + 1).then(|| Split {
+    fits(left.max(n - left), node.depth + 1).then(|| NodeSplit {
         plane,
         boxes: bins.sides(&plane),
         left,
@@ -130,13 +130,13 @@ pub(crate) fn fits(leaves: usize, depth: u32) -> bool {
 }
 
 /// Divides a node by a plane. Returns both sides, the right side first if `right_first` is set.
-fn divide_by<'a>(node: Node<'a>, split: &Split, right_first: bool) -> [Node<'a>; 2] {
+fn divide_by<'a>(node: BuildNode<'a>, split: &NodeSplit, right_first: bool) -> [BuildNode<'a>; 2] {
     let first = if right_first {
         node.prims.len() - split.left
     } else {
         split.left
     };
-    let (a, b) = node.room.split_at_mut(first);
+    let (a, b) = node.scratch.split_at_mut(first);
     let (left, right) = if right_first { (b, a) } else { (a, b) };
     let centers = if split.chunks.is_empty() {
         partition(node.prims, &split.plane, left, right)
@@ -144,22 +144,22 @@ fn divide_by<'a>(node: Node<'a>, split: &Split, right_first: bool) -> [Node<'a>;
         partition_parallel(node.prims, &split.plane, &split.chunks, left, right)
     };
     let order = if right_first { [1, 0] } else { [0, 1] };
-    let sides = order.map(|side| Extents {
+    let sides = order.map(|side| PrimExtents {
         boxes: split.boxes[side],
         centers: centers[side],
     });
-    let moved = Node {
-        prims: node.room,
-        room: node.prims,
+    let moved = BuildNode {
+        prims: node.scratch,
+        scratch: node.prims,
         ..node
     };
     cut(moved, first, sides)
 }
 
 /// Returns the extents of `prims`, computed by chunks in parallel.
-fn extents(prims: &[Prim]) -> Extents {
+fn extents(prims: &[Prim]) -> PrimExtents {
     if prims.len() <= CHUNK {
-        return Extents::of(prims);
+        return PrimExtents::of(prims);
     }
     let (a, b) = prims.split_at(prims.len().div_ceil(CHUNK) / 2 * CHUNK);
     let (a, b) = join(|| extents(a), || extents(b));
@@ -167,21 +167,21 @@ fn extents(prims: &[Prim]) -> Extents {
 }
 
 /// Divides a node into halves in the current order, if no plane separates its triangles or too few levels remain.
-fn halve(node: Node<'_>) -> [Node<'_>; 2] {
+fn halve(node: BuildNode<'_>) -> [BuildNode<'_>; 2] {
     let left = node.prims.len() / 2;
     let sides = [extents(&node.prims[..left]), extents(&node.prims[left..])];
     cut(node, left, sides)
 }
 
 /// Cuts a node after its first `left` triangles.
-fn cut(node: Node<'_>, left: usize, [a, b]: [Extents; 2]) -> [Node<'_>; 2] {
+fn cut(node: BuildNode<'_>, left: usize, [a, b]: [PrimExtents; 2]) -> [BuildNode<'_>; 2] {
     let (prims_a, prims_b) = node.prims.split_at_mut(left);
-    let (room_a, room_b) = node.room.split_at_mut(left);
+    let (room_a, room_b) = node.scratch.split_at_mut(left);
     let [slot_a, slot_b] = node.slot.split(left);
     let sides = [(prims_a, room_a, slot_a, a), (prims_b, room_b, slot_b, b)];
-    sides.map(|(prims, room, slot, extents)| Node {
+    sides.map(|(prims, scratch, slot, extents)| BuildNode {
         prims,
-        room,
+        scratch,
         slot,
         extents,
         depth: node.depth + 1,
@@ -216,7 +216,7 @@ pub(crate) fn partition(
 pub(crate) fn partition_parallel(
     from: &[Prim],
     plane: &Plane,
-    counts: &[Counts],
+    counts: &[BinCounts],
     left: &mut [Prim],
     right: &mut [Prim],
 ) -> [Bounds; 2] {
@@ -246,7 +246,7 @@ mod tests {
         let at = |i: usize| std::array::from_fn(|k| (i * (7919 + 31 * k) % 1009) as f32);
         let prim = |i: usize| Prim::new(&sized(at(i), [0.0; 3]), i as u32);
         let prims: Vec<_> = (0..n).map(prim).collect();
-        let extents = Extents::of(&prims);
+        let extents = PrimExtents::of(&prims);
         let grid = Grid::new(&extents.centers, n);
         let mut counts = vec![Bins::NO_COUNTS; n.div_ceil(CHUNK)];
         let mut bins = Bins::EMPTY;
@@ -263,7 +263,7 @@ mod tests {
         let ids = |prims: &[Prim]| prims.iter().map(Prim::triangle).collect::<Vec<_>>();
         assert_eq!([ids(l), ids(r)], [ids(&expected_l), ids(&expected_r)]);
         for (found, side) in centers.iter().zip([l, r]) {
-            assert_eq!(found.aabb(), Extents::of(side).centers.aabb());
+            assert_eq!(found.aabb(), PrimExtents::of(side).centers.aabb());
         }
     }
 }

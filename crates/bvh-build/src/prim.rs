@@ -89,12 +89,12 @@ impl Prim {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extents {
+pub(crate) struct PrimExtents {
     pub(crate) boxes: Bounds,
     pub(crate) centers: Bounds,
 }
 
-impl Extents {
+impl PrimExtents {
     pub(crate) const EMPTY: Self = Self {
         boxes: Bounds::EMPTY,
         centers: Bounds::EMPTY,

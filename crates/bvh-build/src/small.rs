@@ -1,6 +1,6 @@
 //! Builds subtrees of few triangles by a full sweep, which evaluates every plane between neighbours along each axis.
 
-use crate::bins::{BlockSize, cuts, least_axis};
+use crate::bins::{BlockSize, Column, Cuts};
 use crate::node::{BuildTask, fits};
 use crate::prim::{Bounds, Prim, Ruler};
 use crate::tiny;
@@ -21,6 +21,13 @@ struct Sorted {
     order: [[u8; MOST]; 3],
     toward: Option<Point>,
     block_size: BlockSize,
+}
+
+/// A plane between neighbours along an axis.
+struct SweepCut {
+    axis: usize,
+    /// Number of triangles on the left.
+    left: usize,
 }
 
 /// Builds a subtree of 1 to [`MOST`] triangles whose root has the given depth.
@@ -69,7 +76,7 @@ impl Sorted {
             }
             return tiny::build(&few[..n], slot, depth);
         }
-        let (axis, mut left) = self.best_cut(start, end);
+        let SweepCut { axis, mut left } = self.best_cut(start, end);
         if !fits(left.max(n - left), depth + 1) {
             left = n / 2;
         }
@@ -95,32 +102,35 @@ impl Sorted {
         })
     }
 
-    /// Returns the axis of the plane of least cost, and the number of triangles on its left.
+    /// Returns the plane of least cost.
     #[inline(never)]
-    fn best_cut(&self, start: usize, end: usize) -> (usize, usize) {
+    fn best_cut(&self, start: usize, end: usize) -> SweepCut {
         let mut node = Bounds::EMPTY;
         for place in start..end {
             node.grow(&self.at(0, place).bounds);
         }
-        let column = |i: usize| {
-            (
-                [0, 1, 2].map(|axis| self.at(axis, start + i).bounds),
-                Vec4::ONE,
-            )
+        let column = |i: usize| Column {
+            boxes: [0, 1, 2].map(|axis| self.at(axis, start + i).bounds),
+            triangles: Vec4::ONE,
         };
         // Within one block, all cuts cost the same in blocks, so triangles are counted.
-        let block_size = match end - start <= self.block_size.triangles() {
-            true => BlockSize::One,
-            false => self.block_size,
+        let block_size = if end - start <= self.block_size.triangles() {
+            BlockSize::One
+        } else {
+            self.block_size
         };
-        let measure = (Ruler::new(&node), block_size);
-        let (costs, best, best_left) = cuts::<MOST>(end - start, column, measure);
-        let axis = least_axis(best).unwrap_or(0);
+        let cuts = Cuts::<MOST>::of(end - start, column, Ruler::new(&node), block_size);
+        let axis = cuts.least_axis().unwrap_or(0);
         let half = (end - start) / 2;
-        if costs[half % MOST][axis] <= best[axis] * NEARLY {
-            return (axis, half);
+        let halving_is_best = cuts.costs[half % MOST][axis] <= cuts.best[axis] * NEARLY;
+        SweepCut {
+            axis,
+            left: if halving_is_best {
+                half
+            } else {
+                cuts.best_left[axis] as usize
+            },
         }
-        (axis, best_left[axis] as usize)
     }
 
     /// Reorders the two other axes so that the first `left` triangles along `axis` come first, each side still sorted.
@@ -191,10 +201,8 @@ mod tests {
             let task = BuildTask { cancel: &Cancel::new(), toward: None, block_size };
             let sorted = Sorted::new(&prims, task);
             let n = prims.len();
-            let blocks = |triangles: usize| match n <= block_size.triangles() {
-                true => triangles as f64,
-                false => triangles.div_ceil(block_size.triangles()) as f64,
-            };
+            let in_block = if n <= block_size.triangles() { 1 } else { block_size.triangles() };
+            let blocks = |triangles: usize| triangles.div_ceil(in_block) as f64;
             let cost = |axis: usize, left: usize| {
                 let area = |places: std::ops::Range<usize>| {
                     let boxes = places.map(|place| sorted.at(axis, place).bounds.aabb());
@@ -204,7 +212,7 @@ mod tests {
             };
             let all = (0..3).flat_map(|axis| (1..n).map(move |left| (axis, left)));
             let best = all.map(|(axis, left)| cost(axis, left)).fold(f64::MAX, f64::min);
-            let (axis, left) = sorted.best_cut(0, n);
+            let SweepCut { axis, left } = sorted.best_cut(0, n);
             prop_assert!(cost(axis, left) <= best * (1.0 + 1e-4), "{} {best}", cost(axis, left));
         }
     }

@@ -10,11 +10,12 @@
 
 mod groups;
 
+use crate::builder::RootOptions;
 use crate::tree::SubtreeSlot;
 use crate::{
     BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Subtree, join_if, sah_cost,
 };
-use groups::{Groups, LEVELS};
+use groups::{LEVELS, SubtreeGroups};
 use rayon::prelude::*;
 
 /// Number of groups above which a subtree is written in parallel.
@@ -24,25 +25,34 @@ const PARALLEL: u32 = 1024;
 #[derive(Debug, Default)]
 pub struct SubtreeRebuilder {
     /// Subtrees of the last tree.
-    groups: Groups,
+    groups: SubtreeGroups,
     /// Tree whose leaves are the groups.
     above: BinaryTree,
     /// Number of triangles to the left of each leaf of `above`, and finally of all triangles.
     starts: Vec<u32>,
 }
 
-/// Costs of both trees, equal to [`sah_cost`] except for rounding.
+/// TreeCosts of both trees, equal to [`sah_cost`] except for rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Costs {
+pub struct TreeCosts {
     /// Cost of the last tree with the new boxes.
     pub last: f64,
     /// Cost of the new tree.
     pub new: f64,
 }
 
+/// An earlier tree, and the current boxes of its triangles.
+#[derive(Debug)]
+pub struct MovedTree<'a, B: ?Sized> {
+    /// The tree.
+    pub tree: &'a BinaryTree,
+    /// The boxes.
+    pub boxes: &'a B,
+}
+
 impl SubtreeRebuilder {
-    /// Builds `tree` over `boxes`, from groups of `last`. The tree depends on these two and on [`Builder::toward`].
-    /// The builder provides its memory.
+    /// Builds `tree` over the boxes of `last`, from groups of its tree. The result depends on `last` and on
+    /// [`Builder::toward`]. The builder provides its memory.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`]; `tree` is then empty.
@@ -53,28 +63,31 @@ impl SubtreeRebuilder {
     pub fn build<B: Boxes + ?Sized>(
         &mut self,
         builder: &mut Builder,
-        (last, boxes): (&BinaryTree, &B),
+        last: MovedTree<'_, B>,
         cancel: &Cancel,
         tree: &mut BinaryTree,
-    ) -> Result<Costs, BuildError> {
+    ) -> Result<TreeCosts, BuildError> {
+        let MovedTree { tree: last, boxes } = last;
         tree.fill(cancel, |tree| {
             let areas = self.groups.find(last, boxes);
-            builder.build_below(
-                (LEVELS, BlockSize::One),
-                &self.groups.boxes[..],
-                cancel,
-                &mut self.above,
-            )?;
+            let root = RootOptions {
+                depth: LEVELS,
+                block_size: BlockSize::One,
+            };
+            builder.build_below(root, &self.groups.boxes[..], cancel, &mut self.above)?;
             self.count();
             let slot = tree.slot(last.leaf_count());
             if let Some(root) = self.above.root() {
                 self.unfold(last, root, slot);
             }
-            let over_root = |sum: f64| match areas.root > 0.0 {
-                true => sum / areas.root,
-                false => 0.0,
+            let over_root = |sum: f64| {
+                if areas.root > 0.0 {
+                    sum / areas.root
+                } else {
+                    0.0
+                }
             };
-            Ok(Costs {
+            Ok(TreeCosts {
                 last: over_root(areas.all),
                 new: over_root(areas.within_groups) + sah_cost(&self.above, &self.groups.boxes[..]),
             })
@@ -138,10 +151,11 @@ mod tests {
     }
 
     /// Returns the next tree, the costs of both trees, and the groups of the next tree.
-    fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, Costs, Vec<Subtree>) {
+    fn subtrees(last: &BinaryTree, boxes: &[Aabb]) -> (BinaryTree, TreeCosts, Vec<Subtree>) {
         let (mut rebuilder, mut tree) = (SubtreeRebuilder::default(), BinaryTree::default());
         let mut builder = Builder::default();
-        let costs = rebuilder.build(&mut builder, (last, boxes), &Cancel::new(), &mut tree);
+        let last = MovedTree { tree: last, boxes };
+        let costs = rebuilder.build(&mut builder, last, &Cancel::new(), &mut tree);
         (tree, costs.unwrap(), rebuilder.groups.nodes)
     }
 

@@ -21,9 +21,9 @@ pub(crate) fn build(prims: &[Prim], slot: SubtreeSlot<'_>, depth: u32) {
             write(order, trio([a, b, c]));
         }
         [a, b, c, d] => {
-            let (shape, leaves) = quartet([a, b, c, d], depth + 3 <= MAX_DEPTH);
-            left_leaves.copy_from_slice(&shape);
-            write(order, leaves);
+            let best = quartet([a, b, c, d], depth + 3 <= MAX_DEPTH);
+            left_leaves.copy_from_slice(&best.left_leaves);
+            write(order, best.order);
         }
         _ => unreachable!("a tiny subtree has one to four triangles"),
     }
@@ -52,8 +52,14 @@ fn trio([a, b, c]: [&Prim; 3]) -> [&Prim; 3] {
     }
 }
 
+/// A tree of four leaves.
+struct Quartet<'a> {
+    left_leaves: [u32; 3],
+    order: [&'a Prim; 4],
+}
+
 /// Returns the shape of least total area with its leaves: two pairs or, if `chain` is set, a trio and a single.
-fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
+fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> Quartet<'_> {
     // All pairs: `near` has the pairs with `a`, and `far` the pair of the other two for each.
     let near = [pair(a, b), pair(a, c), pair(a, d)];
     let far = [pair(c, d), pair(b, d), pair(b, c)];
@@ -67,8 +73,12 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
     } else {
         (costs.z, [a, d, b, c])
     };
+    let pairs = Quartet {
+        left_leaves: [2, 1, 1],
+        order: leaves,
+    };
     if !chain {
-        return ([2, 1, 1], leaves);
+        return pairs;
     }
     // The areas of the three pairs of each trio, then the trio followed by the single.
     let chains = [
@@ -89,9 +99,13 @@ fn quartet([a, b, c, d]: [&Prim; 4], chain: bool) -> ([u32; 3], [&Prim; 4]) {
     });
     let lesser = |a: (f32, _), b: (f32, _)| if b.0 < a.0 { b } else { a };
     let (chain_cost, chained) = others.into_iter().fold(first, lesser);
-    match chain_cost < cost {
-        true => ([3, 2, 1], chained),
-        false => ([2, 1, 1], leaves),
+    if chain_cost < cost {
+        Quartet {
+            left_leaves: [3, 2, 1],
+            order: chained,
+        }
+    } else {
+        pairs
     }
 }
 

@@ -102,9 +102,10 @@ impl BinaryTree {
         cancel: &Cancel,
         build: impl FnOnce(&mut Self) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
-        let built = match cancel.is_cancelled() {
-            true => Err(BuildError::Cancelled),
-            false => build(self),
+        let built = if cancel.is_cancelled() {
+            Err(BuildError::Cancelled)
+        } else {
+            build(self)
         };
         if built.is_err() {
             self.order.clear();

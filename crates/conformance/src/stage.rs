@@ -5,7 +5,7 @@ use backend::{
     Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result, Snapshot,
     Ticket,
 };
-use bvh_build::{BinaryTree, Builder, Cancel};
+use bvh_build::{AnimationBoxes, BinaryTree, Builder, Cancel};
 use bvh_layout::{Converter, Spare, Topology};
 use geom::{Animation, Point, Triangle};
 use std::sync::Arc;
@@ -41,7 +41,11 @@ pub(crate) fn is_extreme(animation: &Animation, time: f64, origin: Point) -> boo
 /// Builds a tree over these vertices, with lists of moving elements if they are worthwhile.
 pub fn tree_over(animation: &Animation, vertices: &[Point]) -> Topology {
     let mut tree = BinaryTree::default();
-    let built = Builder::default().build(&(animation, vertices), &Cancel::new(), &mut tree);
+    let boxes = AnimationBoxes {
+        animation,
+        vertices,
+    };
+    let built = Builder::default().build(&boxes, &Cancel::new(), &mut tree);
     built.expect("nobody cancels");
     let record = Converter::default().convert(&tree, animation.triangle_count(), Spare::default());
     record.with_moving(animation.static_parts())

@@ -8,7 +8,8 @@ mod warm_up;
 use crate::builder_thread::{BuildInput, Job, Observed};
 use backend::Snapshot;
 use bvh_build::{
-    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, Costs, SubtreeRebuilder, sah_cost,
+    BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, MovedTree, SubtreeRebuilder,
+    TreeCosts, sah_cost,
 };
 use bvh_layout::{Converter, First, Spare, Topology};
 pub(crate) use degradation::BuildStrategy;
@@ -243,7 +244,7 @@ impl TreeBuilder {
         (vertices, halves): (Vertices, Option<[Pose; 2]>),
         strategy: BuildStrategy,
         cancel: &Cancel,
-    ) -> Result<Option<Costs>, BuildError> {
+    ) -> Result<Option<TreeCosts>, BuildError> {
         if let Some(halves) = halves {
             self.sweep(moments, halves)?;
             self.build_over_boxes(strategy, cancel)?;
@@ -265,31 +266,34 @@ impl TreeBuilder {
         moments: &Moments<'_>,
         vertices: &Vertices,
         cancel: &Cancel,
-    ) -> Result<Costs, BuildError> {
+    ) -> Result<TreeCosts, BuildError> {
         let positions = moments.stand(vertices, &mut self.positions)?;
-        let from = (&self.in_use, &(moments.animation, positions));
+        let last = MovedTree {
+            tree: &self.in_use,
+            boxes: &moments.boxes(positions),
+        };
         self.subtree_rebuilder
-            .build(&mut self.builder, from, cancel, &mut self.tree)
+            .build(&mut self.builder, last, cancel, &mut self.tree)
     }
 
     /// Returns the costs of the last and the new tree with the current boxes.
-    fn costs(&self) -> Costs {
+    fn costs(&self) -> TreeCosts {
         let [last, new] = [&self.in_use, &self.tree].map(|tree| sah_cost(tree, &self.boxes[..]));
-        Costs { last, new }
+        TreeCosts { last, new }
     }
 
     /// Computes boxes that contain each triangle at both poses.
     fn sweep(&mut self, moments: &Moments<'_>, [a, b]: [Pose; 2]) -> Result<(), KeyFrameError> {
         self.take_in(moments, &Vertices::KeyFrames(a))?;
         blend(&moments.at(b)?, &mut self.positions);
-        grow(&mut self.boxes, &(moments.animation, &self.positions[..]));
+        grow(&mut self.boxes, &moments.boxes(&self.positions));
         Ok(())
     }
 
     /// Computes the boxes of the triangles at `vertices`.
     fn take_in(&mut self, moments: &Moments<'_>, vertices: &Vertices) -> Result<(), KeyFrameError> {
         let positions = moments.stand(vertices, &mut self.positions)?;
-        fill(&mut self.boxes, &(moments.animation, positions));
+        fill(&mut self.boxes, &moments.boxes(positions));
         Ok(())
     }
 
@@ -298,14 +302,17 @@ impl TreeBuilder {
         &mut self,
         strategy: BuildStrategy,
         cancel: &Cancel,
-    ) -> Result<Option<Costs>, BuildError> {
+    ) -> Result<Option<TreeCosts>, BuildError> {
         let (boxes, tree) = (&self.boxes[..], &mut self.tree);
         if strategy == BuildStrategy::Scratch {
             self.builder.build(boxes, cancel, tree)?;
             return Ok(None);
         }
-        let from = (&self.in_use, boxes);
-        let costs = (self.subtree_rebuilder).build(&mut self.builder, from, cancel, tree)?;
+        let last = MovedTree {
+            tree: &self.in_use,
+            boxes,
+        };
+        let costs = (self.subtree_rebuilder).build(&mut self.builder, last, cancel, tree)?;
         Ok(Some(costs))
     }
 

@@ -40,7 +40,7 @@ fn lanes(bounds: &Bounds) -> __m256 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prim::Extents;
+    use crate::prim::PrimExtents;
     use geom::Aabb;
 
     #[test]
@@ -61,7 +61,7 @@ mod tests {
                 Prim::new(&Aabb { min, max }, i)
             })
             .collect();
-        let grid = Grid::new(&Extents::of(&prims).centers, prims.len());
+        let grid = Grid::new(&PrimExtents::of(&prims).centers, prims.len());
         let (mut wide, mut narrow) = (Bins::EMPTY, Bins::EMPTY);
         add(&mut wide, &prims, &grid);
         narrow.add_each(&prims, &grid);

@@ -23,21 +23,21 @@ pub(super) struct Areas {
     pub(super) within_groups: f64,
 }
 
-/// Groups of a tree, from left to right, with their boxes. Keeps its memory.
+/// SubtreeGroups of a tree, from left to right, with their boxes. Keeps its memory.
 #[derive(Debug, Default)]
-pub(super) struct Groups {
+pub(super) struct SubtreeGroups {
     pub(super) nodes: Vec<Subtree>,
     pub(super) boxes: Vec<Aabb>,
-    parts: Vec<Part>,
+    parts: Vec<TaskGroups>,
 }
 
-impl Groups {
+impl SubtreeGroups {
     pub(super) fn find<B: Boxes + ?Sized>(&mut self, tree: &BinaryTree, boxes: &B) -> Areas {
         let mut tasks = Vec::new();
         if let Some(root) = tree.root() {
             split(tree, root, &mut tasks);
         }
-        self.parts.resize_with(tasks.len(), Part::default);
+        self.parts.resize_with(tasks.len(), TaskGroups::default);
         let parts = self.parts.par_iter_mut().zip(tasks);
         parts.for_each(|(part, task)| part.find(tree, boxes, task));
         join(&self.parts, &mut self.nodes, |p| &p.nodes);
@@ -65,7 +65,7 @@ fn split(tree: &BinaryTree, node: Subtree, out: &mut Vec<Subtree>) {
 fn sum<'a>(
     tree: &BinaryTree,
     node: Subtree,
-    parts: &mut impl Iterator<Item = &'a Part>,
+    parts: &mut impl Iterator<Item = &'a TaskGroups>,
     areas: &mut Areas,
 ) -> Aabb {
     if node.leaves > TASK {
@@ -82,9 +82,9 @@ fn sum<'a>(
 
 /// Concatenates the slices that `of` returns for each part.
 fn join<T: Copy + Default + Send + Sync>(
-    from: &[Part],
+    from: &[TaskGroups],
     to: &mut Vec<T>,
-    of: impl Fn(&Part) -> &[T] + Sync,
+    of: impl Fn(&TaskGroups) -> &[T] + Sync,
 ) {
     to.resize(from.iter().map(|part| of(part).len()).sum(), T::default());
     let mut rest = &mut to[..];
@@ -93,13 +93,13 @@ fn join<T: Copy + Default + Send + Sync>(
         let place = rest.split_off_mut(..of(part).len());
         places.push((place.expect("there is room for all"), part));
     }
-    let fill = |(place, part): (&mut [T], &Part)| place.copy_from_slice(of(part));
+    let fill = |(place, part): (&mut [T], &TaskGroups)| place.copy_from_slice(of(part));
     places.into_par_iter().for_each(fill);
 }
 
 /// Result of one task.
 #[derive(Debug, Default)]
-struct Part {
+struct TaskGroups {
     /// Boxes of all triangles, from left to right.
     leaves: Vec<Aabb>,
     nodes: Vec<Subtree>,
@@ -110,14 +110,14 @@ struct Part {
 
 /// A visited subtree.
 #[derive(Clone, Copy)]
-struct Seen {
+struct Visited {
     bounds: Aabb,
     area: f64,
     /// Sum of the areas below the root, if the subtree can be one group.
     within: Option<f64>,
 }
 
-impl Part {
+impl TaskGroups {
     fn find<B: Boxes + ?Sized>(&mut self, tree: &BinaryTree, boxes: &B, task: Subtree) {
         self.nodes.clear();
         self.boxes.clear();
@@ -132,7 +132,7 @@ impl Part {
     }
 
     /// Adds the groups below `node`. The leaves of the task start at `first`.
-    fn see(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Seen {
+    fn see(&mut self, tree: &BinaryTree, node: Subtree, first: u32) -> Visited {
         let before = self.nodes.len();
         let seen = if node.leaves == 1 {
             let bounds = self.leaves[(node.first_leaf - first) as usize];
@@ -142,7 +142,7 @@ impl Part {
             );
             let area = bounds.half_area();
             let within = Some(0.0);
-            Seen {
+            Visited {
                 bounds,
                 area,
                 within,
@@ -168,13 +168,13 @@ impl Part {
 }
 
 /// Combines two children to a node of `leaves` leaves.
-fn both([a, b]: [Seen; 2], leaves: u32) -> Seen {
+fn both([a, b]: [Visited; 2], leaves: u32) -> Visited {
     let bounds = a.bounds.union(b.bounds);
     let area = bounds.half_area();
     let apart = a.area + b.area;
     let together = leaves <= MOST && area <= TOGETHER * apart;
     let within = a.within.zip(b.within).filter(|_| together);
-    Seen {
+    Visited {
         bounds,
         area,
         within: within.map(|(x, y)| x + y + apart),

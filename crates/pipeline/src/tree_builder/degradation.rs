@@ -1,6 +1,6 @@
 //! Measures how fast trees degrade, and selects how the next one is built.
 
-use bvh_build::Costs;
+use bvh_build::TreeCosts;
 
 /// How a tree is built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,7 +37,7 @@ impl DegradationMonitor {
         }
     }
 
-    pub(super) fn note(&mut self, costs: Costs) {
+    pub(super) fn note(&mut self, costs: TreeCosts) {
         let over = |times: f64| costs.last > times * costs.new;
         self.parts = over(Self::PARTS);
         self.holds = !over(Self::FADED) && (self.holds || !over(Self::HOLDS));

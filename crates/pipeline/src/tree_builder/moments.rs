@@ -2,6 +2,7 @@
 
 use super::Vertices;
 use backend::Snapshot;
+use bvh_build::AnimationBoxes;
 use geom::{Animation, KeyFrame, KeyFrameError, Moment, Point, PointBuffer, Pose};
 use rayon::prelude::*;
 use std::mem::take;
@@ -29,6 +30,17 @@ impl<'a> Moments<'a> {
         match &self.observed {
             Some(frames) => Ok(Moment::new(self.animation, pose, frames.clone())),
             None => self.animation.moment(pose),
+        }
+    }
+
+    /// Returns the boxes of the animation's triangles with these vertices.
+    pub(super) fn boxes<'v>(&self, vertices: &'v [Point]) -> AnimationBoxes<'v>
+    where
+        'a: 'v,
+    {
+        AnimationBoxes {
+            animation: self.animation,
+            vertices,
         }
     }
 
