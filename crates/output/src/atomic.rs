@@ -145,9 +145,12 @@ pub fn check_dir(dir: &Path) -> Result<(), OutputError> {
     let mut above = dir.ancestors().filter(|d| !d.as_os_str().is_empty());
     let existing = above.find(|d| fs::symlink_metadata(d).is_ok());
     let existing = existing.unwrap_or(Path::new("."));
-    let check = || match fs::metadata(existing)?.is_dir() {
-        true => temporary_in(existing).map(drop),
-        false => Err(io::ErrorKind::NotADirectory.into()),
+    let check = || {
+        if fs::metadata(existing)?.is_dir() {
+            temporary_in(existing).map(drop)
+        } else {
+            Err(io::ErrorKind::NotADirectory.into())
+        }
     };
     check().map_err(|e| OutputError::writing(dir, e))
 }

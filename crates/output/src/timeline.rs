@@ -24,22 +24,41 @@ use std::time::Instant;
 pub struct RunTimeline {
     /// Steps of the start-up with their end times. The first entry is the beginning of the run.
     pub start_up: Vec<(&'static str, Instant)>,
-    /// Frames, with the interval that each waited for earlier frames to be written.
-    frames: Vec<(FrameRecord, [Instant; 2])>,
-    /// Written files: the frame, the index of the writing thread, and the interval.
-    files: Vec<(u64, usize, [Instant; 2])>,
+    frames: Vec<TracedFrame>,
+    files: Vec<WrittenFrame>,
+}
+
+#[derive(Debug)]
+struct TracedFrame {
+    record: FrameRecord,
+    /// Interval in which it waited for earlier frames to be written.
+    waited: [Instant; 2],
+}
+
+/// A frame whose files were written.
+#[derive(Debug)]
+struct WrittenFrame {
+    frame: u64,
+    /// Index of the writing thread.
+    thread: usize,
+    ends: [Instant; 2],
 }
 
 impl RunTimeline {
     /// Adds a traced frame. `waited` is the interval in which it waited to be written.
     pub fn add(&mut self, record: &FrameRecord, waited: [Instant; 2]) {
-        self.frames.push((record.clone(), waited));
+        let record = record.clone();
+        self.frames.push(TracedFrame { record, waited });
     }
 
     /// Records that the calling thread wrote the files of `frame` during the interval `ends`.
     pub fn wrote(&mut self, frame: u64, ends: [Instant; 2]) {
         let thread = rayon::current_thread_index().unwrap_or_default();
-        self.files.push((frame, thread, ends));
+        self.files.push(WrittenFrame {
+            frame,
+            thread,
+            ends,
+        });
     }
 
     /// Writes the timeline with `remarks` as its metadata.
@@ -56,37 +75,37 @@ impl RunTimeline {
 
     fn events(&self) -> Vec<Value> {
         let first = self.start_up.first().map(|(_, at)| *at);
-        let first = first.or_else(|| Some(self.frames.first()?.0.moments.begun));
-        let mut chart = Chart {
+        let first = first.or_else(|| Some(self.frames.first()?.record.moments.begun));
+        let mut trace = TraceEvents {
             origin: first.unwrap_or_else(Instant::now),
             events: Vec::new(),
         };
         let whole = json!({ "args": { "name": "abvh" } });
-        chart.event("M", 0, "process_name", whole);
+        trace.event("M", 0, "process_name", whole);
         for (track, name) in (1..).zip(TRACKS) {
-            chart.name(track, name);
+            trace.name(track, name);
         }
         for step in self.start_up.windows(2) {
-            chart.span(START_UP, step[1].0, [step[0].1, step[1].1], &json!({}));
+            trace.span(START_UP, step[1].0, [step[0].1, step[1].1], &json!({}));
         }
-        for (record, waited) in &self.frames {
-            chart.host(record, *waited);
+        for TracedFrame { record, waited } in &self.frames {
+            trace.host(record, *waited);
             if let Some(tree) = &record.adopted {
-                chart.tree(record, tree);
+                trace.tree(record, tree);
             }
         }
-        chart.files(&self.files);
+        trace.files(&self.files);
         let (frames, submissions): (Vec<u64>, Vec<Submission>) = self.submissions().unzip();
-        let spans = place_on_host(chart.origin, &submissions);
+        let spans = place_on_host(trace.origin, &submissions);
         for ((frame, submission), span) in frames.iter().zip(&submissions).zip(&spans) {
-            chart.device(*frame, &submission.times, *span);
+            trace.device(*frame, &submission.times, *span);
         }
-        chart.events
+        trace.events
     }
 
     /// Returns all submissions in order, each with the index of its frame.
     fn submissions(&self) -> impl Iterator<Item = (u64, Submission)> {
-        self.frames.iter().flat_map(|(record, _)| {
+        self.frames.iter().flat_map(|TracedFrame { record, .. }| {
             let both = record.fetched.into_iter().chain([record.traced]);
             both.map(|s| (record.frame.index, s))
         })
@@ -125,14 +144,14 @@ fn micros(ms: f64) -> f64 {
     (ms * 1e6).round() * 1e-3
 }
 
-struct Chart {
+struct TraceEvents {
     /// Time that is shown as zero.
     origin: Instant,
     /// Events in the fields of the Trace Event Format.
     events: Vec<Value>,
 }
 
-impl Chart {
+impl TraceEvents {
     /// Returns milliseconds since the origin, which is the earliest time.
     fn ms(&self, at: Instant) -> f64 {
         (at - self.origin).as_secs_f64() * 1e3
@@ -205,13 +224,18 @@ impl Chart {
         }
     }
 
-    fn files(&mut self, files: &[(u64, usize, [Instant; 2])]) {
-        let threads: BTreeSet<usize> = files.iter().map(|f| f.1).collect();
+    fn files(&mut self, files: &[WrittenFrame]) {
+        let threads: BTreeSet<usize> = files.iter().map(|f| f.thread).collect();
         for (i, thread) in threads.into_iter().enumerate() {
             let track = TRACKS.len() + 1 + i;
             self.name(track, &format!("files {}", i + 1));
-            for (frame, _, ends) in files.iter().filter(|f| f.1 == thread) {
-                self.span(track, "write files", *ends, &json!({ "frame": frame }));
+            for file in files.iter().filter(|f| f.thread == thread) {
+                self.span(
+                    track,
+                    "write files",
+                    file.ends,
+                    &json!({ "frame": file.frame }),
+                );
             }
         }
     }

@@ -15,17 +15,27 @@ pub(crate) const GREY: RGBColor = RGBColor(0x70, 0x70, 0x70);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Look {
     pub(crate) colour: RGBColor,
-    pub(crate) shape: Shape,
+    pub(crate) shape: MarkShape,
     /// Opacity of the colour in the interior, from 0 (white) to 1.
     pub(crate) fill: f64,
     /// Radius in pixels of the circle with equal area.
     pub(crate) radius: f64,
 }
 
-/// Regular polygon: number of corners (0 for a circle), and rotation in turns.
-type Shape = (u32, f64);
+/// A regular polygon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MarkShape {
+    /// Number of corners; 0 for a circle.
+    pub(crate) corners: u32,
+    /// Rotation in turns.
+    turn: f64,
+}
 
-const CIRCLE: Shape = (0, 0.0);
+const fn polygon(corners: u32, turn: f64) -> MarkShape {
+    MarkShape { corners, turn }
+}
+
+const CIRCLE: MarkShape = polygon(0, 0.0);
 /// Neutral appearance, for legends and unknown names.
 pub(crate) const PLAIN: Look = Look {
     colour: GREY,
@@ -37,7 +47,7 @@ pub(crate) const PLAIN: Look = Look {
 impl Look {
     /// Returns the corners of a polygon around a position. The first corner is repeated at the end.
     pub(crate) fn outline(&self, (x, y): (i32, i32)) -> Vec<(i32, i32)> {
-        let (corners, turn) = self.shape;
+        let MarkShape { corners, turn } = self.shape;
         let n = f64::from(corners);
         let radius = self.radius * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
         let corner = |i| {
@@ -69,7 +79,8 @@ const OTHERS: [RGBColor; 5] = [
     RGBColor(0xf0, 0xe4, 0x42),
 ];
 /// The shapes of [`Intersector::ALL`], in that order.
-const SHAPES: [Shape; Intersector::ALL.len()] = [(3, 0.0), (4, 0.125), CIRCLE, (4, 0.0)];
+const SHAPES: [MarkShape; Intersector::ALL.len()] =
+    [polygon(3, 0.0), polygon(4, 0.125), CIRCLE, polygon(4, 0.0)];
 /// The fills of [`Policy::ALL`], in that order.
 const FILLS: [f64; Policy::ALL.len()] = [0.0, 0.4, 1.0, 0.7];
 const LAYOUTS: &[(&str, f64)] = &[("fast", 7.5), ("bvh2", 5.0)];
@@ -134,19 +145,34 @@ pub(crate) fn names(points: &[Point], of: fn(&Point) -> &String) -> Vec<&str> {
     names
 }
 
-/// Line of a legend. A heading has no mark.
-pub(crate) type Entry = (String, Option<Look>);
+/// Line of a legend.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LegendEntry {
+    pub(crate) text: String,
+    /// The mark; `None` for a heading.
+    pub(crate) look: Option<Look>,
+}
+
+impl LegendEntry {
+    pub(crate) fn heading(text: &str) -> Self {
+        let text = text.to_owned();
+        Self { text, look: None }
+    }
+}
 
 /// Returns the legend of colours, shapes, fills and sizes: each name once, in order of appearance.
-pub(crate) fn legend(points: &[Point]) -> Vec<Entry> {
+pub(crate) fn legend(points: &[Point]) -> Vec<LegendEntry> {
     let mut entries = Vec::new();
     let headings = ["backend", "intersector", "update", "layout"];
     for (part, heading) in headings.into_iter().enumerate() {
-        entries.push((heading.to_owned(), None));
+        entries.push(LegendEntry::heading(heading));
         for point in points {
             let mut names = [""; 4];
             names[part] = names_of(point)[part];
-            let entry = (names[part].to_owned(), Some(of_names(names)));
+            let entry = LegendEntry {
+                text: names[part].to_owned(),
+                look: Some(of_names(names)),
+            };
             if !entries.contains(&entry) {
                 entries.push(entry);
             }

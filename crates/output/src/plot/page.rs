@@ -1,6 +1,6 @@
 //! Page of charts: a plot of speed against accuracy for each scene, then hard rays, leaks and double hits.
 
-use super::look::{GREY, INK, legend, names, of_names, of_point};
+use super::look::{GREY, INK, LegendEntry, legend, names, of_names, of_point};
 use super::panel::{Axis, LINE, Mark, Panel, WIDTH, font, short};
 use super::table::{count, described, escape, number, row};
 use super::{Chart, Leaks, Machine, Point, Rate, Result, Scene};
@@ -98,10 +98,10 @@ fn plane(chart: &Chart, scene: &Scene, axes: [Axis; 2]) -> Panel {
     });
     let front = chart.front(&scene.name);
     let mut legend = legend(&chart.points);
-    legend.push(("fastest of its accuracy".to_owned(), None));
-    legend.extend((1..).zip(&front).map(|(i, dot)| {
-        let name = format!("{i} {}", dot.point.name());
-        (name, Some(of_point(dot.point)))
+    legend.push(LegendEntry::heading("fastest of its accuracy"));
+    legend.extend((1..).zip(&front).map(|(i, dot)| LegendEntry {
+        text: format!("{i} {}", dot.point.name()),
+        look: Some(of_point(dot.point)),
     }));
     let front = front.iter().map(|dot| [dot.ms[0], dot.wrong.value]);
     Panel {

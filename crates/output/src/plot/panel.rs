@@ -1,7 +1,7 @@
 //! Panel with a pair of axes, marks and a legend, drawn by `plotters`.
 
 use super::Result;
-use super::look::{Entry, GREY, INK, Look};
+use super::look::{GREY, INK, LegendEntry, Look};
 use plotters::backend::SVGBackend;
 use plotters::chart::ChartBuilder;
 use plotters::coord::Shift;
@@ -125,9 +125,10 @@ impl ValueFormatter<f64> for Axis {
 /// Returns the labels of a logarithmic axis. A short axis labels 1, 2 and 5 in each decade, a longer one only 1, and a
 /// very long one skips decades.
 fn log_ticks(low: f64, high: f64) -> Vec<(f64, String)> {
-    let digits: &[u8] = match high - low < FEW_DECADES {
-        true => &[1, 2, 5],
-        false => &[1],
+    let digits: &[u8] = if high - low < FEW_DECADES {
+        &[1, 2, 5]
+    } else {
+        &[1]
     };
     let step = ((high - low) / MOST_DECADES).ceil().max(1.0) as usize;
     let decades = (low.floor() as i32..=high.floor() as i32).step_by(step);
@@ -160,7 +161,7 @@ pub(crate) struct Panel {
     /// Points on the Pareto front, which are numbered and joined by a stepped line.
     pub(crate) front: Vec<[f64; 2]>,
     /// Legend to the right of the panel. May be empty.
-    pub(crate) legend: Vec<Entry>,
+    pub(crate) legend: Vec<LegendEntry>,
 }
 
 impl Panel {
@@ -217,13 +218,13 @@ impl Panel {
     }
 
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
-        for ((name, look), y) in self.legend.iter().zip((34..).step_by(LEADING)) {
-            if let Some(look) = look {
-                draw_mark(area, (16, y + 5), *look)?;
+        for (entry, y) in self.legend.iter().zip((34..).step_by(LEADING)) {
+            if let Some(look) = entry.look {
+                draw_mark(area, (16, y + 5), look)?;
             }
-            let style = look.map_or(FontStyle::Bold, |_| FontStyle::Normal);
+            let style = entry.look.map_or(FontStyle::Bold, |_| FontStyle::Normal);
             let font = font(12, INK, style);
-            area.draw(&Text::new(short(name, ENTRY), (30, y), font))?;
+            area.draw(&Text::new(short(&entry.text, ENTRY), (30, y), font))?;
         }
         Ok(())
     }
@@ -244,7 +245,7 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// Draws a filled circle or polygon with its outline.
 fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
     let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
-    if look.shape.0 == 0 {
+    if look.shape.corners == 0 {
         let radius = look.radius.round() as u32;
         area.draw(&Circle::new(at, radius, inside))?;
         area.draw(&Circle::new(at, radius, edge))?;
