@@ -54,7 +54,7 @@ impl Stage {
     pub fn trace(&mut self, time: f64, rays: Rays<'_>, kind: QueryKind) -> Hits {
         let backend = self.backend.as_mut();
         let done = stand(backend, &self.animation, time).and_then(|()| ask(backend, rays, kind));
-        done.expect("every stage runs").0
+        done.expect("every stage runs").hits
     }
 }
 

@@ -134,7 +134,7 @@ impl Shot {
         host.adopt(&tree, Generation(1)).unwrap();
         stage::stand(&mut host, &self.animation, time).unwrap();
         let Query { rays, kind } = self.query();
-        stage::ask(&mut host, rays, kind).unwrap().0
+        stage::ask(&mut host, rays, kind).unwrap().hits
     }
 }
 

@@ -10,7 +10,7 @@ use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
 use backend::{Backend, Intersector};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
-use conformance::stress::{Cell, Family, Measure, Measured, Plan, StressTest, baseline};
+use conformance::stress::{Family, Measure, MeasuredRate, Plan, StressCell, StressTest, baseline};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -83,8 +83,12 @@ impl StabilitySettings {
             )));
         };
         let mut progress = Progress::new(Family::ALL.len() as u64, self.test.quiet);
-        let (name, extent) = (backend.device().backend, (self.seeds, self.rays));
-        let found = baseline::record(backend.as_mut(), extent, &mut |family| {
+        let name = backend.device().backend;
+        let sampling = baseline::Sampling {
+            seeds: self.seeds,
+            rays: self.rays,
+        };
+        let found = baseline::record(backend.as_mut(), sampling, &mut |family| {
             progress.step(&format!("{name} {family}"));
         })?;
         output::write_json(file, &found)?;
@@ -138,7 +142,7 @@ struct StabilityReport {
 /// Result of one family with one intersector on one backend.
 struct StabilityRow {
     backend: &'static str,
-    cell: Cell,
+    cell: StressCell,
     seconds: f64,
 }
 
@@ -166,7 +170,7 @@ impl Serialize for StabilityRow {
     }
 }
 
-fn count(m: &Measured) -> Value {
+fn count(m: &MeasuredRate) -> Value {
     json!({ "rays": m.of, "count": m.count, "rate": m.rate(), "bound": m.bound, "ok": m.is_ok() })
 }
 
@@ -248,7 +252,7 @@ impl StabilityReport {
 }
 
 /// Formats a rate with its count, marked if it is outside its bound.
-fn share(m: &Measured) -> String {
+fn share(m: &MeasuredRate) -> String {
     let text = match m.count {
         0 => "0".to_owned(),
         n => format!("{} {}", percent(m.rate()), grouped(n as usize)),
@@ -269,14 +273,16 @@ fn percent(rate: f64) -> String {
 mod tests {
     use super::*;
     use backend::Arithmetic;
+    use conformance::stress::EventCount;
 
     fn report(wrong: u64, leaks: u64, by: Intersector) -> StabilityReport {
+        let of = |measure, count, of| EventCount { measure, count, of };
         let counts = [
-            (Measure::Wrong, wrong, 2000),
-            (Measure::Leaks, leaks, 1000),
-            (Measure::DoubleHits, 0, 2000),
+            of(Measure::Wrong, wrong, 2000),
+            of(Measure::Leaks, leaks, 1000),
+            of(Measure::DoubleHits, 0, 2000),
         ];
-        let cell = Cell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
+        let cell = StressCell::new(Family::Edges, by, &counts, Arithmetic::IEEE);
         StabilityReport {
             seed: 9,
             rays: 2000,

@@ -13,28 +13,37 @@ pub(crate) fn lists<T: Debug>(
     reference: &[T],
     same: impl Fn(&T, &T) -> bool,
 ) -> Result<()> {
-    first_difference(what, [subject, reference], same).map_err(|(_, text)| anyhow!(text))
+    first_difference(what, [subject, reference], same)
+        .map_err(|difference| anyhow!(difference.text))
 }
 
-/// Returns the index of the first difference between two lists, and a description.
+/// The first difference between two lists.
+struct Difference {
+    index: usize,
+    text: String,
+}
+
+/// Returns the first difference between two lists. Its index is `usize::MAX` if the lengths differ.
 fn first_difference<T: Debug>(
     what: &str,
     [subject, reference]: [&[T]; 2],
     same: impl Fn(&T, &T) -> bool,
-) -> Result<(), (usize, String)> {
+) -> Result<(), Difference> {
     if subject.len() != reference.len() {
         let (found, expected) = (subject.len(), reference.len());
-        let text = format!("{found} entries of {what}, expected {expected}");
-        return Err((usize::MAX, text));
+        return Err(Difference {
+            index: usize::MAX,
+            text: format!("{found} entries of {what}, expected {expected}"),
+        });
     }
     let pairs = subject.iter().zip(reference).enumerate();
     let mut wrong = pairs.filter(|(_, (s, r))| !same(s, r));
     match wrong.next() {
         None => Ok(()),
-        Some((i, (s, r))) => {
+        Some((index, (s, r))) => {
             let more = wrong.count();
-            let text = format!("{what} {i} is {s:?}, expected {r:?} (and {more} more differ)");
-            Err((i, text))
+            let text = format!("{what} {index} is {s:?}, expected {r:?} (and {more} more differ)");
+            Err(Difference { index, text })
         }
     }
 }
@@ -75,12 +84,12 @@ pub(crate) fn answers(
     let blocked = [&subject.blocked[..], &reference.blocked];
     first_difference("hit of ray", closest, same_hit)
         .and_then(|()| first_difference("blocked flag of ray", blocked, PartialEq::eq))
-        .map_err(|(i, text)| {
-            let named = |hits: &Hits| hits.closest.get(i).map_or(u32::MAX, |h| h.triangle);
+        .map_err(|Difference { index, text }| {
+            let named = |hits: &Hits| hits.closest.get(index).map_or(u32::MAX, |h| h.triangle);
             let triangles = [named(subject), named(reference)]
                 .map(|t| triangle_text(&case.animation, time, t))
                 .join(" against ");
-            let ray = named_ray(rays, i);
+            let ray = named_ray(rays, index);
             anyhow!("at time {time:?}: {text}; {ray}; {triangles}")
         })
 }

@@ -38,7 +38,7 @@ fn march(subject: &mut dyn Backend, rays: &[Ray], counts: &mut [u32]) -> Result<
         if alive.is_empty() {
             break;
         }
-        let (hits, _) = ask(subject, Rays::List(&beyond), QueryKind::Closest)?;
+        let hits = ask(subject, Rays::List(&beyond), QueryKind::Closest)?.hits;
         let crossed = alive.iter().zip(&beyond).zip(&hits.closest);
         let next = crossed.filter(|(_, hit)| hit.is_hit());
         (alive, beyond) = next

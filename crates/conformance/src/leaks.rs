@@ -5,7 +5,7 @@
 
 use crate::compare::ray_text;
 use crate::crossings::crossings;
-use crate::generate::bodies::{BODIES, Body, Placed, SORTS};
+use crate::generate::bodies::{BODIES, ClosedBody, PlacedBody, RaySort};
 use crate::generate::{mixed, shares};
 use crate::stage::{ask, open, stand};
 use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
@@ -89,7 +89,7 @@ pub fn run(
 pub(crate) fn run_over(
     subject: &mut dyn Backend,
     plan: &LeakPlan,
-    bodies: &[Body],
+    bodies: &[ClosedBody],
     progress: &mut dyn FnMut(u64),
 ) -> Result<LeakReport> {
     let offsets = plan.offsets.iter();
@@ -102,10 +102,10 @@ pub(crate) fn run_over(
         found.rows.extend(rows(body, offset));
         for rays in shares(share, share.div_ceil(MOST)) {
             let seed = mixed(mixed(plan.seed) ^ number);
-            let (placed, rays) = batch((body, offset), rays, seed);
-            fire(subject, plan.method, (&placed, &rays), begin, &mut found)?;
+            let batch = LeakBatch::new(body, offset, rays, seed);
+            batch.trace(subject, plan.method, &mut found, begin)?;
             number += 1;
-            done += rays.len() as u64;
+            done += rays;
             progress(done);
         }
     }
@@ -113,12 +113,12 @@ pub(crate) fn run_over(
 }
 
 /// Returns an empty row for each kind of ray.
-fn rows(body: &Body, offset: f32) -> [LeakRow; SORTS.len()] {
-    SORTS.map(|(aim, inside)| LeakRow {
+fn rows(body: &ClosedBody, offset: f32) -> [LeakRow; RaySort::ALL.len()] {
+    RaySort::ALL.map(|sort| LeakRow {
         body: body.name,
         offset,
-        aim,
-        inside,
+        aim: sort.aim,
+        inside: sort.is_inside,
         rays: 0,
         leaks: 0,
         counted: 0,
@@ -127,46 +127,55 @@ fn rows(body: &Body, offset: f32) -> [LeakRow; SORTS.len()] {
     })
 }
 
-/// Returns a body, which is rotated in half of the batches, and `rays` rays at it.
-fn batch((body, offset): (&Body, f32), rays: u64, seed: u64) -> (Placed<'_>, Vec<Ray>) {
-    let rng = &mut Rng::with_seed(seed);
-    let is_turned = rng.bool();
-    let placed = Placed::new(body, offset, is_turned, rng);
-    let ray = |i: u64| {
-        let rng = &mut Rng::with_seed(mixed(seed ^ (i + 1)));
-        placed.ray(SORTS[i as usize % SORTS.len()], rng)
-    };
-    let rays = (0..rays).into_par_iter().map(ray).collect();
-    (placed, rays)
+/// A body, and rays at it.
+struct LeakBatch<'a> {
+    placed: PlacedBody<'a>,
+    rays: Vec<Ray>,
 }
 
-/// Traces a batch, and adds its results to the rows from `begin`.
-fn fire(
-    subject: &mut dyn Backend,
-    method: Method,
-    (placed, rays): (&Placed<'_>, &[Ray]),
-    begin: usize,
-    found: &mut LeakReport,
-) -> Result<()> {
-    let body = placed.animation();
-    open(subject, &body, 0.0, method)?;
-    stand(subject, &body, 0.0)?;
-    let (hits, _) = ask(subject, Rays::List(rays), QueryKind::Closest)?;
-    // Triangles of `exact` include their edges. A ray through an edge crosses both triangles, so parity means nothing.
-    let crossings = match method.intersector {
-        Intersector::Exact => Vec::new(),
-        _ => {
-            let counted = rays.len().div_ceil(8).max(COUNTED).min(rays.len());
-            crossings(subject, method, &body, &rays[..counted])?
-        }
-    };
-    for (i, hit) in hits.closest.iter().enumerate() {
-        let row = &mut found.rows[begin + i % SORTS.len()];
-        let wrong = judge(row, hit, crossings.get(i)).filter(|_| found.first.len() < KEPT);
-        let text = wrong.map(|what| described(row, &rays[i], &what));
-        found.first.extend(text);
+impl<'a> LeakBatch<'a> {
+    /// Returns a body, which is rotated in half of the batches, and `rays` rays at it.
+    fn new(body: &'a ClosedBody, offset: f32, rays: u64, seed: u64) -> Self {
+        let rng = &mut Rng::with_seed(seed);
+        let is_turned = rng.bool();
+        let placed = PlacedBody::new(body, offset, is_turned, rng);
+        let ray = |i: u64| {
+            let rng = &mut Rng::with_seed(mixed(seed ^ (i + 1)));
+            placed.ray(RaySort::ALL[i as usize % RaySort::ALL.len()], rng)
+        };
+        let rays = (0..rays).into_par_iter().map(ray).collect();
+        Self { placed, rays }
     }
-    Ok(())
+
+    /// Traces the batch, and adds its results to the rows from `begin`.
+    fn trace(
+        &self,
+        subject: &mut dyn Backend,
+        method: Method,
+        found: &mut LeakReport,
+        begin: usize,
+    ) -> Result<()> {
+        let (body, rays) = (self.placed.animation(), &self.rays);
+        open(subject, &body, 0.0, method)?;
+        stand(subject, &body, 0.0)?;
+        let hits = ask(subject, Rays::List(rays), QueryKind::Closest)?.hits;
+        // Triangles of `exact` include their edges. A ray through an edge crosses both triangles, so parity means
+        // nothing.
+        let crossings = match method.intersector {
+            Intersector::Exact => Vec::new(),
+            _ => {
+                let counted = rays.len().div_ceil(8).max(COUNTED).min(rays.len());
+                crossings(subject, method, &body, &rays[..counted])?
+            }
+        };
+        for (i, hit) in hits.closest.iter().enumerate() {
+            let row = &mut found.rows[begin + i % RaySort::ALL.len()];
+            let wrong = judge(row, hit, crossings.get(i)).filter(|_| found.first.len() < KEPT);
+            let text = wrong.map(|what| described(row, &rays[i], &what));
+            found.first.extend(text);
+        }
+        Ok(())
+    }
 }
 
 /// Adds the result of one ray to its row. Returns a description if the result is wrong.
@@ -200,7 +209,7 @@ mod tests {
     use super::*;
     use cpu_ref::CpuBackend;
 
-    fn ask(bodies: &[Body], rays: u64) -> LeakReport {
+    fn ask(bodies: &[ClosedBody], rays: u64) -> LeakReport {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let plan = LeakPlan {
             seed: 5,
@@ -217,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_body_without_one_triangle_leaks() {
-        let torn = Body {
+        let torn = ClosedBody {
             shape: || {
                 let (points, mut triangles) = (BODIES[0].shape)();
                 triangles.pop();
@@ -243,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_triangle_that_is_there_twice_is_a_double_hit() {
-        let doubled = [Body {
+        let doubled = [ClosedBody {
             shape: || {
                 let (points, mut triangles) = (BODIES[1].shape)();
                 triangles.push(triangles[7]);
@@ -263,10 +272,9 @@ mod tests {
 
     #[test]
     fn rays_depend_on_seed_and_number_alone() {
-        let place = (&BODIES[3], 10.0);
+        let rays = |seed| LeakBatch::new(&BODIES[3], 10.0, 160, seed).rays;
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let first = batch(place, 160, 9).1;
-        assert_eq!(first, one.unwrap().install(|| batch(place, 160, 9).1));
-        assert_ne!(first, batch(place, 160, 10).1);
+        assert_eq!(rays(9), one.unwrap().install(|| rays(9)));
+        assert_ne!(rays(9), rays(10));
     }
 }

@@ -1,29 +1,25 @@
 //! Results of the reference backend.
 
 use crate::Case;
-use crate::stage::{ask, open, stand};
-use backend::{Backend, FrameReport, Generation, Hits, Layout, Method, QueryKind, Rays, Result};
+use crate::stage::{Traced, ask, open, stand};
+use backend::{Backend, Generation, Layout, Method, Query, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
 use std::sync::Arc;
 
-/// Results of a backend for a case at one time.
-#[derive(Debug, Default)]
-pub(crate) struct Answer {
-    pub(crate) hits: Hits,
-    pub(crate) report: FrameReport,
+/// Results of a frame, with the boxes of its tree.
+#[derive(Debug)]
+pub(crate) struct FrameResults {
+    pub(crate) traced: Traced,
     pub(crate) boxes: Vec<Aabb>,
 }
 
-impl Answer {
+impl FrameResults {
     /// Returns the closest hits of the case's rays, and the boxes, after all recorded commands.
     pub(crate) fn of(backend: &mut dyn Backend, case: &Case) -> Result<Self> {
-        let (hits, report) = ask(backend, Rays::List(&case.rays), QueryKind::Closest)?;
-        let boxes = backend.inspect().boxes()?;
         Ok(Self {
-            hits,
-            report,
-            boxes,
+            traced: ask(backend, Rays::List(&case.rays), QueryKind::Closest)?,
+            boxes: backend.inspect().boxes()?,
         })
     }
 }
@@ -44,15 +40,14 @@ impl Reference {
         }
     }
 
-    /// Returns the results of a query at `time`, by the intersector of `method`.
-    ///
-    /// Without a query, returns the boxes of the tree built at the case's first time, and the counts of triangles.
-    pub(crate) fn answer(
+    /// Traces a query at `time`, by the intersector of `method`.
+    pub(crate) fn trace(
         &mut self,
         case: &Case,
-        (method, time): (Method, f64),
-        query: Option<(Rays<'_>, QueryKind)>,
-    ) -> Result<Answer> {
+        method: Method,
+        time: f64,
+        query: Query<'_>,
+    ) -> Result<Traced> {
         // The layout changes no result.
         let layout = Layout::Bvh2;
         let method = Method { layout, ..method };
@@ -62,24 +57,23 @@ impl Reference {
             self.loaded = Some(method);
         }
         stand(backend, &case.animation, time)?;
-        let mut answer = Answer::default();
-        if let Some((rays, kind)) = query {
-            (answer.hits, answer.report) = ask(backend, rays, kind)?;
-        } else {
-            let ticket = backend.submit()?;
-            answer.report = backend.wait(ticket)?;
-            answer.boxes = backend.inspect().boxes()?;
-        }
-        Ok(answer)
+        ask(backend, query.rays, query.kind)
     }
 
-    /// Returns the closest hits of the case's rays at `time`, and the boxes, with the default method and this tree.
-    pub(crate) fn by_tree(&mut self, case: &Case, tree: &Topology, time: f64) -> Result<Answer> {
+    /// Returns the closest hits of the case's rays at `time`, and the boxes of this tree, by the intersector of
+    /// `method`.
+    pub(crate) fn by_tree(
+        &mut self,
+        case: &Case,
+        method: Method,
+        tree: &Topology,
+        time: f64,
+    ) -> Result<FrameResults> {
         let backend = self.backend();
-        backend.load(Arc::clone(&case.animation), Method::default())?;
+        backend.load(Arc::clone(&case.animation), method.intersector.into())?;
         backend.adopt(tree, Generation(1))?;
         stand(backend, &case.animation, time)?;
-        Answer::of(backend, case)
+        FrameResults::of(backend, case)
     }
 
     /// Returns the backend, for other cases, scenes and trees.

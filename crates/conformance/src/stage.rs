@@ -91,21 +91,28 @@ pub fn start(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Resu
     backend.submit()
 }
 
-/// Waits for a trace and returns its hits and report.
-pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<(Hits, FrameReport)> {
-    let report = backend.wait(ticket)?;
-    Ok((backend.hits(ticket)?.clone(), report))
+/// Results of a trace.
+#[derive(Clone, Debug, Default)]
+pub struct Traced {
+    /// Its hits.
+    pub hits: Hits,
+    /// Report of its submission.
+    pub report: FrameReport,
 }
 
-/// Traces rays, and waits for their hits and report.
+/// Waits for a trace.
+pub(crate) fn fetch(backend: &mut dyn Backend, ticket: Ticket) -> Result<Traced> {
+    Ok(Traced {
+        report: backend.wait(ticket)?,
+        hits: backend.hits(ticket)?.clone(),
+    })
+}
+
+/// Traces rays, and waits for the results.
 ///
 /// # Errors
 /// The backend failed.
-pub fn ask(
-    backend: &mut dyn Backend,
-    rays: Rays<'_>,
-    kind: QueryKind,
-) -> Result<(Hits, FrameReport)> {
+pub fn ask(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Result<Traced> {
     let ticket = start(backend, rays, kind)?;
     fetch(backend, ticket)
 }

@@ -21,9 +21,10 @@ fn free(moving: usize, all: usize) -> Vec<Vec<Point>> {
         let (corner, way) = (point(), point());
         for (k, key) in keys.iter_mut().enumerate() {
             // Moving triangles are close together, so that siblings in the tree move.
-            let (by, corner) = match triangle < moving {
-                true => (k as f32, corner.map(|x| 0.05 * x)),
-                false => (0.0, corner),
+            let (by, corner) = if triangle < moving {
+                (k as f32, corner.map(|x| 0.05 * x))
+            } else {
+                (0.0, corner)
             };
             let at = |e: Point| std::array::from_fn(|i| corner[i] + by * way[i] + e[i]);
             key.extend([[0.0; 3], [0.5, 0.0, 0.2], [0.0, 0.5, 0.1]].map(at));
@@ -83,7 +84,7 @@ fn ready(
 fn closest(backend: &mut CpuBackend, rays: &[Ray]) -> Hits {
     ask(backend, Rays::List(rays), QueryKind::Closest)
         .unwrap()
-        .0
+        .hits
 }
 
 /// Returns rays from a point to every vertex of the first key frame.
@@ -101,9 +102,10 @@ fn boxes_from_scratch(animation: &Animation, tree: &Topology, time: f64) -> Vec<
         boxes[node] = match rank.leaf() {
             Some(leaf) => {
                 let corners = &all[tree.leaf_triangles()[leaf as usize] as usize];
-                match geom::is_active(corners) && !geom::is_degenerate(corners) {
-                    true => Aabb::of_triangle(corners),
-                    false => Aabb::EMPTY,
+                if geom::is_active(corners) && !geom::is_degenerate(corners) {
+                    Aabb::of_triangle(corners)
+                } else {
+                    Aabb::EMPTY
                 }
             }
             None => {

@@ -93,7 +93,7 @@ pub(crate) fn hits(backend: &mut dyn Backend, ticket: Ticket) -> Hits {
 
 /// Records a trace, submits, and returns the hits.
 pub(crate) fn see(backend: &mut dyn Backend, rays: Rays<'_>, kind: QueryKind) -> Hits {
-    stage::ask(backend, rays, kind).unwrap().0
+    stage::ask(backend, rays, kind).unwrap().hits
 }
 
 /// Submits and returns the report.

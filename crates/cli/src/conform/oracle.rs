@@ -5,7 +5,7 @@ use crate::console::Progress;
 use crate::stop::Stop;
 use crate::table::{Cells, grouped, table};
 use backend::{Backend, Intersector};
-use conformance::stress::audit::{Audit, AuditCounts, Batch, BatchSpec};
+use conformance::stress::audit::{Audit, AuditBatch, AuditCounts, BatchSpec};
 use geom::Animation;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -57,7 +57,7 @@ pub(super) fn compare(
             .map(|spec| test.audit.batch(spec))
             .collect()
     };
-    let mut now: Vec<Batch> = chunks.first().map_or(Vec::new(), |c| make(c));
+    let mut now: Vec<AuditBatch> = chunks.first().map_or(Vec::new(), |c| make(c));
     for i in 1..=chunks.len() {
         // While the backends trace a chunk, the host computes the exact answers of the next.
         let (traced, next) = rayon::join(
@@ -98,7 +98,7 @@ impl OracleTest<'_> {
     fn trace(
         &self,
         backend: &mut dyn Backend,
-        batches: &[Batch],
+        batches: &[AuditBatch],
         report: &mut ConformReport,
     ) -> Result<(), Stop> {
         let Self { settings, audit } = self;

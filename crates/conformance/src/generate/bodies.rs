@@ -19,19 +19,34 @@ backend::named! {
     }
 }
 
-/// Aims of rays, used in rotation, and whether rays start inside the body.
-pub(crate) const SORTS: [(Aim, bool); 6] = [
-    (Aim::Edge, true),
-    (Aim::Vertex, true),
-    (Aim::Random, true),
-    (Aim::Edge, false),
-    (Aim::Vertex, false),
-    (Aim::Random, false),
-];
+/// A sort of rays at a body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RaySort {
+    pub(crate) aim: Aim,
+    /// Whether rays start inside the body.
+    pub(crate) is_inside: bool,
+}
+
+impl RaySort {
+    /// All sorts, which are used in rotation.
+    pub(crate) const ALL: [Self; 6] = {
+        const fn of(aim: Aim, is_inside: bool) -> RaySort {
+            RaySort { aim, is_inside }
+        }
+        [
+            of(Aim::Edge, true),
+            of(Aim::Vertex, true),
+            of(Aim::Random, true),
+            of(Aim::Edge, false),
+            of(Aim::Vertex, false),
+            of(Aim::Random, false),
+        ]
+    };
+}
 
 /// A closed body around the origin.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body {
+pub(crate) struct ClosedBody {
     pub(crate) name: &'static str,
     pub(crate) shape: fn() -> Mesh,
     /// Returns a random point that stays inside even if all coordinates are off by a few hundredths.
@@ -41,14 +56,14 @@ pub(crate) struct Body {
 }
 
 /// Bodies that are round, not convex, with coplanar faces, and thin.
-pub(crate) const BODIES: &[Body] = &[
-    Body {
+pub(crate) const BODIES: &[ClosedBody] = &[
+    ClosedBody {
         name: "icosphere",
         shape: || icosphere(2),
         inner: |rng| near([0.0; 3], [0.3; 3], rng),
         radius: 1.0,
     },
-    Body {
+    ClosedBody {
         name: "torus",
         shape: || torus(24, 12),
         inner: |rng| {
@@ -57,13 +72,13 @@ pub(crate) const BODIES: &[Body] = &[
         },
         radius: 1.0 + TUBE,
     },
-    Body {
+    ClosedBody {
         name: "box",
         shape: || cuboid(2),
         inner: |rng| near([0.0; 3], [0.5; 3], rng),
         radius: 1.75,
     },
-    Body {
+    ClosedBody {
         name: "needle",
         shape: || {
             let (points, triangles) = icosphere(1);
@@ -76,18 +91,18 @@ pub(crate) const BODIES: &[Body] = &[
 ];
 
 /// A body whose triangles are shuffled, at a new position and optionally rotated.
-pub(crate) struct Placed<'a> {
-    body: &'a Body,
+pub(crate) struct PlacedBody<'a> {
+    body: &'a ClosedBody,
     points: Vec<Point>,
     triangles: Vec<[u32; 3]>,
     /// Transform from the body's space to the scene's.
     to_scene: DAffine3,
 }
 
-impl<'a> Placed<'a> {
+impl<'a> PlacedBody<'a> {
     /// Moves a body by `offset` plus a random distance below 1 along each axis. Flat faces stay flat unless the body is
     /// turned.
-    pub(crate) fn new(body: &'a Body, offset: f32, is_turned: bool, rng: &mut Rng) -> Self {
+    pub(crate) fn new(body: &'a ClosedBody, offset: f32, is_turned: bool, rng: &mut Rng) -> Self {
         let (points, mut triangles) = (body.shape)();
         rng.shuffle(&mut triangles);
         triangles.iter_mut().for_each(|t| rng.shuffle(t));
@@ -113,8 +128,9 @@ impl<'a> Placed<'a> {
         Arc::new(animation.expect("bodies name their own vertices"))
     }
 
-    /// Returns a ray at the body with this aim and start.
-    pub(crate) fn ray(&self, (aim, is_inside): (Aim, bool), rng: &mut Rng) -> Ray {
+    /// Returns a ray of a sort at the body.
+    pub(crate) fn ray(&self, sort: RaySort, rng: &mut Rng) -> Ray {
+        let RaySort { aim, is_inside } = sort;
         let radius = self.body.radius;
         let place = |p| placed(&self.to_scene, p);
         let origin = if is_inside {
@@ -239,7 +255,7 @@ mod tests {
     #[test]
     fn bodies_keep_their_area_wherever_they_are() {
         for (body, offset) in BODIES.iter().flat_map(|b| OFFSETS.map(|o| (b, o))) {
-            let moved = Placed::new(body, offset, true, &mut Rng::with_seed(3)).animation();
+            let moved = PlacedBody::new(body, offset, true, &mut Rng::with_seed(3)).animation();
             assert!(!triangles(&moved, 0.0).iter().any(geom::is_degenerate));
         }
     }

@@ -1,7 +1,8 @@
 //! Cases to test properties on, with the scale and position of each scene.
 
+use super::commands::{Command, commands};
 use super::rays::{Aims, RayDescription, RayKind, turn};
-use super::scenes::{KEYS, Moving, SceneKind, scenes, unit};
+use super::scenes::{KEYS, MovingMesh, SceneKind, scenes, unit};
 use super::strategies::{Precision, each, precision, runner, steps, tree};
 use super::topologies::TreeDescription;
 use crate::compare::ray_text;
@@ -33,6 +34,8 @@ pub struct Case {
     pub light: Point,
     /// Trees that no builder makes.
     pub(crate) trees: Vec<TreeDescription>,
+    /// Commands between frames.
+    pub(crate) commands: Vec<Command>,
     /// Random bits, for properties that make random choices.
     pub chance: u64,
 }
@@ -82,20 +85,21 @@ const TRIANGLES: u32 = 2400;
 /// Description of a case. It shrinks, and a [`Case`] is computed from it.
 #[derive(Clone, Debug)]
 struct CaseDescription {
-    scene: Moving,
+    scene: MovingMesh,
     /// Triangles of the scene that are kept, with numbers up to [`TRIANGLES`].
     kept: Vec<u32>,
     /// Number of key frames that are kept.
     keys: usize,
     precision: Precision,
-    place: Placement,
-    times: Times,
+    place: ScenePlacement,
+    times: VisitTimes,
     rays: Vec<RayDescription>,
     /// Light and eye, in the unit scene.
     anywhere: Point,
     light: LightDescription,
     trees: Vec<TreeDescription>,
     chance: u64,
+    commands: Vec<Command>,
 }
 
 /// Cases with this number. Kinds of scenes rotate with it.
@@ -116,10 +120,11 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
         TreeDescription::all(),
         unit().no_shrink(),
         any::<u64>().no_shrink(),
+        commands(),
     );
     (scene, rays, rest).prop_map(move |(scene, rays, rest)| {
         let ((kept, keys), place, precision, scene) = scene;
-        let (times, light, trees, anywhere, chance) = rest;
+        let (times, light, trees, anywhere, chance, commands) = rest;
         let description = CaseDescription {
             scene,
             kept,
@@ -132,6 +137,7 @@ pub(crate) fn cases(number: u32) -> impl Strategy<Value = Case> {
             light,
             trees,
             chance,
+            commands,
         };
         description.case(number, kind)
     })
@@ -163,19 +169,21 @@ impl CaseDescription {
             kinds: self.rays.iter().map(|ray| ray.kind).collect(),
             camera: place.camera(self.anywhere),
             light: light.unwrap_or_else(|| place.put(self.anywhere.map(|x| 3.0 * x))),
-            animation: match self.kept.len() < TRIANGLES as usize {
-                true => place.animation(some((keys, triangles), &self.kept)),
-                false => whole,
+            animation: if self.kept.len() < TRIANGLES as usize {
+                place.animation(some((keys, triangles), &self.kept))
+            } else {
+                whole
             },
             times: times.to_vec(),
             trees: self.trees,
+            commands: self.commands,
             chance: self.chance,
         }
     }
 }
 
 /// Returns some of the triangles of a scene, with their vertices alone.
-fn some((keys, triangles): Moving, kept: &[u32]) -> Moving {
+fn some((keys, triangles): MovingMesh, kept: &[u32]) -> MovingMesh {
     let numbers = kept.iter().map(|&t| t as usize);
     let some: Vec<[u32; 3]> = numbers.filter_map(|t| triangles.get(t).copied()).collect();
     let mut used = some.as_flattened().to_vec();
@@ -193,27 +201,27 @@ fn some((keys, triangles): Moving, kept: &[u32]) -> Moving {
 
 /// Three times between key frames, one of which may be a key frame.
 #[derive(Clone, Copy, Debug)]
-struct Times {
+struct VisitTimes {
     all: [f64; 3],
     /// Index of a time, and a key frame.
     whole: Option<(usize, u8)>,
     precision: Precision,
 }
 
-fn times() -> impl Strategy<Value = Times> {
+fn times() -> impl Strategy<Value = VisitTimes> {
     let end = (KEYS - 1) as f64;
     let numbers = (
         [0.0..end, 0.0..end, 0.0..end],
         proptest::option::of((0..3_usize, 0..KEYS as u8)),
     );
-    (precision(), numbers.no_shrink()).prop_map(|(precision, (all, whole))| Times {
+    (precision(), numbers.no_shrink()).prop_map(|(precision, (all, whole))| VisitTimes {
         all,
         whole,
         precision,
     })
 }
 
-impl Times {
+impl VisitTimes {
     /// Returns the times, but not beyond key frame `end`.
     fn up_to(self, end: usize) -> [f64; 3] {
         let mut times = self.all.map(|time| match self.precision {
@@ -264,7 +272,7 @@ impl LightDescription {
 
 /// Placement of a scene of about unit size, which is multiplied by `scale` and then moved by `offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Placement {
+pub(crate) struct ScenePlacement {
     scale: f64,
     offset: [f64; 3],
 }
@@ -293,18 +301,18 @@ const ELSEWHERE: [[f64; 2]; 16] = [
 ];
 
 /// Placements, often the identity, to which the others shrink.
-pub(crate) fn placements() -> impl Strategy<Value = Placement> {
+pub(crate) fn placements() -> impl Strategy<Value = ScenePlacement> {
     let elsewhere = select(&ELSEWHERE[..]).no_shrink();
     let all = prop_oneof![5 => Just([1.0, 0.0]), 7 => elsewhere];
-    all.prop_map(|[scale, offset]| Placement {
+    all.prop_map(|[scale, offset]| ScenePlacement {
         scale,
         offset: [offset * scale; 3],
     })
 }
 
-impl Placement {
+impl ScenePlacement {
     /// Returns an animation of a scene with this placement.
-    pub(crate) fn animation(&self, (mut keys, triangles): Moving) -> Arc<Animation> {
+    pub(crate) fn animation(&self, (mut keys, triangles): MovingMesh) -> Arc<Animation> {
         for p in keys.iter_mut().flatten() {
             *p = self.put(*p);
         }

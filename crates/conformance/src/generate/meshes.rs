@@ -76,9 +76,12 @@ pub(crate) fn apart(count: usize) -> Vec<[u32; 3]> {
 pub(crate) fn outlying(p: Point) -> impl Strategy<Value = Point> {
     let moves = (power([3.0, 38.5]), 0..4_usize, uniform3(any::<bool>()));
     moves.prop_map(move |(by, axis, signs)| {
-        std::array::from_fn(|i| match axis == 3 || axis == i {
-            true => f64::from(p[i]).mul_add(0.1, if signs[i] { by } else { -by }) as f32,
-            false => p[i],
+        std::array::from_fn(|i| {
+            if axis == 3 || axis == i {
+                f64::from(p[i]).mul_add(0.1, if signs[i] { by } else { -by }) as f32
+            } else {
+                p[i]
+            }
         })
     })
 }
@@ -214,9 +217,10 @@ pub(crate) fn plane() -> impl Strategy<Value = Mesh> {
         let at = |i, j| j * (n + 1) + i;
         let mut triangles = Vec::new();
         for ([[a, b, c], [_, _, d]], half) in quads(n, n, at).into_iter().zip(halves) {
-            triangles.extend(match half {
-                true => [[a, b, c], [a, c, d]],
-                false => [[b, d, a], [d, b, c]],
+            triangles.extend(if half {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[b, d, a], [d, b, c]]
             });
         }
         (points.map(|(i, j)| point(i, j)).collect(), triangles)

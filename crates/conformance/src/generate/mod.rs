@@ -2,6 +2,7 @@
 
 pub(crate) mod bodies;
 pub(crate) mod cases;
+pub(crate) mod commands;
 pub(crate) mod meshes;
 pub(crate) mod rays;
 pub(crate) mod scenes;

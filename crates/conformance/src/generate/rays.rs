@@ -295,9 +295,10 @@ impl Aims {
     /// Returns the nearest multiple of a power of two between a 32nd and a 16th of the scene's size.
     fn snapped(&self, x: f64) -> f64 {
         let step = f64::from_bits((self.radius / 16.0).to_bits() & EXPONENT);
-        match step > 0.0 {
-            true => (x / step).round() * step,
-            false => x,
+        if step > 0.0 {
+            (x / step).round() * step
+        } else {
+            x
         }
     }
 

@@ -47,7 +47,7 @@ backend::named! {
 }
 
 /// Vertices of each key frame, and three vertex indices per triangle.
-pub(crate) type Moving = (Vec<Vec<Point>>, Vec<[u32; 3]>);
+pub(crate) type MovingMesh = (Vec<Vec<Point>>, Vec<[u32; 3]>);
 
 /// Number of key frames.
 pub(crate) const KEYS: usize = 3;
@@ -61,7 +61,7 @@ pub(crate) fn unit() -> impl Strategy<Value = Point> + Clone {
 ///
 /// Scenes shrink by their special vertices and triangles alone. A [case](super::cases) keeps fewer of the triangles and
 /// key frames, and fewer digits.
-pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<Moving> {
+pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<MovingMesh> {
     match kind {
         SceneKind::Soup => free(1..150, PLUMP).boxed(),
         SceneKind::Slivers => free(1..60, [-7.0, -3.0]).boxed(),
@@ -82,7 +82,7 @@ pub(crate) fn scenes(kind: SceneKind) -> BoxedStrategy<Moving> {
 }
 
 /// Separate triangles, whose second edges are scaled by a power of ten with an exponent in `thin`.
-fn free(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = Moving> {
+fn free(count: impl Into<SizeRange>, thin: [f64; 2]) -> impl Strategy<Value = MovingMesh> {
     scattered(soup(count, 0.4, thin).prop_map(|all| meshes::separate(&all)))
 }
 
@@ -111,7 +111,7 @@ const DRIFTS: usize = 200;
 const SHARES: usize = 300;
 
 /// Animates meshes so that each run of three vertices moves independently.
-fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Moving> {
+fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = MovingMesh> {
     let all = (meshes, vec(drift(), DRIFTS));
     let moving = all.prop_map(|((points, triangles), drifts)| {
         let key = |k: usize| {
@@ -126,7 +126,7 @@ fn scattered(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Movin
 }
 
 /// Animates bodies whose vertices drift, each by a share of its own.
-fn animated(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = Moving> {
+fn animated(meshes: impl Strategy<Value = Mesh>) -> impl Strategy<Value = MovingMesh> {
     let all = (meshes, drift(), vec(0.0_f32..1.0, SHARES));
     let moving = all.prop_map(|((points, triangles), drift, shares)| {
         let key = |by: Point| {
@@ -169,7 +169,7 @@ fn oddities(count: usize) -> impl Strategy<Value = Vec<Oddity>> {
 }
 
 /// Makes some vertices not finite in some key frames, and adds triangles of no area.
-fn broken() -> impl Strategy<Value = Moving> {
+fn broken() -> impl Strategy<Value = MovingMesh> {
     (free(2..40, PLUMP), oddities(12)).prop_map(|((mut keys, mut triangles), oddities)| {
         let vertices = keys[0].len();
         for odd in oddities {
@@ -189,7 +189,7 @@ fn broken() -> impl Strategy<Value = Moving> {
 }
 
 /// Two separate triangles or fewer, with the vertices of two.
-fn few() -> impl Strategy<Value = Moving> {
+fn few() -> impl Strategy<Value = MovingMesh> {
     (free(2, PLUMP), 0..3_usize).prop_map(|((keys, mut triangles), count)| {
         triangles.truncate(count);
         (keys, triangles)
@@ -197,7 +197,7 @@ fn few() -> impl Strategy<Value = Moving> {
 }
 
 /// Makes all vertices not finite in at least one key frame.
-fn gone() -> impl Strategy<Value = Moving> {
+fn gone() -> impl Strategy<Value = MovingMesh> {
     (free(1..20, PLUMP), 1..8_u32).prop_map(|((mut keys, triangles), which)| {
         for (i, key) in keys.iter_mut().enumerate() {
             if which >> i & 1 == 1 {
@@ -210,7 +210,7 @@ fn gone() -> impl Strategy<Value = Moving> {
 }
 
 /// Multiplies each key frame by a power of two.
-fn grown() -> impl Strategy<Value = Moving> {
+fn grown() -> impl Strategy<Value = MovingMesh> {
     let exponents = uniform3(-35..=20);
     (free(1..40, PLUMP), exponents).prop_map(|((mut keys, triangles), exponents)| {
         for (key, exponent) in keys.iter_mut().zip(exponents) {
@@ -225,7 +225,7 @@ fn grown() -> impl Strategy<Value = Moving> {
 ///
 /// Static triangles stay as in the first key frame. Some static vertices get special values, and some triangles are
 /// degenerate.
-fn resting() -> impl Strategy<Value = Moving> {
+fn resting() -> impl Strategy<Value = MovingMesh> {
     let all = (free(8..200, PLUMP), 0..4_usize, oddities(16));
     all.prop_map(|((mut keys, mut triangles), share, oddities)| {
         let moving = triangles.len() * share / 16;
@@ -259,7 +259,7 @@ fn within(range: &Range<usize>, number: u32) -> usize {
 }
 
 /// A static sheet, a small body that moves above it, and triangles of no area on both.
-fn hall() -> impl Strategy<Value = Moving> {
+fn hall() -> impl Strategy<Value = MovingMesh> {
     let floor = (18..34_u32).prop_flat_map(|n| sheet(n, 8)).no_shrink();
     let small = (0..2_u32).prop_map(|n| {
         let (points, faces) = icosphere(n);
@@ -282,7 +282,7 @@ fn hall() -> impl Strategy<Value = Moving> {
 }
 
 /// In some key frames, multiplies some vertices by a power of two between `2^-128` and `2^126`.
-fn outlying() -> impl Strategy<Value = Moving> {
+fn outlying() -> impl Strategy<Value = MovingMesh> {
     let scene = prop_oneof![
         free(40, PLUMP),
         animated(Just(icosphere(1))),
@@ -309,7 +309,7 @@ fn outlying() -> impl Strategy<Value = Moving> {
 /// Coordinates of [`SceneKind::Zeros`].
 const NUMBERS: &[f32] = &[0.0, -0.0, 0.0, -0.0, 1.0, -1.0, 1e-30, -1e-18, 1e-12];
 
-fn zeros() -> impl Strategy<Value = Moving> {
+fn zeros() -> impl Strategy<Value = MovingMesh> {
     let all = (1..30_usize).prop_flat_map(|n| vec(meshes::of_numbers(NUMBERS, n), KEYS));
     let all = all.prop_map(|keys| {
         let triangles = meshes::apart(keys[0].len());

@@ -254,9 +254,10 @@ mod tests {
         let (mut attempts, mut goes_on) = (0, tree.simplify());
         while goes_on {
             attempts += 1;
-            goes_on = match fails(&tree.current()) {
-                true => tree.simplify(),
-                false => tree.complicate(),
+            goes_on = if fails(&tree.current()) {
+                tree.simplify()
+            } else {
+                tree.complicate()
             };
         }
         (tree.current(), attempts)

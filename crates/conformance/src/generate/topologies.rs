@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 /// Distribution of a node's leaves among its children.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Split {
+pub(crate) enum LeafSplit {
     /// All leaves except one to the left: a chain of maximum depth.
     LeftChain,
     /// All leaves except one to the right.
@@ -17,7 +17,7 @@ pub(crate) enum Split {
     Random,
 }
 
-impl Split {
+impl LeafSplit {
     pub(crate) const ALL: [Self; 3] = [Self::LeftChain, Self::RightChain, Self::Random];
 
     fn left(self, leaves: usize, depth: u32, rng: &mut fastrand::Rng) -> usize {
@@ -35,16 +35,16 @@ impl Split {
 /// Description of a valid tree that no builder makes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeDescription {
-    pub(crate) split: Split,
+    pub(crate) split: LeafSplit,
     /// Decides the order of its leaves and, if it is split at random, its shape.
     pub(crate) order: u64,
 }
 
 impl TreeDescription {
-    /// Lists with a tree of each [`Split`]. Shrinking removes trees.
+    /// Lists with a tree of each [`LeafSplit`]. Shrinking removes trees.
     pub(crate) fn all() -> impl Strategy<Value = Vec<Self>> {
         let numbers = || any::<u64>().no_shrink();
-        each(Split::ALL.map(|split| numbers().prop_map(move |order| Self { split, order })))
+        each(LeafSplit::ALL.map(|split| numbers().prop_map(move |order| Self { split, order })))
     }
 
     /// Returns the tree over the triangles of a scene.
@@ -63,7 +63,7 @@ pub(crate) fn live(animation: &Animation, chance: u64) -> Vec<u32> {
 }
 
 /// Returns a tree whose nodes are split by `split`.
-pub(crate) fn odd(triangles: usize, leaves: &[u32], split: Split, chance: u64) -> Topology {
+pub(crate) fn odd(triangles: usize, leaves: &[u32], split: LeafSplit, chance: u64) -> Topology {
     let mut rng = fastrand::Rng::with_seed(chance);
     record(triangles, leaves, |depth, leaves| {
         split.left(leaves, depth, &mut rng)
@@ -97,7 +97,7 @@ pub fn record(
 pub(crate) fn foreign(animation: &Animation, chance: u64) -> Vec<(&'static str, Topology)> {
     let count = animation.triangle_count();
     let live = live(animation, chance);
-    let of = |count, leaves: &[u32]| odd(count, leaves, Split::Random, chance);
+    let of = |count, leaves: &[u32]| odd(count, leaves, LeafSplit::Random, chance);
     let fewer = live.split_last().map_or(&[][..], |(_, rest)| rest);
     let with = |more: u32| [fewer, &[more]].concat();
     let never = (0..count as u32).find(|&t| !animation.is_live(t));
@@ -129,7 +129,7 @@ mod tests {
     fn odd_trees_are_sound_and_as_deep_as_may_be() {
         for n in [0, 1, 2, 3, 40, 65, 66, 300] {
             let leaves: Vec<u32> = (0..n).collect();
-            for split in Split::ALL {
+            for split in LeafSplit::ALL {
                 let tree = odd(n as usize + 2, &leaves, split, 7);
                 assert_eq!(
                     Topology::from_words(tree.words().to_vec()).as_ref(),
@@ -137,7 +137,7 @@ mod tests {
                 );
                 assert_eq!(tree.leaf_count(), n as usize);
                 let levels = tree.level_count();
-                if n > 65 && split != Split::Random {
+                if n > 65 && split != LeafSplit::Random {
                     assert_eq!(levels, MAX_DEPTH as usize + 1, "{split:?}");
                 }
             }

@@ -7,13 +7,13 @@ const GROUP: usize = 8;
 
 /// A balanced tree of boxes over the active triangles.
 #[derive(Clone, Debug)]
-pub(super) struct Boxes {
+pub(super) struct CullTree {
     /// Heap order: the children of node `i` are `2i + 1` and `2i + 2`.
     nodes: Vec<Aabb>,
     order: Vec<u32>,
 }
 
-impl Boxes {
+impl CullTree {
     /// Builds a tree over the triangles in `active`.
     pub(super) fn new(corners: &[Triangle], active: Vec<u32>) -> Self {
         let mut order = active;
@@ -108,7 +108,7 @@ mod tests {
         let wall = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
         // Walls at 0, 1, 2 and so on, eight at each position, in mixed order.
         let corners: Vec<Triangle> = (0..256).map(|i| wall((i * 7 % 32) as f32)).collect();
-        let boxes = Boxes::new(&corners, (0..256).collect());
+        let boxes = CullTree::new(&corners, (0..256).collect());
         for direction in [1.0, -1.0] {
             let origin = [if direction > 0.0 { -1.0 } else { 32.0 }, 0.1, 0.1];
             let ray = Ray::new(origin, [direction, 0.0, 0.0]);

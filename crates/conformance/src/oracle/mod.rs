@@ -19,9 +19,9 @@ mod nearest;
 #[cfg(test)]
 mod tests;
 
-use cull::Boxes;
+use cull::CullTree;
 use exact::{Crossing, cross};
-use filter::{Candidate, judge};
+use filter::{JudgedTriangle, judge};
 use geom::{Moment, Ray, Triangle};
 use nearest::nearest;
 use num_traits::ToPrimitive;
@@ -45,7 +45,7 @@ pub struct ExactHit {
 #[derive(Clone, Debug)]
 pub struct Oracle {
     corners: Vec<Triangle>,
-    boxes: Boxes,
+    boxes: CullTree,
 }
 
 impl Oracle {
@@ -53,7 +53,7 @@ impl Oracle {
     pub fn new(corners: Vec<Triangle>) -> Self {
         let active = |i: &u32| is_active(&corners[*i as usize]);
         let active = (0..corners.len() as u32).filter(active).collect();
-        let boxes = Boxes::new(&corners, active);
+        let boxes = CullTree::new(&corners, active);
         Self { corners, boxes }
     }
 
@@ -114,8 +114,8 @@ impl Oracle {
     }
 
     /// Calls `visit` for every triangle that the ray may hit, until the bound that `visit` returns (see
-    /// [`Boxes::near`]).
-    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, Candidate) -> f64) {
+    /// [`CullTree::near`]).
+    fn judged(&self, ray: &Ray, mut visit: impl FnMut(u32, JudgedTriangle) -> f64) {
         if ray.is_valid() {
             self.boxes.near(ray, |i| {
                 let found = judge(ray, &self.corners[i as usize]);

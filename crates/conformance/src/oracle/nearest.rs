@@ -19,9 +19,10 @@ pub(super) fn is_nearest_below(t: &BigRational, limit: f32) -> bool {
 pub(super) fn nearest(t: &BigRational) -> f32 {
     // Rounding twice may result in a neighbour of the nearest float, at most.
     let near = t.to_f64().map_or(f32::INFINITY, |t| t as f32);
-    let upper = match is_nearest_above(t, near) {
-        true => near.next_up(),
-        false => near,
+    let upper = if is_nearest_above(t, near) {
+        near.next_up()
+    } else {
+        near
     };
     let lower = upper.next_down();
     let is_lower = lower > f32::NEG_INFINITY && !is_nearest_above(t, lower);

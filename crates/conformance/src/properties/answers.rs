@@ -5,9 +5,9 @@ use crate::Case;
 use crate::compare::{answers, named_ray, same_counts};
 use crate::generate::bodies::BODIES;
 use crate::leaks::{self, LeakPlan};
-use crate::stage::{ask, is_extreme};
+use crate::stage::{Traced, ask, is_extreme};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{FrameReport, Hits, Intersector, Query, QueryKind, Rays};
+use backend::{Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Camera, Ray};
 
 /// Traces a query at each of the case's times, and verifies the result.
@@ -16,26 +16,21 @@ fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
     for &time in &c.case.times {
         c.stand(time)?;
         let found = ask(c.subject, rays, kind)?;
-        verify(c, time, (rays, kind), &found)?;
+        verify(c, time, Query { rays, kind }, &found)?;
     }
     Ok(())
 }
 
 /// Checks that triangle, `t`, `u` and `v` equal the reference's, bit for bit, and that triangles and hits are counted
 /// alike.
-pub(super) fn verify(
-    c: &mut Check<'_>,
-    time: f64,
-    query: (Rays<'_>, QueryKind),
-    (seen, report): &(Hits, FrameReport),
-) -> Result<()> {
-    let expected = c.reference.answer(c.case, (c.method, time), Some(query))?;
-    answers(c.case, time, query.0, seen, &expected.hits)?;
-    same_counts(report, &expected.report).with_context(|| format!("at time {time:?}"))?;
+pub(super) fn verify(c: &mut Check<'_>, time: f64, query: Query<'_>, found: &Traced) -> Result<()> {
+    let expected = c.reference.trace(c.case, c.method, time, query)?;
+    answers(c.case, time, query.rays, &found.hits, &expected.hits)?;
+    same_counts(&found.report, &expected.report).with_context(|| format!("at time {time:?}"))?;
     // With `exact`, a backend may settle any number of rays. `watertight` settles only extreme rays.
     let may_settle =
-        c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.0);
-    let settled = report.settled;
+        c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.rays);
+    let settled = found.report.settled;
     ensure!(may_settle || settled == 0, "{settled} rays are settled");
     Ok(())
 }
@@ -49,13 +44,9 @@ fn has_extremes(case: &Case, time: f64, rays: Rays<'_>) -> bool {
     }
 }
 
-/// Tests the closest hits of listed rays.
-pub(super) fn closest(c: &mut Check<'_>) -> Result<()> {
-    asked(c, c.rays(), QueryKind::Closest)
-}
-
-/// Tests whether listed rays hit anything.
-pub(super) fn any(c: &mut Check<'_>) -> Result<()> {
+/// Tests the closest hits of listed rays, and whether they hit anything.
+pub(super) fn listed(c: &mut Check<'_>) -> Result<()> {
+    asked(c, c.rays(), QueryKind::Closest)?;
     asked(c, c.rays(), QueryKind::Any)
 }
 
@@ -132,10 +123,10 @@ pub(super) fn together(c: &mut Check<'_>) -> Result<()> {
         let found = places.map(|place| Ok(c.subject.hits_of(ticket, place)?.clone()));
         let found = found.collect::<Result<Vec<Hits>>>()?;
         for (place, (query, found)) in queries.into_iter().zip(&found).enumerate() {
-            let (alone, report) = ask(c.subject, query.rays, query.kind)?;
-            let answered = answers(case, time, query.rays, found, &alone);
+            let alone = ask(c.subject, query.rays, query.kind)?;
+            let answered = answers(case, time, query.rays, found, &alone.hits);
             answered.with_context(|| format!("query {place}"))?;
-            sum += report.hits;
+            sum += alone.report.hits;
         }
         ensure!(met == sum, "{met} hits are reported of {sum}");
     }

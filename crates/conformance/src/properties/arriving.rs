@@ -6,11 +6,11 @@ use crate::Case;
 use crate::compare::{lists, same_counts, same_hit};
 use crate::generate::rays::{Aims, turn};
 use crate::generate::strategies::sample;
-use crate::stage::{ask, boxes_anew, fetch, open, stand, start, tree_over};
+use crate::stage::{Traced, ask, boxes_anew, fetch, open, stand, start, tree_over};
 use anyhow::{Context, Result, ensure};
-use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Ticket};
+use backend::{Backend, Generation, Query, QueryKind, Rays, Ticket};
 use fastrand::Rng;
-use geom::{Animation, Point, PointBuffer, Ray};
+use geom::{Animation, Point, PointBuffer, Pose, Ray};
 use std::sync::Arc;
 
 /// Number of key frames that are pushed.
@@ -39,9 +39,10 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         reference: &mut *c.reference,
         method: c.method,
     };
-    for (ticket, time, kind) in push_all(&mut c, &live, rng)? {
+    for Started { ticket, time, kind } in push_all(&mut c, &live, rng)? {
         let found = fetch(c.subject, ticket)?;
-        verify(&mut c, time, (Rays::List(&case.rays), kind), &found)?;
+        let rays = Rays::List(&case.rays);
+        verify(&mut c, time, Query { rays, kind }, &found)?;
     }
     Ok(())
 }
@@ -86,12 +87,15 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     Ok((case, Arc::new(live)))
 }
 
+/// A query in flight.
+struct Started {
+    ticket: Ticket,
+    time: f64,
+    kind: QueryKind,
+}
+
 /// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
-fn push_all(
-    c: &mut Check<'_>,
-    live: &Arc<Animation>,
-    rng: &mut Rng,
-) -> Result<Vec<(Ticket, f64, QueryKind)>> {
+fn push_all(c: &mut Check<'_>, live: &Arc<Animation>, rng: &mut Rng) -> Result<Vec<Started>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
     open(c.subject, live, 0.0, c.method)?;
@@ -110,7 +114,11 @@ fn push_all(
         c.subject.interpolate(live.pose(time))?;
         boxes_anew(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
-        started.push((start(c.subject, rays, kind)?, time, kind));
+        started.push(Started {
+            ticket: start(c.subject, rays, kind)?,
+            time,
+            kind,
+        });
     }
     Ok(started)
 }
@@ -125,8 +133,11 @@ fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<
     })
 }
 
-/// Description of a key frame, and its vertices.
-type Odd = (&'static str, Vec<Point>);
+/// A key frame on one side of a bound.
+struct BoundFrame {
+    about: &'static str,
+    points: Vec<Point>,
+}
 
 /// Tests that a device measures the range of coordinates itself: hits equal those with a range computed on the host.
 pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
@@ -139,42 +150,47 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
         let live = Animation::live(first.clone(), &marks, triangles).map(Arc::new)?;
-        play(c.subject, (&live, c.method, looks), &frames, &c.case.rays)
+        if looks {
+            // The host computes the range of each key frame before the device does.
+            play(c, &live, &frames, |pose| {
+                live.range(pose);
+            })
+        } else {
+            play(c, &live, &frames, |_| ())
+        }
     });
-    for ((found, expected), (name, _)) in unseen?.iter().zip(&seen?).zip(&frames) {
-        same(found, expected).with_context(|| (*name).to_owned())?;
+    for ((found, expected), frame) in unseen?.iter().zip(&seen?).zip(&frames) {
+        same(found, expected).context(frame.about)?;
     }
     Ok(())
 }
 
-/// Results of two queries.
-type Answers = [(Hits, FrameReport); 2];
-
-fn same(found: &Answers, expected: &Answers) -> Result<()> {
-    for ((hits, report), (right, expected)) in found.iter().zip(expected) {
+/// Checks the results of two queries.
+fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
+    for (found, expected) in found.iter().zip(expected) {
+        let (hits, right) = (&found.hits, &expected.hits);
         lists("hit", &hits.closest, &right.closest, same_hit)?;
         ensure!(hits.blocked == right.blocked, "whether rays hit differs");
-        same_counts(report, expected)?;
+        same_counts(&found.report, &expected.report)?;
     }
     Ok(())
 }
 
-/// Returns the results of the same queries at each key frame. If `looks` is set, the host computes the range first.
+/// Returns the results of the same queries at each key frame. Calls `prepare` before the backend gets the key frame.
 fn play(
-    subject: &mut dyn Backend,
-    (live, method, looks): (&Arc<Animation>, Method, bool),
-    frames: &[Odd],
-    own: &[Ray],
-) -> Result<Vec<Answers>> {
-    open(subject, live, 0.0, method)?;
-    let play = |(_, frame): &Odd| {
-        let time = live.push(frame.clone())?;
-        if looks {
-            live.range(live.pose(time));
-        }
+    c: &mut Check<'_>,
+    live: &Arc<Animation>,
+    frames: &[BoundFrame],
+    prepare: impl Fn(Pose),
+) -> Result<Vec<[Traced; 2]>> {
+    let subject = &mut *c.subject;
+    open(subject, live, 0.0, c.method)?;
+    let play = |frame: &BoundFrame| {
+        let time = live.push(frame.points.clone())?;
+        prepare(live.pose(time));
         stand(subject, live, time)?;
-        let some = own.iter().copied().take(RAYS);
-        let rays: Vec<Ray> = some.chain(from_the_middle(frame)).collect();
+        let some = c.case.rays.iter().copied().take(RAYS);
+        let rays: Vec<Ray> = some.chain(from_the_middle(&frame.points)).collect();
         let rays = Rays::List(&rays);
         let closest = ask(subject, rays, QueryKind::Closest)?;
         Ok([closest, ask(subject, rays, QueryKind::Any)?])
@@ -197,7 +213,7 @@ const FAR: f32 = geom::Range::FAR;
 const NEAR: f32 = 1.0 / 4_294_967_296.0;
 
 /// Returns key frames on both sides of each bound.
-fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
+fn frames(first: &[Point], chance: u64) -> Vec<BoundFrame> {
     let mut rng = Rng::with_seed(chance);
     let size = |p: &Point| p.iter().fold(0.0, |m: f32, x| m.max(x.abs()));
     let unit = |p: &Point| match size(p) {
@@ -218,7 +234,7 @@ fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
         };
         unit.iter().map(scaled).collect()
     };
-    vec![
+    let all = [
         ("as it was", first.to_vec()),
         ("not extreme", with(&[(5, [0.5, -FAR, 0.0])])),
         ("extreme", with(&[(5, [0.5, -FAR.next_up(), 0.0])])),
@@ -236,5 +252,9 @@ fn frames(first: &[Point], chance: u64) -> Vec<Odd> {
         ("all sizes", of_all_sizes(60)),
         ("subnormal", vec![[1e-42, -2e-43, 0.0]; first.len()]),
         ("largest", vec![[f32::MAX, -f32::MAX, 1.0]; first.len()]),
-    ]
+    ];
+    let frames = all.into_iter();
+    frames
+        .map(|(about, points)| BoundFrame { about, points })
+        .collect()
 }

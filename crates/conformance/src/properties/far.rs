@@ -16,9 +16,9 @@ const DISTANCES: [f32; 5] = [1e3, 1e5, 1e6, 1e8, 1e9];
 pub(super) fn apart(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
     let points = vertices(&case.animation, case.times[1]);
-    let near = Scene::new(points, case.animation.triangles().to_vec())?;
+    let near = StaticScene::new(points, case.animation.triangles().to_vec())?;
     let stray = Stray::of(case.chance);
-    let far = Scene::new(stray.corners.to_vec(), vec![[0, 1, 2]])?;
+    let far = StaticScene::new(stray.corners.to_vec(), vec![[0, 1, 2]])?;
     let both = near.with(&stray.corners)?;
     let range = near.0.range(near.0.pose(0.0));
     let is_scaled = near.0.scale_exponent() != 0 || both.0.scale_exponent() != 0;
@@ -72,9 +72,9 @@ fn closer(near: &Hit, far: &Hit, count: u32) -> Hit {
 }
 
 /// A static scene.
-struct Scene(Arc<Animation>);
+struct StaticScene(Arc<Animation>);
 
-impl Scene {
+impl StaticScene {
     fn new(points: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self> {
         Ok(Self(Arc::new(Animation::new(vec![points], triangles)?)))
     }
@@ -92,7 +92,7 @@ impl Scene {
     fn ask(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
         open(c.subject, &self.0, 0.0, c.method)?;
         stand(c.subject, &self.0, 0.0)?;
-        let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.0);
+        let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.hits);
         queries.iter().map(answer).collect()
     }
 }

@@ -3,9 +3,9 @@
 mod answers;
 mod arriving;
 mod far;
-mod geometry;
+mod frames;
 mod reports;
-mod still;
+mod streams;
 mod trees;
 mod walk;
 
@@ -63,7 +63,7 @@ impl<'a> Check<'a> {
     }
 
     fn ask(&mut self, rays: Rays<'_>, kind: QueryKind) -> backend::Result<Hits> {
-        Ok(stage::ask(self.subject, rays, kind)?.0)
+        Ok(stage::ask(self.subject, rays, kind)?.hits)
     }
 
     /// Returns the closest hits of the case's rays.
@@ -141,15 +141,12 @@ macro_rules! properties {
 
 /// All properties.
 pub const PROPERTIES: &[Property] = properties! {
-    usual positions_equal_the_formula: geometry::positions;
-    robust boxes_are_of_the_moment_interpolated_last: geometry::boxes;
+    robust_in_turn frames_equal_the_reference_after_any_commands: frames::after_commands;
     usual reports_name_what_was_done: reports::stages;
-    usual positions_come_back_as_they_were: geometry::read_back;
-    usual positions_of_a_stream_are_those_of_held_key_frames: geometry::streamed;
+    usual positions_of_a_stream_are_those_of_held_key_frames: streams::positions;
     robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
     robust key_frames_that_arrive_are_played_as_those_held: arriving::pushed;
-    robust closest_hits_equal_the_reference: answers::closest;
-    robust any_hits_equal_the_reference: answers::any;
+    robust hits_equal_the_reference: answers::listed;
     robust pictures_and_shadows_equal_the_reference: answers::shadows;
     all a_camera_is_its_rays: answers::camera_is_rays;
     all any_hit_agrees_with_closest_hit: answers::any_is_closest;
@@ -162,7 +159,6 @@ pub const PROPERTIES: &[Property] = properties! {
     usual a_swap_does_not_change_hits: trees::swap;
     all a_tree_that_was_brought_is_the_one_adopted: trees::brought;
     robust a_tree_is_evaluated_beside_the_current_one: trees::evaluated;
-    usual what_never_moves_may_be_passed_over: still::passed_over;
     usual a_tree_made_on_the_device_is_whole: trees::whole;
     all_in_turn a_tree_made_on_the_device_does_not_change_hits: trees::same_hits;
     usual a_wrong_tree_is_refused: trees::wrong;

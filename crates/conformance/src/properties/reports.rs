@@ -80,7 +80,7 @@ pub(super) fn tickets(c: &mut Check<'_>) -> Result<()> {
     // Each result twice, in descending order of tickets.
     for _ in 0..2 {
         for ((&ticket, expected), &time) in tickets.iter().zip(&expected).zip(times).rev() {
-            answers(case, time, rays, &fetch(c.subject, ticket)?.0, expected)?;
+            answers(case, time, rays, &fetch(c.subject, ticket)?.hits, expected)?;
         }
     }
     Ok(())

@@ -5,9 +5,9 @@
 use super::Check;
 use crate::compare::{answers, lists, same_counts};
 use crate::generate::topologies::foreign;
-use crate::properties::still::COST_TOLERANCE;
-use crate::reference::Answer;
-use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
+use crate::properties::frames::COST_TOLERANCE;
+use crate::reference::FrameResults;
+use crate::stage::{Traced, ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
 use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
 use bvh_layout::Topology;
@@ -66,7 +66,7 @@ pub(super) fn swap(c: &mut Check<'_>) -> Result<()> {
     }
     boxes_anew(c.subject)?;
     let after = c.closest()?;
-    let (during, _) = fetch(c.subject, before)?;
+    let during = fetch(c.subject, before)?.hits;
     answers(case, now, rays, &during, &alone).context("the frame under way")?;
     answers(case, now, rays, &after, &alone).context("the frame after")
 }
@@ -91,7 +91,7 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
         answers(case, now, rays, &c.closest()?, &fresh)?;
         if c.method.layout == Layout::Bvh2 {
             let boxes = c.subject.inspect().boxes()?;
-            let right = c.reference.by_tree(case, tree, now)?.boxes;
+            let right = c.reference.by_tree(case, c.method, tree, now)?.boxes;
             lists("box of node", &boxes, &right, PartialEq::eq)?;
         }
     }
@@ -109,7 +109,11 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
     c.stand(then)?;
     let fresh_then = c.closest()?;
     c.stand(now)?;
-    let (fresh, alone) = ask(c.subject, rays, QueryKind::Closest)?;
+    let fresh = ask(c.subject, rays, QueryKind::Closest)?;
+    let same_frame = |found: &Traced, about| {
+        answers(case, now, rays, &found.hits, &fresh.hits).context(about)?;
+        same_counts(&found.report, &fresh.report)
+    };
     for (&time, generation) in case.times.iter().zip(2..) {
         let tree = tree_at(&case.animation, time);
         write(c, &tree, generation)?;
@@ -126,21 +130,19 @@ pub(super) fn evaluated(c: &mut Check<'_>) -> Result<()> {
                 answers(case, then, rays, &c.closest()?, &fresh_then)?;
             }
         }
-        let (hits, report) = ask(c.subject, rays, QueryKind::Closest)?;
-        answers(case, now, rays, &hits, &fresh).context("beside an evaluation")?;
-        same_counts(&report, &alone)?;
+        let evaluated = ask(c.subject, rays, QueryKind::Closest)?;
+        same_frame(&evaluated, "during an evaluation")?;
         c.subject.adopt(&tree, Generation(generation))?;
         boxes_anew(c.subject)?;
-        let (hits, adopted) = ask(c.subject, rays, QueryKind::Closest)?;
-        answers(case, now, rays, &hits, &fresh).context("adopted")?;
-        same_counts(&adopted, &alone)?;
-        same_cost(report.candidate_cost, adopted.sah_cost)?;
+        let adopted = ask(c.subject, rays, QueryKind::Closest)?;
+        same_frame(&adopted, "adopted")?;
+        same_cost(evaluated.report.candidate_cost, adopted.report.sah_cost)?;
         c.stand(then)?;
         answers(case, then, rays, &c.closest()?, &fresh_then).context("at another time")?;
         c.stand(now)?;
         // A tree and a candidate exchange their buffers, so check the cost once more.
-        let (_, report) = ask(c.subject, rays, QueryKind::Closest)?;
-        same_cost(report.sah_cost, adopted.sah_cost)?;
+        let again = ask(c.subject, rays, QueryKind::Closest)?;
+        same_cost(again.report.sah_cost, adopted.report.sah_cost)?;
     }
     Ok(())
 }
@@ -199,11 +201,11 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
         if !rebuild(c.subject, generation)? {
             return Ok(());
         }
-        let seen = Answer::of(c.subject, case)?;
+        let seen = FrameResults::of(c.subject, case)?;
         let tree = c.subject.inspect().rebuilt()?;
         check_tree(&tree, &case.animation)?;
-        let expected = c.reference.by_tree(case, &tree, time)?;
-        same_counts(&seen.report, &expected.report)
+        let expected = c.reference.by_tree(case, c.method, &tree, time)?;
+        same_counts(&seen.traced.report, &expected.traced.report)
             .and_then(|()| lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq))
             .with_context(|| format!("at time {time:?}"))?;
     }
@@ -227,7 +229,7 @@ pub(super) fn same_hits(c: &mut Check<'_>) -> Result<()> {
     c.interpolate(case.times[2])?;
     rebuild(c.subject, 3)?;
     c.closest()?;
-    let (before, _) = fetch(c.subject, under_way)?;
+    let before = fetch(c.subject, under_way)?.hits;
     let tree = tree_at(&case.animation, now);
     c.interpolate(now)?;
     c.subject.submit()?;

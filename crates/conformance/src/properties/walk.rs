@@ -9,12 +9,12 @@ use backend::{QueryKind, Rays};
 use geom::{Hit, Ray};
 
 /// A ray that continues from its hits, and every crossing of its line within the original interval.
-struct Walk {
+struct CrossingWalk {
     ray: Ray,
     crossings: Vec<ExactHit>,
 }
 
-impl Walk {
+impl CrossingWalk {
     /// Returns the next hit. Crossings whose rounded `t` equals the last one are skipped.
     fn expected(&self) -> Hit {
         let mut ahead = self.crossings.iter();
@@ -37,11 +37,11 @@ impl Walk {
 pub(super) fn visits_every_crossing_once(c: &mut Check<'_>) -> Result<()> {
     let (animation, time) = (&c.case.animation, c.case.times[1]);
     let oracle = Oracle::new(triangles(animation, time));
-    let start = |&ray: &Ray| Walk {
+    let start = |&ray: &Ray| CrossingWalk {
         crossings: oracle.all(&ray),
         ray,
     };
-    let mut walks: Vec<Walk> = c.case.rays.iter().map(start).collect();
+    let mut walks: Vec<CrossingWalk> = c.case.rays.iter().map(start).collect();
     c.open(c.case.times[0])?;
     c.stand(time)?;
     while !walks.is_empty() {

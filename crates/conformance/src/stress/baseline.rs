@@ -5,7 +5,7 @@
 //! and where they were measured. `abvh stability --record FILE` writes one from a device's answers to many seeds. To
 //! use it, add it to that folder and to `FILES`. Files omit events that must never happen: see `is_never`.
 
-use crate::stress::{Cell, Family, Measure, Measured, Plan, StressTest};
+use crate::stress::{Family, Measure, MeasuredRate, Plan, StressCell, StressTest};
 use backend::{Arithmetic, Backend, Intersector, Result};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
@@ -87,7 +87,16 @@ pub(super) fn known(
     baseline.entries.iter().find(this)
 }
 
-/// Measures a device: every family with `rays` rays, for the seeds 1 to `seeds`.
+/// Number of rays of each family in each run, and number of runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampling {
+    /// Number of runs, which have the seeds from 1 on.
+    pub seeds: u64,
+    /// Number of rays of each family in a run.
+    pub rays: u32,
+}
+
+/// Measures every family on a device.
 ///
 /// Intersectors that do not depend on the device's arithmetic are measured only on devices that round every operation
 /// once. `progress` receives each family when it is finished.
@@ -96,16 +105,17 @@ pub(super) fn known(
 /// The subject failed.
 pub fn record(
     subject: &mut dyn Backend,
-    (seeds, rays): (u64, u32),
+    sampling: Sampling,
     progress: &mut dyn FnMut(Family),
 ) -> Result<Baseline> {
+    let Sampling { seeds, rays } = sampling;
     let device = subject.device().clone();
     let arithmetic = device.arithmetic;
     let decides = |by: &Intersector| decisive(*by, arithmetic) == arithmetic;
     let all: Vec<_> = Intersector::ALL.into_iter().filter(decides).collect();
     let mut entries = Vec::new();
     for family in Family::ALL {
-        let mut cells: Vec<Vec<Cell>> = vec![Vec::new(); all.len()];
+        let mut cells: Vec<Vec<StressCell>> = vec![Vec::new(); all.len()];
         for seed in 1..=seeds {
             let test = StressTest::new(family, &Plan { seed, rays });
             for (&by, cells) in all.iter().zip(&mut cells) {
@@ -127,10 +137,11 @@ pub fn record(
 }
 
 /// Returns one entry per measure of the same cell over all seeds, without events that must never happen.
-fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
+fn of_cells(cells: &[StressCell]) -> Vec<RateEntry> {
     let measures = cells.first().map_or(0, |first| first.measured.len());
     let all = (0..measures).map(|i| cells.iter().map(|c| c.measured[i]).collect());
-    let free = all.filter(|all: &Vec<Measured>| !is_never(cells[0].intersector, all[0].measure));
+    let free =
+        all.filter(|all: &Vec<MeasuredRate>| !is_never(cells[0].intersector, all[0].measure));
     free.map(|all| {
         let count = all.iter().map(|m| m.count).sum();
         let of = all.iter().map(|m| m.of).sum();
@@ -147,7 +158,7 @@ fn of_cells(cells: &[Cell]) -> Vec<RateEntry> {
 }
 
 /// Returns the variance of the rate among seeds, divided by that of independent rays; at least 1.
-fn spread(all: &[Measured], mean: f64) -> f64 {
+fn spread(all: &[MeasuredRate], mean: f64) -> f64 {
     let squares: f64 = all.iter().map(|m| (m.rate() - mean).powi(2)).sum();
     let independent = mean * (1.0 - mean) / all[0].of as f64;
     if independent == 0.0 || all.len() < 2 {
@@ -160,6 +171,7 @@ fn spread(all: &[Measured], mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stress::EventCount;
 
     const LOOSE: Arithmetic = Arithmetic {
         rounds_division: false,
@@ -167,13 +179,14 @@ mod tests {
     };
 
     /// Returns a cell of rays at edges of closed bodies, with these numbers of wrong answers, leaks and double hits.
-    fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> Cell {
+    fn edges(by: Intersector, [wrong, leaks, doubles]: [u64; 3], device: Arithmetic) -> StressCell {
+        let of = |measure, count, of| EventCount { measure, count, of };
         let counts = [
-            (Measure::Wrong, wrong, 8192),
-            (Measure::Leaks, leaks, 4096),
-            (Measure::DoubleHits, doubles, 8192),
+            of(Measure::Wrong, wrong, 8192),
+            of(Measure::Leaks, leaks, 4096),
+            of(Measure::DoubleHits, doubles, 8192),
         ];
-        Cell::new(Family::Edges, by, &counts, device)
+        StressCell::new(Family::Edges, by, &counts, device)
     }
 
     #[test]

@@ -23,9 +23,20 @@ backend::named! {
     }
 }
 
+/// A count of one event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EventCount {
+    /// The counted event.
+    pub measure: Measure,
+    /// Number of events.
+    pub count: u64,
+    /// Number of rays.
+    pub of: u64,
+}
+
 /// A count with its bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredRate {
     /// The counted event.
     pub measure: Measure,
     /// Number of events.
@@ -38,16 +49,16 @@ pub struct Measured {
 
 /// Results of one family and one intersector.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct StressCell {
     /// The family.
     pub family: Family,
     /// The intersector.
     pub intersector: Intersector,
     /// Counts, wrong answers first.
-    pub measured: Vec<Measured>,
+    pub measured: Vec<MeasuredRate>,
 }
 
-impl Measured {
+impl MeasuredRate {
     /// Returns the rate; 0 if there are no rays.
     pub fn rate(&self) -> f64 {
         self.count as f64 / self.of.max(1) as f64
@@ -60,23 +71,24 @@ impl Measured {
     }
 }
 
-impl Cell {
-    /// Compares counts, each with its number of rays, with the bounds for an intersector on a device with this
-    /// arithmetic.
+impl StressCell {
+    /// Compares counts with the bounds for an intersector on a device with this arithmetic.
     ///
     /// Wrong answers must be the first count.
     pub fn new(
         family: Family,
         intersector: Intersector,
-        counts: &[(Measure, u64, u64)],
+        counts: &[EventCount],
         arithmetic: Arithmetic,
     ) -> Self {
-        let measured = counts.iter().map(|&(measure, count, of)| {
-            let bound = match is_never(intersector, measure) {
-                true => Some([0.0; 2]),
-                false => known(family, intersector, measure, arithmetic).map(|k| interval(k, of)),
+        let measured = counts.iter().map(|&counted| {
+            let EventCount { measure, count, of } = counted;
+            let bound = if is_never(intersector, measure) {
+                Some([0.0; 2])
+            } else {
+                known(family, intersector, measure, arithmetic).map(|k| interval(k, of))
             };
-            Measured {
+            MeasuredRate {
                 measure,
                 count,
                 of,
@@ -91,18 +103,18 @@ impl Cell {
     }
 
     /// Returns the count of wrong answers.
-    pub fn wrong(&self) -> &Measured {
+    pub fn wrong(&self) -> &MeasuredRate {
         &self.measured[0]
     }
 
     /// Returns the count of one event, or `None` if it is not defined for this family.
-    pub fn get(&self, measure: Measure) -> Option<&Measured> {
+    pub fn get(&self, measure: Measure) -> Option<&MeasuredRate> {
         self.measured.iter().find(|m| m.measure == measure)
     }
 
     /// Returns whether every rate is within its bounds.
     pub fn is_ok(&self) -> bool {
-        self.measured.iter().all(Measured::is_ok)
+        self.measured.iter().all(MeasuredRate::is_ok)
     }
 }
 
@@ -134,9 +146,10 @@ fn edge(from: f64, to: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut inner, mut outer) = (from, to);
     for _ in 0..STEPS {
         let middle = f64::midpoint(inner, outer);
-        match holds(middle) {
-            true => inner = middle,
-            false => outer = middle,
+        if holds(middle) {
+            inner = middle;
+        } else {
+            outer = middle;
         }
     }
     inner

@@ -16,7 +16,7 @@ mod cell;
 mod scenes;
 mod stress_test;
 
-pub use cell::{Cell, Measure, Measured};
+pub use cell::{EventCount, Measure, MeasuredRate, StressCell};
 pub use stress_test::StressTest;
 
 /// Parameters of a stress test.

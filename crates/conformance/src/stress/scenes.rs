@@ -1,6 +1,6 @@
 //! Scenes and rays of each family.
 
-use crate::generate::bodies::{Aim, BODIES, Placed, SORTS};
+use crate::generate::bodies::{Aim, BODIES, PlacedBody, RaySort};
 use crate::generate::meshes::{self, Mesh, PLUMP, apart, separate, soup};
 use crate::generate::rays::{Aims, RayKind, Target, of_zeros, rays_of};
 use crate::generate::strategies::sample;
@@ -63,7 +63,12 @@ pub(crate) fn scenes(family: Family, plan: &Plan) -> Vec<StressScene> {
 /// Returns one scene of a family, with `rays` rays. Scenes start with different kinds of rays, so that few rays contain
 /// all kinds.
 fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene {
-    let body = |offset, aim, rng: &mut Rng| closed((offset, aim), number, rays, rng);
+    let body = |offset: f32, aim: Option<Aim>, rng: &mut Rng| {
+        let placed = PlacedBody::new(&BODIES[number % BODIES.len()], offset, false, rng);
+        // The first scenes of all bodies start with the first sort of rays, the next ones with the second.
+        let sorts = number / BODIES.len()..;
+        closed(&placed, aim, sorts.take(rays), rng)
+    };
     match family {
         Family::Far10 => body(10.0, None, rng),
         Family::Far1e3 => body(1e3, None, rng),
@@ -83,22 +88,21 @@ fn one(family: Family, number: usize, rays: usize, rng: &mut Rng) -> StressScene
     }
 }
 
-/// Returns a closed body at an offset, with rays of all kinds or with one aim.
+/// Returns a closed body with rays of all kinds or with one aim. `sorts` selects the sort of each ray, modulo the
+/// number of sorts.
 fn closed(
-    (offset, aim): (f32, Option<Aim>),
-    number: usize,
-    rays: usize,
+    placed: &PlacedBody<'_>,
+    aim: Option<Aim>,
+    sorts: impl Iterator<Item = usize>,
     rng: &mut Rng,
 ) -> StressScene {
-    let (round, body) = (number / BODIES.len(), number % BODIES.len());
-    let placed = Placed::new(&BODIES[body], offset, false, rng);
-    let mut wanted = SORTS.to_vec();
-    wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.0));
+    let mut wanted = RaySort::ALL.to_vec();
+    wanted.retain(|sort| aim.is_none_or(|aim| aim == sort.aim));
     let ray = |i: usize| {
         let sort = wanted[i % wanted.len()];
-        (sort.1, valid(|| placed.ray(sort, rng)))
+        (sort.is_inside, valid(|| placed.ray(sort, rng)))
     };
-    let (inside, rays) = (round..round + rays).map(ray).unzip();
+    let (inside, rays) = sorts.map(ray).unzip();
     StressScene {
         rays,
         inside: Some(inside),

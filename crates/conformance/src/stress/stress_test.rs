@@ -2,10 +2,10 @@
 
 use crate::crossings::crossings;
 use crate::oracle::{ExactHit, Oracle};
-use crate::stage::{ask, open, stand, triangles};
+use crate::stage::{Traced, ask, open, stand, triangles};
 use crate::stress::scenes::{StressScene, scenes};
-use crate::stress::{Cell, Family, Measure, Plan};
-use backend::{Backend, FrameReport, Hits, Intersector, Method, QueryKind, Rays, Result};
+use crate::stress::{EventCount, Family, Measure, Plan, StressCell};
+use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
 
@@ -13,12 +13,12 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct StressTest {
     family: Family,
-    scenes: Vec<Answered>,
+    scenes: Vec<AnsweredScene>,
 }
 
 /// A scene with the exact hits of its rays.
 #[derive(Clone, Debug)]
-pub(super) struct Answered {
+pub(super) struct AnsweredScene {
     pub(super) scene: StressScene,
     pub(super) exact: Vec<Option<ExactHit>>,
 }
@@ -27,7 +27,7 @@ impl StressTest {
     /// Generates the rays of a family and computes their exact hits.
     pub fn new(family: Family, plan: &Plan) -> Self {
         let scenes = scenes(family, plan).into_par_iter();
-        let scenes = scenes.map(Answered::new).collect();
+        let scenes = scenes.map(AnsweredScene::new).collect();
         Self { family, scenes }
     }
 
@@ -35,22 +35,26 @@ impl StressTest {
     ///
     /// # Errors
     /// The subject failed.
-    pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<Cell> {
+    pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<StressCell> {
         let method = Method::from(intersector);
-        let mut sum: Vec<(Measure, u64, u64)> = Vec::new();
+        let mut sum: Vec<EventCount> = Vec::new();
         for scene in &self.scenes {
             let counts = scene.count(subject, method)?;
-            sum.resize(counts.len(), (Measure::Wrong, 0, 0));
-            for (sum, (measure, count, of)) in sum.iter_mut().zip(counts) {
-                *sum = (measure, sum.1 + count, sum.2 + of);
+            if sum.is_empty() {
+                sum = counts;
+                continue;
+            }
+            for (sum, one) in sum.iter_mut().zip(counts) {
+                sum.count += one.count;
+                sum.of += one.of;
             }
         }
         let arithmetic = subject.device().arithmetic;
-        Ok(Cell::new(self.family, intersector, &sum, arithmetic))
+        Ok(StressCell::new(self.family, intersector, &sum, arithmetic))
     }
 }
 
-impl Answered {
+impl AnsweredScene {
     /// Computes the exact hits, in parallel.
     pub(super) fn new(scene: StressScene) -> Self {
         let oracle = Oracle::new(triangles(&scene.animation, scene.time));
@@ -64,13 +68,13 @@ impl Answered {
     }
 
     /// Returns the count of each event, with its number of rays.
-    fn count(&self, subject: &mut dyn Backend, method: Method) -> Result<Vec<(Measure, u64, u64)>> {
+    fn count(&self, subject: &mut dyn Backend, method: Method) -> Result<Vec<EventCount>> {
         let scene = &self.scene;
-        let (hits, _) = scene.trace(subject, method)?;
-        let found = hits.closest;
-        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| {
-            let count = (0..found.len()).filter(|&i| is_so(i)).count();
-            (measure, count as u64, of as u64)
+        let found = scene.trace(subject, method)?.hits.closest;
+        let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| EventCount {
+            measure,
+            count: (0..found.len()).filter(|&i| is_so(i)).count() as u64,
+            of: of as u64,
         };
         let differs = |i: usize| found[i].triangle != self.triangle(i);
         let mut counts = vec![share(Measure::Wrong, found.len(), &differs)];
@@ -92,11 +96,7 @@ impl Answered {
 
 impl StressScene {
     /// Returns the closest hits of the scene's rays.
-    pub(super) fn trace(
-        &self,
-        subject: &mut dyn Backend,
-        method: Method,
-    ) -> Result<(Hits, FrameReport)> {
+    pub(super) fn trace(&self, subject: &mut dyn Backend, method: Method) -> Result<Traced> {
         open(subject, &self.animation, self.built, method)?;
         stand(subject, &self.animation, self.time)?;
         ask(subject, Rays::List(&self.rays), QueryKind::Closest)
@@ -106,6 +106,7 @@ impl StressScene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stress::MeasuredRate;
     use backend::Arithmetic;
     use cpu_ref::CpuBackend;
 
@@ -116,18 +117,22 @@ mod tests {
     }
 
     /// Traces with `asked`, but compares with the bounds of `named`.
-    fn cells(tests: &[StressTest], asked: Intersector, named: Intersector) -> Vec<Cell> {
+    fn cells(tests: &[StressTest], asked: Intersector, named: Intersector) -> Vec<StressCell> {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let cell = |test: &StressTest| {
             let cell = test.ask(&mut cpu, asked).unwrap();
-            let counts = cell.measured.iter().map(|m| (m.measure, m.count, m.of));
-            let counts: Vec<_> = counts.collect();
-            Cell::new(cell.family, named, &counts, Arithmetic::IEEE)
+            let counted = |m: &MeasuredRate| EventCount {
+                measure: m.measure,
+                count: m.count,
+                of: m.of,
+            };
+            let counts: Vec<_> = cell.measured.iter().map(counted).collect();
+            StressCell::new(cell.family, named, &counts, Arithmetic::IEEE)
         };
         tests.iter().map(cell).collect()
     }
 
-    fn red(cells: &[Cell]) -> Vec<&Cell> {
+    fn red(cells: &[StressCell]) -> Vec<&StressCell> {
         cells.iter().filter(|c| !c.is_ok()).collect()
     }
 

@@ -5,7 +5,7 @@ use crate::compare::{ray_text, triangle_text};
 use crate::oracle::ExactHit;
 use crate::stage::{ask, is_extreme, triangles};
 use crate::stress::scenes::StressScene;
-use crate::stress::stress_test::Answered;
+use crate::stress::stress_test::AnsweredScene;
 use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
 use geom::{Aabb, Hit, Ray, Triangle};
 use serde::Serialize;
@@ -16,10 +16,10 @@ const KEPT: usize = 4;
 
 /// A scene with rays and their exact hits.
 #[derive(Clone, Debug)]
-pub struct Batch {
+pub struct AuditBatch {
     /// Specification of the batch.
     pub spec: BatchSpec,
-    pub(super) answered: Answered,
+    pub(super) answered: AnsweredScene,
 }
 
 /// Counts of rays and wrong answers.
@@ -47,21 +47,21 @@ pub struct AuditCounts {
     pub first: Vec<String>,
 }
 
-impl Batch {
+impl AuditBatch {
     /// Traces all rays on a backend, for the closest hit and for any hit, and counts wrong answers.
     ///
     /// # Errors
     /// The subject failed, or does not support the method.
     pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
         let scene = &self.answered.scene;
-        let (closest, report) = scene.trace(subject, method)?;
-        let (any, _) = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?;
+        let closest = scene.trace(subject, method)?;
+        let any = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?.hits;
         let mut tally = AuditCounts {
-            settled: report.settled,
+            settled: closest.report.settled,
             ..AuditCounts::default()
         };
         let bounds = TBounds::of(scene);
-        let found = closest.closest.iter().zip(&any.blocked);
+        let found = closest.hits.closest.iter().zip(&any.blocked);
         for (number, (expected, (hit, &any))) in self.answered.exact.iter().zip(found).enumerate() {
             let wrong = hit.triangle != self.answered.triangle(number);
             let wrong_any = (any == 1) != expected.is_some();

@@ -1,7 +1,7 @@
 //! Compares millions of rays with the oracle, on meshes of many kinds, sizes and positions.
 //!
 //! An [`Audit`] divides its rays among [`BatchSpec`]s. Each is a scene at one moment with rays of every kind. Scene and
-//! rays of a batch depend only on the seed and the batch number, so that any batch can be generated alone. A [`Batch`]
+//! rays of a batch depend only on the seed and the batch number, so that any batch can be generated alone. A [`AuditBatch`]
 //! also holds the oracle's answers, which are computed once and compared with any number of backends.
 
 mod batch;
@@ -12,13 +12,13 @@ use crate::generate::scenes::{SceneKind, scenes};
 use crate::generate::strategies::sample;
 use crate::generate::{mixed, shares};
 use crate::stress::scenes::StressScene;
-use crate::stress::stress_test::Answered;
+use crate::stress::stress_test::AnsweredScene;
 use fastrand::Rng;
 use geom::Animation;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-pub use batch::{AuditCounts, Batch};
+pub use batch::{AuditBatch, AuditCounts};
 
 /// Maximum number of rays per batch, which is small so that rays are traced in many scenes.
 const MOST: u64 = 1 << 14;
@@ -79,7 +79,7 @@ impl Audit {
     }
 
     /// Generates a batch's scene and rays, and computes the exact answers, in parallel.
-    pub fn batch(&self, spec: &BatchSpec) -> Batch {
+    pub fn batch(&self, spec: &BatchSpec) -> AuditBatch {
         let seed = mixed(mixed(self.seed) ^ spec.number);
         let rng = &mut Rng::with_seed(seed);
         let animation = match SceneKind::ALL.get(spec.source) {
@@ -93,9 +93,9 @@ impl Audit {
         let aims = Aims::of(&scene.animation, scene.time);
         let ray = |i| Aims::pick(&aims, &sample(&turn(i), mixed(seed ^ (i + 1))));
         scene.rays = (0..spec.rays).into_par_iter().map(ray).collect();
-        Batch {
+        AuditBatch {
             spec: *spec,
-            answered: Answered::new(scene),
+            answered: AnsweredScene::new(scene),
         }
     }
 }

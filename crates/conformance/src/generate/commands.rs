@@ -1,0 +1,80 @@
+//! Commands that may precede a frame, in any order that the contract of backends permits.
+
+use super::strategies::each;
+use super::topologies::{LeafSplit, TreeDescription};
+use bvh_layout::Topology;
+use geom::Animation;
+use proptest::prelude::*;
+
+/// A command to a backend.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Command {
+    /// Traces the case's rays and reads all results. Computes boxes first if they are stale.
+    Frame,
+    /// Interpolates at one of the case's first three times.
+    Interpolate(usize),
+    /// Preprocesses without refitting.
+    Preprocess,
+    /// Computes boxes: preprocesses and refits.
+    Boxes,
+    /// Submits the recorded commands.
+    Submit,
+    /// Requests a copy of the positions.
+    Request,
+    /// Adopts another tree.
+    Adopt(NextTree),
+}
+
+/// A tree to adopt.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum NextTree {
+    /// Built at one of the case's first three times, with lists of moving elements.
+    Built(usize),
+    /// Built in the same way, without lists.
+    Plain(usize),
+    /// Split at random, with lists. The number decides its shape.
+    Random(u64),
+}
+
+/// Number of commands per case. About every fifth is a frame.
+const COMMANDS: usize = 28;
+
+/// Lists of commands. Shrinking removes commands.
+pub(crate) fn commands() -> impl Strategy<Value = Vec<Command>> {
+    let time = || 0..3_usize;
+    let tree = prop_oneof![
+        time().prop_map(NextTree::Built),
+        time().prop_map(NextTree::Plain),
+        any::<u64>().prop_map(NextTree::Random),
+    ];
+    let one = prop_oneof![
+        4 => Just(Command::Frame),
+        5 => time().prop_map(Command::Interpolate),
+        2 => Just(Command::Preprocess),
+        1 => Just(Command::Boxes),
+        3 => Just(Command::Submit),
+        2 => Just(Command::Request),
+        2 => tree.prop_map(Command::Adopt),
+    ];
+    each((0..COMMANDS).map(move |_| one.clone().no_shrink()))
+}
+
+impl NextTree {
+    /// Returns the tree. `built` builds one at one of the case's times.
+    pub(crate) fn tree(self, animation: &Animation, built: impl Fn(usize) -> Topology) -> Topology {
+        match self {
+            Self::Built(time) => built(time),
+            Self::Plain(time) => without_lists(&built(time)),
+            Self::Random(order) => {
+                let split = LeafSplit::Random;
+                let tree = TreeDescription { split, order }.tree(animation);
+                tree.with_moving(animation.static_parts())
+            }
+        }
+    }
+}
+
+/// Returns the same tree without lists of moving elements.
+pub(crate) fn without_lists(tree: &Topology) -> Topology {
+    Topology::from_words(tree.words().to_vec()).expect("its words were valid before")
+}

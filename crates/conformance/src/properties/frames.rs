@@ -1,0 +1,169 @@
+//! Frames after any commands. Backends skip work whose inputs have not changed, and static geometry.
+
+use super::Check;
+use crate::compare::{answers, lists, same_counts, same_point};
+use crate::generate::commands::{Command, without_lists};
+use crate::stage::{boxes_anew, fetch, next_positions, start, tree_at, vertices};
+use anyhow::{Context, Result, bail, ensure};
+use backend::{FrameReport, Generation, QueryKind, Ticket};
+use bvh_layout::Topology;
+use std::mem::take;
+
+/// Relative tolerance of tree costs, which are sums in single precision and in any order.
+pub(super) const COST_TOLERANCE: f64 = 1e-4;
+
+/// Tests that positions, boxes, counts, costs and hits of frames equal the reference's, whatever was recorded before.
+///
+/// Copies of positions must be those of the moment at which they were requested, and arrive in order.
+pub(super) fn after_commands(c: &mut Check<'_>) -> Result<()> {
+    let case = c.case;
+    let mut state = State {
+        tree: tree_at(&case.animation, case.times[0]),
+        generation: 1,
+        time: case.times[0],
+        is_stale: true,
+        is_recording: true,
+        requested: None,
+        copies: Vec::new(),
+    };
+    c.open(state.time)?;
+    c.interpolate(state.time)?;
+    for (i, &command) in case.commands.iter().chain([&Command::Frame]).enumerate() {
+        let recorded = state.record(c, command);
+        recorded.with_context(|| format!("{command:?} after {:?}", &case.commands[..i]))?;
+    }
+    match c.subject.take_positions()? {
+        None => Ok(()),
+        Some((ticket, _)) => bail!("positions of {ticket:?} came without a request"),
+    }
+}
+
+/// The state in which the commands so far leave a backend.
+struct State {
+    tree: Topology,
+    generation: u64,
+    /// Time of the positions.
+    time: f64,
+    /// Whether boxes must be computed before rays are traced.
+    is_stale: bool,
+    /// Whether commands were recorded after the last submission.
+    is_recording: bool,
+    /// Time of the positions that the next submission copies, if any.
+    requested: Option<f64>,
+    /// Copies that were not taken yet.
+    copies: Vec<RequestedCopy>,
+}
+
+/// A copy of positions that a submission contains.
+struct RequestedCopy {
+    ticket: Ticket,
+    time: f64,
+}
+
+impl State {
+    fn record(&mut self, c: &mut Check<'_>, command: Command) -> Result<()> {
+        let (animation, times) = (&c.case.animation, &c.case.times);
+        match command {
+            Command::Frame => return self.frame(c),
+            Command::Submit => return self.submit(c),
+            Command::Adopt(next) => {
+                // Trees are adopted between submissions.
+                self.submit(c)?;
+                self.tree = next.tree(animation, |time| tree_at(animation, times[time]));
+                self.generation += 1;
+                self.is_stale = true;
+                c.subject.adopt(&self.tree, Generation(self.generation))?;
+                return Ok(());
+            }
+            Command::Interpolate(time) => {
+                self.time = times[time];
+                self.is_stale = true;
+                c.interpolate(self.time)?;
+            }
+            Command::Preprocess => {
+                self.is_stale = true;
+                c.subject.preprocess()?;
+            }
+            Command::Boxes => {
+                self.is_stale = false;
+                boxes_anew(c.subject)?;
+            }
+            // A submission copies at most once.
+            Command::Request if self.requested.is_some() => {}
+            Command::Request => {
+                self.requested = Some(self.time);
+                c.subject.request_positions()?;
+            }
+        }
+        self.is_recording = true;
+        Ok(())
+    }
+
+    fn submit(&mut self, c: &mut Check<'_>) -> Result<()> {
+        if self.is_recording {
+            let ticket = c.subject.submit()?;
+            self.submitted(ticket);
+        }
+        Ok(())
+    }
+
+    fn submitted(&mut self, ticket: Ticket) {
+        self.is_recording = false;
+        let time = self.requested.take();
+        self.copies
+            .extend(time.map(|time| RequestedCopy { ticket, time }));
+    }
+
+    /// Traces a frame and compares all its results, and all copies of positions requested so far.
+    fn frame(&mut self, c: &mut Check<'_>) -> Result<()> {
+        let case = c.case;
+        if take(&mut self.is_stale) {
+            boxes_anew(c.subject)?;
+        }
+        let rays = c.rays();
+        let ticket = start(c.subject, rays, QueryKind::Closest)?;
+        self.submitted(ticket);
+        let found = fetch(c.subject, ticket)?;
+        let positions = c.subject.inspect().positions()?;
+        let formula = vertices(&case.animation, self.time);
+        lists("position of vertex", &positions, &formula, same_point)?;
+        let plain = without_lists(&self.tree);
+        let expected = c.reference.by_tree(case, c.method, &plain, self.time)?;
+        let boxes = c.subject.inspect().boxes()?;
+        lists("box of node", &boxes, &expected.boxes, PartialEq::eq)?;
+        same_counts(&found.report, &expected.traced.report)?;
+        // Areas may overflow or underflow in single precision if the scene is scaled.
+        if case.animation.scale_exponent() == 0 {
+            same_cost(&found.report, &expected.traced.report)?;
+        }
+        answers(
+            case,
+            self.time,
+            c.rays(),
+            &found.hits,
+            &expected.traced.hits,
+        )?;
+        for copy in take(&mut self.copies) {
+            let (ticket, points) = next_positions(c.subject)?;
+            let same = ticket == copy.ticket;
+            ensure!(same, "a copy is of {ticket:?}, expected {:?}", copy.ticket);
+            let formula = vertices(&case.animation, copy.time);
+            lists("copied vertex", &points, &formula, same_point)?;
+        }
+        Ok(())
+    }
+}
+
+/// Checks that a reported cost is right. A backend may report none.
+fn same_cost(found: &FrameReport, expected: &FrameReport) -> Result<()> {
+    let (found, expected) = (found.sah_cost, expected.sah_cost);
+    let is_right = |cost: f64| {
+        let ratio = expected.map(|expected| cost / expected);
+        ratio.is_some_and(|ratio| (ratio - 1.0).abs() <= COST_TOLERANCE)
+    };
+    ensure!(
+        found.is_none_or(is_right),
+        "the tree's cost is {found:?}, expected {expected:?}"
+    );
+    Ok(())
+}

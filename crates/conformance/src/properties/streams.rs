@@ -1,0 +1,62 @@
+//! Key frames that are read during playback.
+
+use super::Check;
+use crate::compare::{lists, same_point};
+use crate::stage::{next_positions, vertices};
+use anyhow::{Context, Result, ensure};
+use geom::Animation;
+use std::sync::Arc;
+
+/// Number of key frames in the stream, and number kept in memory.
+const KEYS: usize = 24;
+const WINDOW: usize = 8;
+const FRAMES: usize = 40;
+/// Number of frames in flight when the positions of one are read.
+const AHEAD: usize = 2;
+
+/// Tests that positions of a stream equal those of key frames in memory, in forward playback and at random times, with
+/// frames in flight.
+pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
+    let triangles = || c.case.animation.triangles().to_vec();
+    // The case's key frames repeated. Each moves the first vertex a little more.
+    let own = c.case.animation.all_keys()?;
+    let source = move |key: usize| {
+        let mut points = own[key % own.len()].to_vec();
+        if let Some(first) = points.first_mut() {
+            first[0] += key as f32;
+        }
+        Ok(points)
+    };
+    let keys = (0..KEYS).map(&source);
+    let held = Animation::new(keys.collect::<Result<_, _>>()?, triangles())?;
+    let streamed = Arc::new(Animation::streamed(
+        Arc::new(source),
+        [KEYS, WINDOW],
+        triangles(),
+    )?);
+    let times = times(c.case.chance);
+    c.subject.load(Arc::clone(&streamed), c.method)?;
+    let mut expected = Vec::new();
+    for i in 0..FRAMES + AHEAD {
+        if let Some(&time) = times.get(i) {
+            streamed.look_ahead(times[i..].iter().copied());
+            c.subject.interpolate(streamed.pose(time))?;
+            c.subject.request_positions()?;
+            expected.push((c.subject.submit()?, vertices(&held, time)));
+        }
+        if let Some((ticket, wanted)) = i.checked_sub(AHEAD).map(|i| &expected[i]) {
+            let (of, found) = next_positions(c.subject)?;
+            ensure!(of == *ticket, "positions of {of:?} came before {ticket:?}");
+            lists("vertex", &found, wanted, same_point).with_context(|| format!("{ticket:?}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the times of playback: the first half forward, the others random.
+fn times(chance: u64) -> Vec<f64> {
+    let (mut rng, end) = (fastrand::Rng::with_seed(chance), (KEYS - 1) as f64);
+    let forward = (0..FRAMES / 2).map(|i| end * i as f64 / (FRAMES / 2) as f64);
+    let anywhere = (0..FRAMES / 2).map(|_| end * rng.f64());
+    forward.chain(anywhere).collect()
+}
