@@ -67,7 +67,7 @@ impl Tracer {
             false => None,
         };
         let query = shading::query(shot);
-        let most = match colours.is_some() && current.joined.is_arriving() {
+        let most = match colours.is_some() && current.joined.is_streamed() {
             // The host shades with the animation's newest vertices, which a later frame would replace.
             true => 1,
             false => current.driver.most_under_way(&[query]),

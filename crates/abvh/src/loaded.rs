@@ -59,7 +59,7 @@ impl Loaded {
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, independent of the times of steps.
-        options.time_range = match joined.is_arriving() {
+        options.time_range = match joined.is_streamed() {
             true => [0.0, f64::MAX],
             false => options.time_range.map(|time| time.min(animation.end())),
         };

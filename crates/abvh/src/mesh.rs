@@ -119,7 +119,7 @@ impl Mesh {
             .map_err(Error::of_reading)?
             .len();
         check_triangles(triangles, first)?;
-        let animation = Animation::streamed(source, [keys, window], triangles.to_vec());
+        let animation = Animation::paged(source, keys, window, triangles.to_vec());
         let animation = animation.map_err(Error::of_reading)?;
         Ok(Self::animated(Arc::new(animation)))
     }

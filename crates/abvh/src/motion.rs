@@ -145,8 +145,8 @@ impl Joined {
     }
 
     /// Returns whether vertices arrive while the scene is traced.
-    pub(crate) fn is_arriving(&self) -> bool {
-        self.animation.is_arriving()
+    pub(crate) fn is_streamed(&self) -> bool {
+        self.animation.is_streamed()
     }
 
     /// Returns the newest vertices that were passed to the animation.
@@ -235,7 +235,7 @@ impl Joined {
     /// Allocates the vertices of future steps in memory that the device reads. Allocates all buffers that are in use at
     /// a time, because an allocation takes a driver milliseconds.
     pub(crate) fn prepare(&mut self, backend: &mut dyn Backend) -> Result<()> {
-        if self.is_arriving() {
+        if self.is_streamed() {
             let first = self.animation.first();
             self.next = copy_of(first, backend)?;
             // Besides the kept key frames, the tree builder may read two, and a copy in progress one.
@@ -253,7 +253,7 @@ impl Joined {
     /// Passes all changes to the animation. Returns the animation's time for a step at `time`.
     pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
-        if !self.is_arriving() {
+        if !self.is_streamed() {
             return Ok(time);
         }
         if self.blended.take() != Some(time) {
@@ -326,7 +326,7 @@ fn joined(meshes: &[Mesh], triangles: Vec<[u32; 3]>) -> Result<Animation> {
         let mark = |m: &Motion| std::iter::repeat_n(m.is_fixed(), m.first().len());
         let marks: Vec<bool> = motions().flat_map(mark).collect();
         let first = motions().flat_map(Motion::first).copied().collect();
-        return Animation::live(first, &marks, triangles).map_err(Error::of_keys);
+        return Animation::streamed(first, &marks, triangles).map_err(Error::of_keys);
     }
     let keys = motions().map(Motion::key_count).max().unwrap_or(1);
     let frame = |key| (motions().flat_map(|motion| motion.key(key)).copied()).collect();

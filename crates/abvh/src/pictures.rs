@@ -114,7 +114,7 @@ impl Joined {
         (camera, light): (&Camera, Point),
         (hits, rgba): (&backend::Hits, &mut Vec<u8>),
     ) -> Result<()> {
-        let time = match self.is_arriving() {
+        let time = match self.is_streamed() {
             true => self.animation.end(),
             false => time,
         };

@@ -185,7 +185,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(method) && k.suits(traits));
         engine.pipelines.begin(&engine.gpu, usual);
-        if animation.is_arriving() {
+        if animation.is_streamed() {
             let later = work::kernels_of_arriving_keys(method);
             let copies = D::COPIES.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));

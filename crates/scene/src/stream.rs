@@ -45,7 +45,7 @@ pub(crate) fn animation(
     let window = held(keys, vertices, options);
     if window < keys {
         let source = Arc::new(source);
-        return Ok(Animation::streamed(source, [keys, window], triangles)?);
+        return Ok(Animation::paged(source, keys, window, triangles)?);
     }
     let read = (0..keys).into_par_iter().map(source);
     // Collects all results before checking them. Otherwise the reported key frame would depend on thread timing.
