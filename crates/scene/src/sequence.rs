@@ -60,10 +60,8 @@ pub(crate) fn open(name: String, files: Vec<PathBuf>, options: &Options) -> Resu
     notes.extend(rounding.remark(path, &exact, options));
     let first = rounding.points(&exact);
     drop(exact);
-    let size = KeySize {
-        keys: files.len(),
-        vertices: kept.len(),
-    };
+    let (keys, vertices) = (files.len(), kept.len());
+    let size = KeySize { keys, vertices };
     check_keys(path, size, triangles.len(), options)?;
     let sequence = Arc::new(Sequence {
         stamps: files.iter().map(|_| OnceLock::new()).collect(),

@@ -47,12 +47,10 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let times = times(path, motion.span(), fps)?;
     let vertices = parts.iter().map(ClipPart::vertices).sum();
     let count: usize = parts.iter().map(|p| p.triangles.len()).sum();
-    let size = KeySize {
-        keys: times.len(),
-        vertices,
-    };
+    let keys = times.len();
+    let size = KeySize { keys, vertices };
     check_keys(path, size, count, options)?;
-    let all = vertices.saturating_mul(size.keys);
+    let all = vertices.saturating_mul(keys);
     within(path, "vertices in all key frames", all, MAX_POSITIONS)?;
     let skipped = drawn.skipped();
     let hint = skipped.iter().map(|note| format!("; {note}"));

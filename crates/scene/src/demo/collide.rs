@@ -1,7 +1,7 @@
 //! `demo:collide`: two soft bodies collide, flatten, separate and wobble away, while splinters burst out between them.
 
 use super::shapes::{cube, cube_cuts, onto_ball};
-use super::stage::{DemoPart, Floor, Trajectory, blend, rotation, shade};
+use super::stage::{DemoPart, Trajectory, blend, rotation, shade};
 use super::{between, direction, noise};
 use crate::Rgb;
 use glam::{DAffine3, DMat3, DVec3};
@@ -46,15 +46,9 @@ pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let cuts = cube_cuts(budget * 46 / 100);
     let mut parts: Vec<DemoPart> = BODIES.into_iter().map(|b| body(b, cuts)).collect();
     let left = budget.saturating_sub(24 * (cuts * cuts) as usize);
-    let floor = DemoPart::floor(
-        (left / 4).max(2),
-        Floor {
-            size: [10.0, 6.25],
-            colour: FLOOR,
-            noise_seed: 73,
-            noise_scale: 1.5,
-        },
-    );
+    let floor = DemoPart::floor((left / 4).max(2), [10.0, 6.25], FLOOR, |p| {
+        noise(73, p * 1.5)
+    });
     let splinters = left.saturating_sub(floor.len()) / 12;
     parts.push(floor);
     parts.extend((0..splinters as u64).map(splinter));

@@ -3,7 +3,7 @@
 //! Neighbouring pieces separate at random speeds, so a tree that is built for the intact ball soon becomes inefficient.
 
 use super::shapes::{DemoMesh, cube, onto_ball};
-use super::stage::{DemoPart, Floor, Trajectory, blend, shade};
+use super::stage::{DemoPart, Trajectory, blend, shade};
 use super::{between, direction, noise};
 use crate::Rgb;
 use glam::DVec3;
@@ -22,15 +22,9 @@ const FLOOR: Rgb = [214, 208, 198];
 
 /// Builds about `budget` triangles: `cells^3` pieces and a floor.
 pub(super) fn build(budget: usize) -> Vec<DemoPart> {
-    let floor = DemoPart::floor(
-        (budget / 100).max(2),
-        Floor {
-            size: [13.0, 13.0],
-            colour: FLOOR,
-            noise_seed: 51,
-            noise_scale: 1.5,
-        },
-    );
+    let floor = DemoPart::floor((budget / 100).max(2), [13.0, 13.0], FLOOR, |p| {
+        noise(51, p * 1.5)
+    });
     let budget = budget.saturating_sub(floor.len());
     let cells = cells_along(budget);
     let pieces = u64::from(cells).pow(3);

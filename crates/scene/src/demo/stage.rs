@@ -1,7 +1,6 @@
 //! Moving parts, their assembly into one animation, and ballistic fragments. Fragments are thrown, slowed by drag,
 //! tumble, and bounce until they rest on the floor.
 
-use super::noise;
 use super::shapes::{DemoMesh, sheet, sheet_size};
 use crate::mesh::joined_triangles;
 use crate::stream::KeySize;
@@ -61,31 +60,22 @@ impl DemoPart {
         Self::new(mesh.map(|p| p + DVec3::ZERO), colour, |_| |p| p)
     }
 
-    /// Creates a horizontal floor.
-    pub(super) fn floor(budget: usize, floor: Floor) -> Self {
-        let [width, depth] = floor.size;
+    /// Creates a horizontal floor with sides in metres. `noise` varies its colour.
+    pub(super) fn floor(
+        budget: usize,
+        [width, depth]: [f64; 2],
+        colour: Rgb,
+        noise: impl Fn(DVec3) -> f64 + Sync,
+    ) -> Self {
         let mesh = sheet(sheet_size(budget, width / depth), |u, v| {
             DVec3::new((u - 0.5) * width, 0.0, (v - 0.5) * depth)
         });
-        Self::still(mesh, |p| {
-            let speckle = noise(floor.noise_seed, p * floor.noise_scale);
-            shade(floor.colour, 0.05 * speckle)
-        })
+        Self::still(mesh, |p| shade(colour, 0.05 * noise(p)))
     }
 
     pub(super) fn len(&self) -> usize {
         self.mesh.triangles.len()
     }
-}
-
-/// Shape and colour of a floor.
-pub(super) struct Floor {
-    /// Side lengths in metres.
-    pub(super) size: [f64; 2],
-    pub(super) colour: Rgb,
-    /// Seed and frequency of the noise that varies the colour.
-    pub(super) noise_seed: u64,
-    pub(super) noise_scale: f64,
 }
 
 /// Combines all parts into an animation of `keys` key frames, evenly spaced over `0.0..=1.0`. Also returns one colour
@@ -112,10 +102,8 @@ pub(super) fn assemble(
         }
         Ok(frame)
     };
-    let size = KeySize {
-        keys: keys as usize,
-        vertices,
-    };
+    let keys = keys as usize;
+    let size = KeySize { keys, vertices };
     let animation = stream::animation(source, size, triangles, options)?;
     Ok((animation, colours))
 }

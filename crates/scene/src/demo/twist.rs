@@ -2,7 +2,7 @@
 
 use super::noise;
 use super::shapes::{capsule, sheet, sheet_size};
-use super::stage::{DemoPart, Floor, blend, rotation, shade, smoothstep};
+use super::stage::{DemoPart, blend, rotation, shade, smoothstep};
 use crate::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
@@ -24,15 +24,9 @@ const FLOOR: Rgb = [206, 208, 204];
 /// Builds about `budget` triangles: the cloth, a floor, and two bars if the budget is large enough.
 pub(super) fn build(budget: usize) -> Vec<DemoPart> {
     let bar = budget / 50;
-    let mut parts = vec![DemoPart::floor(
-        bar.max(2),
-        Floor {
-            size: [6.0, 4.0],
-            colour: FLOOR,
-            noise_seed: 64,
-            noise_scale: 2.0,
-        },
-    )];
+    let mut parts = vec![DemoPart::floor(bar.max(2), [6.0, 4.0], FLOOR, |p| {
+        noise(64, p * 2.0)
+    })];
     if bar >= 6 {
         parts.extend([-1.0, 1.0].map(|side| clamp_bar(bar, side)));
     }
