@@ -57,7 +57,7 @@ pub fn within(need: u64, free: Option<Free>) -> Result<(), NotEnough> {
 }
 
 /// Returns an empty list with capacity for `count` elements, or an error if the allocator refuses.
-pub fn room<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
+pub fn try_with_capacity<T>(count: usize) -> Result<Vec<T>, TryReserveError> {
     let mut list = Vec::new();
     list.try_reserve_exact(count)?;
     Ok(list)
@@ -103,7 +103,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let size = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
     check(size as u64).map_err(|e| io::Error::new(ErrorKind::OutOfMemory, e))?;
-    let mut bytes = room(size).map_err(io::Error::from)?;
+    let mut bytes = try_with_capacity(size).map_err(io::Error::from)?;
     file.read_to_end(&mut bytes)?;
     refuse_pointer(&bytes)?;
     Ok(bytes)

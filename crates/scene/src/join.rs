@@ -227,8 +227,8 @@ fn facts(scenes: &[Scene]) -> Facts {
     formats.dedup();
     let clips: Vec<&str> = facts().filter_map(|f| f.clip.as_deref()).collect();
     let notes = scenes.iter().flat_map(|s| {
-        let told = s.facts.notes.iter();
-        told.map(|note| format!("{}: {note}", s.name))
+        let notes = s.facts.notes.iter();
+        notes.map(|note| format!("{}: {note}", s.name))
     });
     Facts {
         format: formats.join("+"),
@@ -250,36 +250,45 @@ mod tests {
     const THERE: [&str; 6] = ["a.obj", "b.glb", "a+b.obj", "b@1,2,3", "c+", "demo:hall"];
 
     /// Name of an input, and its placement as translation and scale.
-    type Told<'a> = (&'a str, Option<(Position, f32)>);
+    type ParsedInput<'a> = (&'a str, Option<(Position, f32)>);
 
     fn exists(name: &str) -> bool {
         THERE.contains(&name)
     }
 
-    fn told(spec: &str) -> Vec<Told<'_>> {
+    fn parsed(spec: &str) -> Vec<ParsedInput<'_>> {
         let inputs = inputs(spec, &exists).unwrap();
         let place = |p: InputPlacement| (p.at, p.scale);
-        let told = inputs.iter().map(|i| (i.spec, i.place.map(place)));
-        told.collect()
+        let parsed = inputs.iter().map(|i| (i.spec, i.place.map(place)));
+        parsed.collect()
     }
 
     #[test]
     fn what_exists_wins_and_else_plus_and_at_part_names() {
-        assert_eq!(told("a.obj"), [("a.obj", None)]);
-        assert_eq!(told("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
-        assert_eq!(told("a+b.obj"), [("a+b.obj", None)]);
-        assert_eq!(told("a+b.obj+a.obj"), [("a+b.obj", None), ("a.obj", None)]);
-        assert_eq!(told("a.obj+a+b.obj"), [("a.obj", None), ("a+b.obj", None)]);
-        assert_eq!(told("c++b.glb"), [("c+", None), ("b.glb", None)]);
-        assert_eq!(told("b@1,2,3"), [("b@1,2,3", None)]);
+        assert_eq!(parsed("a.obj"), [("a.obj", None)]);
+        assert_eq!(parsed("a.obj+b.glb"), [("a.obj", None), ("b.glb", None)]);
+        assert_eq!(parsed("a+b.obj"), [("a+b.obj", None)]);
+        assert_eq!(
+            parsed("a+b.obj+a.obj"),
+            [("a+b.obj", None), ("a.obj", None)]
+        );
+        assert_eq!(
+            parsed("a.obj+a+b.obj"),
+            [("a.obj", None), ("a+b.obj", None)]
+        );
+        assert_eq!(parsed("c++b.glb"), [("c+", None), ("b.glb", None)]);
+        assert_eq!(parsed("b@1,2,3"), [("b@1,2,3", None)]);
         let at = Some(([1.0, -2.5, 300.0], 1.0));
-        assert_eq!(told("a.obj@1,-2.5,3e+2"), [("a.obj", at)]);
+        assert_eq!(parsed("a.obj@1,-2.5,3e+2"), [("a.obj", at)]);
         let placed = [("demo:hall", None), ("b.glb", Some(([0.0, 1.0, 0.0], 0.5)))];
-        assert_eq!(told("demo:hall+b.glb@0,1,0*0.5"), placed);
+        assert_eq!(parsed("demo:hall+b.glb@0,1,0*0.5"), placed);
         let again = [("b@1,2,3", Some(([4.0, 5.0, 6.0], 1.0))), ("a.obj", None)];
-        assert_eq!(told("b@1,2,3@4,5,6+a.obj"), again);
+        assert_eq!(parsed("b@1,2,3@4,5,6+a.obj"), again);
         // Inputs that do not exist keep their names as written, for the error message.
-        assert_eq!(told("x.obj+y@z.obj"), [("x.obj", None), ("y@z.obj", None)]);
+        assert_eq!(
+            parsed("x.obj+y@z.obj"),
+            [("x.obj", None), ("y@z.obj", None)]
+        );
         for nameless in ["a.obj+", "+", "+a.obj", "a.obj++b.glb", "@1,2,3"] {
             refused(inputs(nameless, &exists), &[nameless, "has no name"]);
         }

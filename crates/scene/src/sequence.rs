@@ -224,12 +224,12 @@ pub(crate) fn apply_times(directory: &Path, mut scene: Scene) -> Result<Scene> {
     let bad = |cause: String| SceneError::unusable(&path, cause);
     let times: TimesFile = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
     let files = &scene.facts.files;
-    let told = times.frames.iter().map(|f| f.file.as_str());
+    let listed = times.frames.iter().map(|f| f.file.as_str());
     let there = files.iter().map(|f| f.file_name().unwrap_or_default());
-    if !told.eq(there) {
-        let (told, there) = (times.frames.len(), files.len());
+    if !listed.eq(there) {
+        let (listed, there) = (times.frames.len(), files.len());
         return Err(bad(format!(
-            "it tells when {told} key frames are, but not of the {there} files beside it, in their order"
+            "it lists {listed} key frames, which are not the {there} files beside it in natural order"
         )));
     }
     let keys = times.frames.iter().map(|f| f.time).collect();

@@ -269,7 +269,7 @@ impl<'a> Elements<'a> {
     fn read<T: Clone>(&self, read: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
         let found = self.find().map_err(|e| self.wrong(e))?;
         let count = self.accessor.count.0;
-        let mut elements = host::room(count).map_err(|e| self.wrong(e))?;
+        let mut elements = host::try_with_capacity(count).map_err(|e| self.wrong(e))?;
         match found.own {
             Some(own) => elements.extend(own.map(&read)),
             None => elements.resize(count, read(&vec![0; self.size()])),

@@ -40,7 +40,7 @@ pub(crate) fn open(name: String, path: &Path, options: &Options) -> Result<Scene
     let mut notes = std::mem::take(&mut file.notes);
     let rig = Rig::new(&file)?;
     let drawn = Drawn::of(&file, &rig)?;
-    drawn.check_room(&file, options)?;
+    drawn.check_memory(&file, options)?;
     let parts = drawn.parts(&file, &mut notes)?;
     let clip = choose(&file, options, &mut notes)?;
     let motion = ClipMotion::of(&file, clip.map(|i| &file.document.animations[i]))?;

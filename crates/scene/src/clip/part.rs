@@ -101,7 +101,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// Refuses meshes that exceed the memory limit. A small file may show one mesh many times.
-    pub(super) fn check_room(&self, file: &GltfFile, options: &Options) -> Result<()> {
+    pub(super) fn check_memory(&self, file: &GltfFile, options: &Options) -> Result<()> {
         let mut bytes = 0_u64;
         for item in &self.items {
             let copies = rig::copies(file, item.index)? as u64;
