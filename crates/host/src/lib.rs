@@ -265,7 +265,7 @@ mod tests {
         assert!(check(1 << 22).is_ok());
         let e = check(1 << 60).unwrap_err();
         assert!(e.free.bytes < 1 << 60 && e.need == 1 << 60);
-        assert!(room::<u64>(usize::MAX / 8).is_err());
+        assert!(try_with_capacity::<u64>(usize::MAX / 8).is_err());
     }
 
     #[cfg(target_os = "linux")]
