@@ -195,7 +195,7 @@ impl Chart {
         self.span(FRAMES, "wait", [m.waited, m.seen], &frame);
         self.span(FRAMES, "read hits", [m.seen, m.read], &frame);
         self.span(FRAMES, "wait for files", waited, &frame);
-        if let Some(generation) = record.asked {
+        if let Some(generation) = record.requested {
             let args = json!({ "frame": record.frame.index, "generation": generation.0 });
             self.mark("ask", m.begun, &args);
         }
@@ -224,7 +224,7 @@ impl Chart {
         let moved = |bytes: u64| json!({ "generation": generation, "bytes": bytes });
         if tree.snapshot_bytes > 0 {
             let vertices = moved(tree.snapshot_bytes);
-            self.span(READBACK, "vertices", [m.asked, m.arrived], &vertices);
+            self.span(READBACK, "vertices", [m.requested, m.arrived], &vertices);
         }
         self.span(BUILDER, "build", [build.begun, build.built], &built);
         self.span(BUILDER, "cost", [build.built, build.weighed], &built);

@@ -33,7 +33,7 @@ pub struct FrameRecord {
     /// [`DriverOptions::predict`](crate::DriverOptions::predict) selected a later time.
     pub tree_age_frames: u64,
     /// Generation of the tree that this frame requested, if any.
-    pub asked: Option<Generation>,
+    pub requested: Option<Generation>,
     /// Tree that this frame adopted, if any.
     pub adopted: Option<Adopted>,
     /// Whether the backend built the tree within this frame.
@@ -64,7 +64,7 @@ impl FrameRecord {
             build_wait_ms: 0.0,
             tree_generation: Generation(0),
             tree_age_frames: 0,
-            asked: None,
+            requested: None,
             adopted: None,
             made: false,
             rejected: None,
@@ -158,7 +158,7 @@ pub struct Adopted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeMoments {
     /// A frame requested it.
-    pub asked: Instant,
+    pub requested: Instant,
     /// Its vertices were on the host; at once, if it was built from key frames.
     pub arrived: Instant,
     /// Times of the build.

@@ -6,7 +6,7 @@ pub(super) mod fake;
 
 use super::*;
 use crate::tree_builder::tests::{apart, row};
-use crate::tree_builder::{Built, TreeBuilder, Vertices};
+use crate::tree_builder::{BuildInput, Built, TreeBuilder, Vertices};
 use backend::{QueryKind, Rays};
 use bvh_build::{BuildError, Cancel};
 use fake::{Fake, Gate, Log};
@@ -29,7 +29,8 @@ fn shuffled(keys: usize, n: u32) -> Arc<Animation> {
 fn tree_at(animation: &Animation, time: f64, toward: Option<Point>) -> Vec<u32> {
     let mut builder = TreeBuilder::default();
     builder.order_toward(toward);
-    words(builder.build(animation, (at(animation, time), None), &Cancel::new()))
+    let input = BuildInput::of(at(animation, time));
+    words(builder.build(animation, input, &Cancel::new()))
 }
 
 fn at(animation: &Animation, time: f64) -> Vertices {
@@ -106,7 +107,7 @@ fn render(
     let log = Arc::clone(&fake.log);
     let mut driver = driver(fake, animation, by).unwrap();
     let records = play(&mut driver, times, rest);
-    let built = driver.builder_thread.is_open();
+    let built = driver.builder.is_open();
     drop(driver);
     Run {
         records,
@@ -318,14 +319,14 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
             assert!(device.is_sorted() && r.traced.seen == m.seen);
             let Some(tree) = r.adopted else { continue };
             let (t, b) = (tree.moments, tree.moments.build);
-            let [before, after] = [[t.asked, t.arrived], [t.taken, t.adopted]];
+            let [before, after] = [[t.requested, t.arrived], [t.taken, t.adopted]];
             let build = [b.begun, b.built, b.weighed, b.ended];
             let way = [&before[..], &build, &after, &[m.submitted]].concat();
             assert!(way.is_sorted() && m.begun <= t.taken, "{update:?} {i}");
             assert_eq!((tree.triangles, tree.snapshot_bytes), (2, 72));
             let asking = &records[i - r.tree_age_frames as usize];
-            assert_eq!(asking.asked, Some(r.tree_generation));
-            assert!(asking.moments.begun <= t.asked && t.asked <= asking.moments.submitted);
+            assert_eq!(asking.requested, Some(r.tree_generation));
+            assert!(asking.moments.begun <= t.requested && t.requested <= asking.moments.submitted);
         }
     }
 }

@@ -17,7 +17,7 @@ impl TreeBuilder {
         cancel: &Cancel,
     ) -> Result<(), BuildError> {
         let groups = self.degradation.strategy() == BuildStrategy::Subtrees && !self.forms.blocks;
-        if !groups || !self.holds_all_of(animation) {
+        if !groups || !self.has_all_triangles_of(animation) {
             return Ok(());
         }
         for _ in 0..ROUNDS {
