@@ -264,9 +264,9 @@ impl Loaded {
 
     fn statistics(&self, record: &FrameRecord) -> Statistics {
         Statistics {
-            generation: self.trees_before + record.tree_generation.0,
-            age: record.tree_age_frames,
-            cost_ratio: record.sah_ratio,
+            generation: self.trees_before + record.tree.generation.0,
+            age: record.tree.age_frames,
+            cost_ratio: record.tree.sah_ratio,
             building: self.driver.is_building(),
             inactive: record.report.inactive,
             degenerate: record.report.degenerate,

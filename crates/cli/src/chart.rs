@@ -410,7 +410,7 @@ fn tallies(points: &mut [Measured]) -> Vec<Tally> {
 
 fn timed(scene: &str, row: &Row, command: String) -> Point {
     let frames = row.later_frames();
-    let spread = || frames.iter().filter_map(bench::frame_ms);
+    let spread = || frames.iter().map(bench::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
     let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));

@@ -5,11 +5,11 @@ use crate::choose::Ask;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 use backend::{
-    BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query, QueryKind, Rays,
+    BackendError, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy, Query, QueryKind, Rays,
 };
 use geom::{Animation, Ray};
 use output::FrameStats;
-use pipeline::{Answers, Frame, Wanted, WarmUp, Warmed, unhittable_at};
+use pipeline::{Answers, Frame, TreeStats, Wanted, WarmUp, Warmed, unhittable_at};
 use rivals::{Known, Rival, Upkeep};
 use std::fmt;
 use std::sync::Arc;
@@ -111,7 +111,7 @@ impl Running {
             stats.push(self.stats(
                 frame,
                 number,
-                FrameStats::of_report(frame, &report, wall_ms),
+                FrameStats::of_report(frame, report, wall_ms),
             ));
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
@@ -123,7 +123,8 @@ impl Running {
         for frame in &mut stats {
             let moment = self.animation.at(frame.time).map_err(Stop::bad)?;
             // Rivals do not count these.
-            [frame.inactive, frame.degenerate] = unhittable_at(&moment).map(|count| count as u64);
+            let report = &mut frame.report;
+            [report.inactive, report.degenerate] = unhittable_at(&moment).map(|count| count as u64);
         }
         Ok(Frames {
             setup: self.setup(),
@@ -152,10 +153,12 @@ impl Running {
         let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
         FrameStats {
-            time: frame.time,
-            tree_generation: number as u64 + 1 - age,
-            tree_age_frames: age,
-            adopted: is_new,
+            tree: TreeStats {
+                generation: Generation(number as u64 + 1 - age),
+                age_frames: age,
+                adopted: is_new,
+                ..TreeStats::default()
+            },
             device_bytes: self.rival.device_bytes().map(DeviceBytes::total),
             ..stats
         }

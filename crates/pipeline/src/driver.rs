@@ -46,7 +46,7 @@ pub struct DriverOptions {
 struct Pending {
     ticket: Ticket,
     record: FrameRecord,
-    /// Divisor of the refitted cost in [`FrameRecord::sah_ratio`]; `None` if the tree was built for the frame's pose.
+    /// Divisor of the refitted cost in [`TreeStats::sah_ratio`](crate::TreeStats::sah_ratio); `None` if the tree was built for the frame's pose.
     cost_before: Option<f64>,
 }
 
@@ -240,8 +240,8 @@ impl Driver {
         let tree = current.expect("a frame is traced with a tree");
         let recording = &mut self.recording;
         let mut record = recording.record.clone();
-        record.tree_generation = tree.generation;
-        record.tree_age_frames = recording.number - tree.frame;
+        record.tree.generation = tree.generation;
+        record.tree.age_frames = recording.number - tree.frame;
         record.moments.submitted = Instant::now();
         self.pending.push_back(Pending {
             ticket,
@@ -305,7 +305,7 @@ impl Driver {
             Some(_) => return Ok(moved),
         };
         self.backend.rebuild(generation)?;
-        self.recording.record.made = true;
+        self.recording.record.tree.adopted = true;
         self.trees.current = Some(CurrentTree {
             generation,
             frame: self.recording.number,

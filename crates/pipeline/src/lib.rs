@@ -23,7 +23,7 @@ pub use builder_thread::BuilderThreads;
 pub use device_clock::{Span, place_on_host};
 pub use driver::{Answers, Driver, DriverOptions, LOOK_AHEAD, Wanted, WarmUp, Warmed, warm_up};
 pub use error::PipelineError;
-pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments};
+pub use frame::{Adopted, Frame, FrameMoments, FrameRecord, Submission, TreeMoments, TreeStats};
 pub use motion::{Decay, Motion, RefitDecay, Spread, decay, motion, unhittable, unhittable_at};
 pub use policy::RunFacts;
 pub use resources::{ExpectedMemory, TREE_BYTES, Threads, trees_bytes};

@@ -152,7 +152,7 @@ fn comparable(a: &Row, b: &Row) -> bool {
 fn over(run: &Row, rival: &Row) -> [Option<f64>; 2] {
     let over = |a: Option<f64>, b: Option<f64>| Some(a? / b.filter(|&b| b > 0.0)?);
     let device = |r: &Row| {
-        let ms = r.later_frames().iter().filter_map(frame_ms);
+        let ms = r.later_frames().iter().map(frame_ms);
         output::Summary::of(ms).map(|s| s.median)
     };
     let wall = |r: &Row| r.median("wall_ms");

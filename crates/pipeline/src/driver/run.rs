@@ -98,7 +98,7 @@ impl Driver {
         self.poll_builder()?;
         let mut record = pending.record;
         record.device_bytes = self.backend.device_bytes();
-        record.sah_ratio = report.sah_cost.map(|now| {
+        record.tree.sah_ratio = report.sah_cost.map(|now| {
             let before = pending.cost_before.filter(|&c| c > 0.0);
             before.map_or(1.0, |before| now / before)
         });

@@ -144,8 +144,8 @@ fn a_scene_at_rest_starts_no_builder_and_does_no_geometry_work() {
         assert!(!r.built);
         assert_eq!((r.log.interpolated, r.log.refitted), (1, 1), "{update:?}");
         assert_eq!(r.records.len(), 5);
-        assert_eq!(r.records[4].tree_age_frames, 4);
-        assert_eq!(r.records[4].sah_ratio, Some(1.0));
+        assert_eq!(r.records[4].tree.age_frames, 4);
+        assert_eq!(r.records[4].tree.sah_ratio, Some(1.0));
     }
 }
 
@@ -154,9 +154,9 @@ fn rebuild_traces_each_frame_with_its_own_tree() {
     for update in [Policy::Rebuild, Policy::Lockstep(0)] {
         let r = run(9, 8, update, Some(3));
         assert!(!r.built);
-        let own = |f: &FrameRecord| f.tree_age_frames == 0 && f.adopted.is_some();
+        let own = |f: &FrameRecord| f.tree.age_frames == 0 && f.adopted.is_some();
         assert!(r.records.iter().all(own));
-        let generations: Vec<_> = r.records.iter().map(|f| f.tree_generation.0).collect();
+        let generations: Vec<_> = r.records.iter().map(|f| f.tree.generation.0).collect();
         assert_eq!(generations, [1, 2, 3, 4, 5, 6, 7, 8]);
         assert_eq!(r.log.interpolated, 8, "once a frame");
     }
@@ -168,11 +168,11 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
     assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
-    let own = |f: &FrameRecord| f.made && f.tree_age_frames == 0 && f.sah_ratio == Some(1.0);
+    let own = |f: &FrameRecord| f.tree.adopted && f.tree.age_frames == 0 && f.tree.sah_ratio == Some(1.0);
     assert!(r.records.iter().all(own));
     let r = run(1, 5, Policy::DeviceRebuild, Some(0));
     assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
-    assert!(r.records[0].made && !r.records[1].made);
+    assert!(r.records[0].tree.adopted && !r.records[1].tree.adopted);
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn lockstep_swaps_k_frames_after_asking() {
                 0 => (1, n),
                 cycle => (1 + cycle, n - (1 + (cycle - 1) * k)),
             };
-            let found = (f.tree_generation.0, f.tree_age_frames);
+            let found = (f.tree.generation.0, f.tree.age_frames);
             assert_eq!(found, expected, "k {k} frame {n}");
         }
     }
@@ -195,9 +195,9 @@ fn lockstep_swaps_k_frames_after_asking() {
 fn a_free_builder_is_heard_and_frames_go_on_while_vertices_are_under_way_for_ever() {
     // On busy cores the builder needs many frames.
     let r = run(60, 200, Policy::Async, Some(2));
-    let generations = r.records.iter().map(|f| f.tree_generation);
+    let generations = r.records.iter().map(|f| f.tree.generation);
     assert!(r.built && generations.is_sorted());
-    assert!(r.records[199].tree_generation > Generation(3));
+    assert!(r.records[199].tree.generation > Generation(3));
     assert!(r.records.iter().filter(|f| f.adopted.is_some()).count() > 3);
     let r = run(60, 50, Policy::Async, None);
     assert_eq!(r.records.len(), 50);
@@ -274,7 +274,7 @@ fn frames_go_on_while_the_builder_waits_for_them() {
     for r in &records[1..] {
         let Some(tree) = r.adopted else { continue };
         adopted += 1;
-        assert!(r.tree_age_frames >= 20, "{r:?}");
+        assert!(r.tree.age_frames >= 20, "{r:?}");
         let (handed_over, ended) = (tree.moments.arrived, tree.moments.build.ended);
         let beside = |f: &&FrameRecord| handed_over < f.moments.begun && f.moments.seen < ended;
         assert!(records.iter().filter(beside).count() >= 17, "{r:?}");
@@ -289,7 +289,7 @@ fn only_those_who_want_a_tree_of_their_own_or_a_fixed_age_wait_for_it() {
     let refit = run(30, 20, Policy::Refit, Some(0));
     assert!(!refit.built && refit.log.adopted == [Generation(1)]);
     assert_eq!(
-        (refit.records[19].tree_age_frames, refit.log.refitted),
+        (refit.records[19].tree.age_frames, refit.log.refitted),
         (19, 20)
     );
     assert!(refit.records[1..].iter().all(|r| r.build_wait_ms == 0.0));
@@ -310,7 +310,7 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
         let records = run(60, 50, update, Some(2)).records;
         let mut newest = Generation(0);
         for (i, r) in records.iter().enumerate() {
-            let before = std::mem::replace(&mut newest, r.tree_generation);
+            let before = std::mem::replace(&mut newest, r.tree.generation);
             assert_eq!(newest > before, r.adopted.is_some(), "{update:?} {i}");
             let m = r.moments;
             let host = [m.begun, m.submitted, m.waited, m.seen, m.read];
@@ -324,8 +324,8 @@ fn moments_come_in_order_and_each_tree_adopted_was_asked_for() {
             let way = [&before[..], &build, &after, &[m.submitted]].concat();
             assert!(way.is_sorted() && m.begun <= t.taken, "{update:?} {i}");
             assert_eq!((tree.triangles, tree.snapshot_bytes), (2, 72));
-            let asking = &records[i - r.tree_age_frames as usize];
-            assert_eq!(asking.requested, Some(r.tree_generation));
+            let asking = &records[i - r.tree.age_frames as usize];
+            assert_eq!(asking.requested, Some(r.tree.generation));
             assert!(asking.moments.begun <= t.requested && t.requested <= asking.moments.submitted);
         }
     }

@@ -299,7 +299,9 @@ impl Driver {
                 self.trees.pause.adopted(number, frames, cost_ratio);
             }
             Some(Decided::Reject(tree, costlier_at)) => {
-                self.recording.record.rejected = Some(tree.request.generation);
+                let record = &mut self.recording.record;
+                record.rejected = Some(tree.request.generation);
+                record.tree.rejected = true;
                 // A tree that was dropped early, or evaluated at another pose, gives no information about its pose.
                 self.trees.no_better_at = costlier_at.filter(|&pose| pose == tree.request.pose);
                 self.builder.discard(tree.built.topology);
@@ -365,11 +367,13 @@ impl Driver {
             target_time: request.target_time,
             cost: built.cost,
         });
-        self.recording.record.adopted = Some(Adopted {
+        let record = &mut self.recording.record;
+        record.tree.adopted = true;
+        record.tree.build_ms = Some(ms(moments.built - moments.begun));
+        record.tree.convert_ms = Some(ms(moments.ended - moments.weighed));
+        record.tree.upload_bytes = built.topology.upload_bytes() as u64;
+        record.adopted = Some(Adopted {
             latency_frames: latency.unwrap_or(0),
-            build_ms: ms(moments.built - moments.begun),
-            convert_ms: ms(moments.ended - moments.weighed),
-            upload_bytes: built.topology.upload_bytes() as u64,
             snapshot_bytes: vertices.bytes,
             triangles: built.topology.leaf_count(),
             built_for: request.pose,

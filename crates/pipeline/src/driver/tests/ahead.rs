@@ -130,7 +130,7 @@ fn the_second_tree_is_asked_for_once_the_pace_is_known_and_built_ahead() {
         .find(|r| r.requested.is_some())
         .unwrap();
     assert_eq!(asked.frame.index, 3);
-    let second = |r: &&FrameRecord| r.tree_generation == Generation(2);
+    let second = |r: &&FrameRecord| r.tree.generation == Generation(2);
     // It may have been rejected.
     if let Some(tree) = run.records.iter().find(second).and_then(|r| r.adopted) {
         assert!(moment(&tree) >= asked.frame.time + 0.5, "{tree:?}");
@@ -180,7 +180,7 @@ fn a_tree_is_adopted_if_it_costs_less_than_the_current_one_whoever_knows_the_ver
         assert!(rejected.is_sorted() && run.log.adopted.len() > 1);
         for record in &run.records {
             assert!(record.rejected.is_none() || record.adopted.is_none());
-            assert!(!rejected.contains(&record.tree_generation));
+            assert!(!rejected.contains(&record.tree.generation));
         }
         // The last evaluation decides.
         for (generation, [candidate, current]) in &run.log.evaluated {
