@@ -34,6 +34,14 @@ pub(crate) struct Loaded {
     pub(crate) host_colours: Option<Option<Arc<[Colour]>>>,
 }
 
+/// Queries of a step that are begun together.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    /// One for each query.
+    pub(crate) ids: &'a [QueryId],
+    pub(crate) queries: &'a [Query<'a>],
+}
+
 /// The location of a query's result.
 pub(crate) struct Answer {
     pub(crate) query: QueryId,
@@ -59,9 +67,10 @@ impl Loaded {
         let mut joined = Joined::of(meshes)?;
         let animation = Arc::clone(&joined.animation);
         // Key frames that arrive are numbered from 0 on, independent of the times of steps.
-        options.time_range = match joined.is_arriving() {
-            true => [0.0, f64::MAX],
-            false => options.time_range.map(|time| time.min(animation.end())),
+        options.time_range = if joined.is_arriving() {
+            [0.0, f64::MAX]
+        } else {
+            options.time_range.map(|time| time.min(animation.end()))
         };
         let driver = Driver::new(backend, animation, options, builders.clone());
         let mut driver = driver.map_err(Error::of_driver)?;
@@ -127,12 +136,14 @@ impl Loaded {
     pub(crate) fn begin(
         &mut self,
         time: f64,
-        (ids, queries): (&[QueryId], &[Query<'_>]),
+        batch: Batch<'_>,
         last: &mut Option<Statistics>,
     ) -> Result<()> {
+        let Batch { ids, queries } = batch;
         if queries.len() > 1 && !self.driver.backend().traces_together(queries) {
             let mut each = ids.chunks(1).zip(queries.chunks(1));
-            return each.try_for_each(|one| self.begin(time, one, last));
+            return each
+                .try_for_each(|(ids, queries)| self.begin(time, Batch { ids, queries }, last));
         }
         while self.under_way.len() >= self.driver.most_under_way(queries) {
             self.finish(last)?;
@@ -241,14 +252,15 @@ impl Loaded {
 
     /// Waits for the oldest submission in flight.
     fn finish(&mut self, last: &mut Option<Statistics>) -> Result<()> {
-        let finished = self.take((Wanted::default(), &mut Answers::default()), last);
+        let finished = self.take(Wanted::default(), &mut Answers::default(), last);
         finished.map(drop)
     }
 
     /// Waits for the oldest submission in flight, and takes the results selected by `wanted`.
     pub(crate) fn take(
         &mut self,
-        (wanted, answers): (Wanted, &mut Answers),
+        wanted: Wanted,
+        answers: &mut Answers,
         last: &mut Option<Statistics>,
     ) -> Result<FrameRecord> {
         self.under_way.pop_front();

@@ -159,10 +159,11 @@ impl Joined {
     pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
             if self.meshes[mesh].motion.is_live() {
-                let first = match mesh < but {
-                    true => self.vertices[mesh],
+                let first = if mesh < but {
+                    self.vertices[mesh]
+                } else {
                     // The distance from the end is the same in both scenes.
-                    false => other.len() - (self.next.len() - self.vertices[mesh]),
+                    other.len() - (self.next.len() - self.vertices[mesh])
                 };
                 set(self.vertices_of(mesh), |v| other[first + v]);
             }

@@ -1,5 +1,6 @@
 //! Steps: the positions of meshes at one time, and the queries traced there.
 
+use crate::loaded::Batch;
 use crate::motion::{Motion, moved};
 use crate::tracer::State;
 use crate::vertices::{copy, set};
@@ -216,7 +217,11 @@ impl Step<'_> {
         let id = self.next_id();
         let kind = query.kind();
         let asked = backend::Query { rays, kind };
-        let begun = self.tracer.begin(self.time, (&[id], &[asked]));
+        let batch = Batch {
+            ids: &[id],
+            queries: &[asked],
+        };
+        let begun = self.tracer.begin(self.time, batch);
         self.keep_if(id, begun)
     }
 
@@ -268,9 +273,14 @@ impl Step<'_> {
         let (ids, queries): (Vec<_>, Vec<_>) = queries.unzip();
         #[cfg(feature = "wgpu")]
         self.tracer.current.lend_rays(&self.deferred);
-        match queries.is_empty() {
-            true => Ok(()),
-            false => self.tracer.begin(self.time, (&ids, &queries)),
+        if queries.is_empty() {
+            Ok(())
+        } else {
+            let batch = Batch {
+                ids: &ids,
+                queries: &queries,
+            };
+            self.tracer.begin(self.time, batch)
         }
     }
 }
@@ -283,13 +293,14 @@ pub(crate) fn apart(are_apart: bool) -> Result<()> {
 }
 
 pub(crate) fn check(mesh: MeshId, what: &'static str, expected: usize, found: usize) -> Result<()> {
-    match expected == found {
-        true => Ok(()),
-        false => Err(Error::Count {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(Error::Count {
             mesh,
             what,
             expected,
             found,
-        }),
+        })
     }
 }

@@ -5,7 +5,8 @@ use crate::choose::Ask;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 use backend::{
-    BackendError, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy, Query, QueryKind, Rays,
+    BackendError, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy, Query,
+    QueryKind, Rays,
 };
 use geom::{Animation, Ray};
 use output::FrameStats;
@@ -108,11 +109,7 @@ impl Running {
             let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
             let bytes = self.rival.device_bytes();
             held = held.into_iter().chain(bytes).max_by_key(|b| b.total());
-            stats.push(self.stats(
-                frame,
-                number,
-                FrameStats::of_report(frame, report, wall_ms),
-            ));
+            stats.push(self.stats(frame, number, FrameStats::of_report(frame, report, wall_ms)));
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
                 warmed = WarmUp::begin(warm_up, kind)

@@ -155,7 +155,11 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), OutputError
 #[must_use]
 pub fn trees(frames: &[FrameStats]) -> String {
     let adopted = frames.iter().filter(|f| f.tree.adopted).count();
-    let newest = frames.iter().map(|f| f.tree.generation.0).max().unwrap_or(0);
+    let newest = frames
+        .iter()
+        .map(|f| f.tree.generation.0)
+        .max()
+        .unwrap_or(0);
     let ages = Summary::of(frames.iter().map(|f| f.tree.age_frames as f64));
     let ratios = Summary::of(frames.iter().filter_map(|f| f.tree.sah_ratio));
     let rejected = frames.iter().filter(|f| f.tree.rejected).count();
@@ -189,7 +193,9 @@ pub fn rates(frames: &[FrameStats], pixels: usize) -> String {
     let primary = rate(&|_| pixels, |f| f.report.times.trace_primary_ms);
     let shadow = rate(&|f| f.report.hits, |f| f.report.times.trace_shadow_ms);
     if shadow.is_none() && frames.iter().any(|f| f.report.blocked > 0) {
-        let both = rate(&|f| pixels + f.report.hits, |f| f.report.times.trace_primary_ms);
+        let both = rate(&|f| pixels + f.report.hits, |f| {
+            f.report.times.trace_primary_ms
+        });
         return format!("rays: {} M/s, primary and shadow together\n", show(both));
     }
     let [primary, shadow] = [primary, shadow].map(show);

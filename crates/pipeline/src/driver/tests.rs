@@ -168,7 +168,8 @@ fn device_rebuild_has_each_frame_make_its_own_tree_and_nobody_builds() {
     assert!(!r.built && r.log.adopted.is_empty() && r.log.requested == 0);
     assert_eq!(r.log.made, (1..9).map(Generation).collect::<Vec<_>>());
     assert_eq!(r.log.interpolated, 8);
-    let own = |f: &FrameRecord| f.tree.adopted && f.tree.age_frames == 0 && f.tree.sah_ratio == Some(1.0);
+    let own =
+        |f: &FrameRecord| f.tree.adopted && f.tree.age_frames == 0 && f.tree.sah_ratio == Some(1.0);
     assert!(r.records.iter().all(own));
     let r = run(1, 5, Policy::DeviceRebuild, Some(0));
     assert_eq!((r.log.made.len(), r.log.interpolated), (1, 1));
