@@ -12,7 +12,19 @@ use std::mem::discriminant;
 use std::sync::Arc;
 
 /// The properties of a query that its kernels depend on: the camera, if any, and the kind.
-pub(crate) type Asked = (Option<Camera>, QueryKind);
+#[derive(Clone)]
+pub(crate) struct QueryForm {
+    camera: Option<Camera>,
+    kind: QueryKind,
+}
+
+impl QueryForm {
+    /// Returns whether both need the same kernels. The position of a light does not matter.
+    fn is_like(&self, other: &Self) -> bool {
+        let form = |of: &Self| (of.camera.is_some(), discriminant(&of.kind));
+        form(self) == form(other)
+    }
+}
 
 pub(crate) struct Loaded {
     pub(crate) driver: Driver,
@@ -20,7 +32,7 @@ pub(crate) struct Loaded {
     pub(crate) update: Update,
     pub(crate) builders: BuilderThreads,
     /// One query of each kind that was traced so far.
-    pub(crate) asked: Vec<Asked>,
+    pub(crate) traced_forms: Vec<QueryForm>,
     /// Number of trees of the scenes before this one.
     trees_before: u64,
     /// Submissions that are not known to be done, oldest first.
@@ -80,7 +92,7 @@ impl Loaded {
             joined,
             update: options.update,
             builders,
-            asked: Vec::new(),
+            traced_forms: Vec::new(),
             trees_before: 0,
             under_way: VecDeque::new(),
             results: VecDeque::new(),
@@ -95,12 +107,16 @@ impl Loaded {
 
     /// Builds the first tree for `time`, and prepares everything that such queries need, by tracing one ray of each
     /// kind.
-    pub(crate) fn warm_up(&mut self, time: f64, asked: &[Asked]) -> Result<()> {
+    pub(crate) fn warm_up(&mut self, time: f64, forms: &[QueryForm]) -> Result<()> {
         let ray = [Ray::new([0.0; 3], [0.0, 0.0, 1.0])];
         // The first tree is built for the first query.
-        let list = [(None, QueryKind::Closest)];
-        for &(camera, kind) in if asked.is_empty() { &list } else { asked } {
-            let pixel = camera.map(|camera| Camera {
+        let list = [QueryForm {
+            camera: None,
+            kind: QueryKind::Closest,
+        }];
+        for form in if forms.is_empty() { &list } else { forms } {
+            let kind = form.kind;
+            let pixel = form.camera.map(|camera| Camera {
                 width: 1,
                 height: 1,
                 ..camera
@@ -120,7 +136,7 @@ impl Loaded {
         self.follow_on_device(before, but)?;
         #[cfg(feature = "vulkan")]
         self.follow_external(before, but)?;
-        self.asked.clone_from(&before.asked);
+        self.traced_forms.clone_from(&before.traced_forms);
         self.trees_before = before.trees_before + before.driver.generation().0;
         Ok(())
     }
@@ -128,7 +144,7 @@ impl Loaded {
     /// Returns the newest vertices of all meshes, including changes since the last query.
     fn settle(&mut self) -> Result<KeyFrame> {
         let time = self.joined.time;
-        self.joined.tell(self.driver.backend(), time)?;
+        self.joined.push_changes(self.driver.backend(), time)?;
         self.joined.newest()
     }
 
@@ -186,7 +202,7 @@ impl Loaded {
         }
         self.keep_results();
         let backend = self.driver.backend();
-        let time = self.joined.tell(backend, time)?;
+        let time = self.joined.push_changes(backend, time)?;
         let begun = self.driver.begin(Frame { index: 0, time }, queries);
         let begun = begun.map_err(Error::of_driver);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
@@ -216,11 +232,12 @@ impl Loaded {
             Rays::Camera(camera) => Some(*camera),
             Rays::List(_) | Rays::OnDevice(_) => None,
         };
-        // The position of the light does not matter.
-        let form = |(camera, kind): &Asked| (camera.is_some(), discriminant(kind));
-        let asked = (camera, query.kind);
-        if !self.asked.iter().any(|other| form(other) == form(&asked)) {
-            self.asked.push(asked);
+        let form = QueryForm {
+            camera,
+            kind: query.kind,
+        };
+        if !self.traced_forms.iter().any(|other| form.is_like(other)) {
+            self.traced_forms.push(form);
         }
     }
 
@@ -410,6 +427,6 @@ mod tests {
             step.render(&camera, [i as f32, 1.0, 0.0]).unwrap();
             step.submit().unwrap();
         }
-        assert_eq!(tracer.state().current.asked.len(), 1);
+        assert_eq!(tracer.state().current.traced_forms.len(), 1);
     }
 }

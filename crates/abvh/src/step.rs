@@ -112,7 +112,7 @@ pub(crate) enum Deferred {
 }
 
 impl Deferred {
-    pub(crate) fn asked(&self, query: Query) -> backend::Query<'_> {
+    pub(crate) fn query(&self, query: Query) -> backend::Query<'_> {
         let rays = match self {
             Self::Camera(camera) => Rays::Camera(camera),
             #[cfg(feature = "wgpu")]
@@ -216,10 +216,10 @@ impl Step<'_> {
         }
         let id = self.next_id();
         let kind = query.kind();
-        let asked = backend::Query { rays, kind };
+        let query = backend::Query { rays, kind };
         let batch = Batch {
             ids: &[id],
-            queries: &[asked],
+            queries: &[query],
         };
         let begun = self.tracer.begin(self.time, batch);
         self.keep_if(id, begun)
@@ -269,7 +269,7 @@ impl Step<'_> {
 
     pub(crate) fn begin_deferred(&mut self) -> Result<()> {
         let deferred = self.deferred.iter();
-        let queries = deferred.map(|(id, rays, query)| (*id, rays.asked(*query)));
+        let queries = deferred.map(|(id, rays, query)| (*id, rays.query(*query)));
         let (ids, queries): (Vec<_>, Vec<_>) = queries.unzip();
         #[cfg(feature = "wgpu")]
         self.tracer.current.lend_rays(&self.deferred);

@@ -167,8 +167,8 @@ impl Builder {
 
     /// Creates the threads that build trees for a device of this kind.
     pub(crate) fn builders(&self, kind: DeviceKind, update: Update) -> Result<BuilderThreads> {
-        let asked = self.threads.or(self.builder_threads);
-        let threads = match (asked, self.share(kind, update)?.build) {
+        let requested = self.threads.or(self.builder_threads);
+        let threads = match (requested, self.share(kind, update)?.build) {
             // With more builder threads, steps wait for cores longer than better trees save.
             (None, all) if kind == DeviceKind::Gpu => all.div_ceil(2),
             (_, shared) => shared,
@@ -177,13 +177,13 @@ impl Builder {
     }
 
     fn share(&self, kind: DeviceKind, update: Update) -> Result<Threads> {
-        let asked = [self.threads, self.builder_threads];
-        match asked.into_iter().flatten().max() {
+        let requested = [self.threads, self.builder_threads];
+        match requested.into_iter().flatten().max() {
             Some(most) if most > MOST_THREADS => {
                 let why = format!("{most} threads are too many: {MOST_THREADS} may be asked for");
                 Err(Error::Unsupported(why))
             }
-            _ => Ok(Threads::share(host::cores(), kind, update, asked)),
+            _ => Ok(Threads::share(host::cores(), kind, update, requested)),
         }
     }
 }
