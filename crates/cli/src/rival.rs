@@ -109,7 +109,8 @@ impl Running {
             let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
             let bytes = self.rival.device_bytes();
             held = held.into_iter().chain(bytes).max_by_key(|b| b.total());
-            stats.push(self.stats(frame, number, FrameStats::of_report(frame, report, wall_ms)));
+            let of_frame = FrameStats::of_report(frame, report, wall_ms);
+            stats.push(self.stats(number, of_frame));
             if number == 0 && frames.len() > 1 {
                 let kind = self.rival.device().kind;
                 warmed = WarmUp::begin(warm_up, kind)
@@ -146,7 +147,7 @@ impl Running {
     }
 
     /// Adds the facts about the tree to the statistics of frame `number`.
-    fn stats(&self, frame: Frame, number: usize, stats: FrameStats) -> FrameStats {
+    fn stats(&self, number: usize, stats: FrameStats) -> FrameStats {
         let is_new = number == 0 || self.upkeep == Upkeep::Rebuild;
         let age = if is_new { 0 } else { number as u64 };
         FrameStats {
