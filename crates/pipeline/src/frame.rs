@@ -155,8 +155,6 @@ pub struct Submission {
 /// Statistics of a tree that a frame adopted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adopted {
-    /// Number of frames from the request to the frame that found the tree finished. It may have been adopted later.
-    pub latency_frames: u64,
     /// Bytes of vertices that were read back for the build.
     pub snapshot_bytes: u64,
     /// Number of triangles.

@@ -48,8 +48,8 @@ pub(super) struct Candidate {
     pub(super) request: Request,
     pub(super) vertices: VerticesArrived,
     pub(super) built: Built,
-    /// Number of frames that the build took; `None` until the upload is finished.
-    pub(super) latency: Option<u64>,
+    /// Whether the upload is finished, so that the latency is known.
+    pub(super) has_arrived: bool,
     /// Distance in key frames to the target time when the tree was last found to cost more than the current one.
     pub(super) costlier_at: Option<f64>,
     /// Its cost divided by the current tree's, from the evaluation that accepted it.
@@ -65,7 +65,7 @@ impl Candidate {
             request,
             vertices,
             built,
-            latency: None,
+            has_arrived: false,
             costlier_at: None,
             cost_ratio: None,
         }

@@ -128,9 +128,8 @@ impl Driver {
         let NextTree::Waiting(tree) = &mut self.trees.next else {
             return;
         };
-        if tree.latency.is_none() {
+        if !std::mem::replace(&mut tree.has_arrived, true) {
             let latency = self.recording.number - tree.request.frame;
-            tree.latency = Some(latency);
             self.predictor.observe_latency(latency, tree.built.strategy);
             self.predictor.next_strategy_is(tree.built.next);
         }
@@ -354,7 +353,6 @@ impl Driver {
             request,
             vertices,
             built,
-            latency,
             ..
         } = tree;
         let taken = Instant::now();
@@ -373,7 +371,6 @@ impl Driver {
         record.tree.convert_ms = Some(ms(moments.ended - moments.weighed));
         record.tree.upload_bytes = built.topology.upload_bytes() as u64;
         record.adopted = Some(Adopted {
-            latency_frames: latency.unwrap_or(0),
             snapshot_bytes: vertices.bytes,
             triangles: built.topology.leaf_count(),
             built_for: request.pose,
