@@ -3,7 +3,7 @@
 mod degradation;
 mod extrapolation;
 mod job;
-mod moments;
+mod pose_source;
 mod warm_up;
 
 use backend::Snapshot;
@@ -16,8 +16,8 @@ use degradation::DegradationMonitor;
 use extrapolation::ExtrapolationMonitor;
 use geom::{Aabb, Animation, KeyFrame, KeyFrameError, Point, Pose};
 pub(crate) use job::{BuildInput, Job, Observed};
-pub(crate) use moments::pose_between;
-use moments::{Moments, blend, store};
+pub(crate) use pose_source::pose_between;
+use pose_source::{PoseSource, blend, store};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -127,7 +127,7 @@ impl TreeBuilder {
     ) -> Result<Built, BuildError> {
         let begun = Instant::now();
         let strategy = BuildStrategy::Scratch;
-        self.build_tree(&Moments::of(animation), &input, strategy, cancel)?;
+        self.build_tree(&PoseSource::of(animation), &input, strategy, cancel)?;
         let built = Instant::now();
         let cost = sah_cost(&self.tree, &self.boxes[..]);
         Ok(self.finish(animation, [begun, built], cost, strategy))
@@ -175,11 +175,11 @@ impl TreeBuilder {
         let begun = Instant::now();
         let times = input.observed.as_ref().map(|observed| observed.times);
         let observed = input.observed.take().map(|seen| self.store(seen));
-        let moments = &Moments {
+        let source = &PoseSource {
             animation,
             observed,
         };
-        let gave_up_extrapolation = self.check_extrapolation(moments, &mut input, times)?;
+        let gave_up_extrapolation = self.check_extrapolation(source, &mut input, times)?;
         let is_compared = input.is_compared && self.has_all_triangles_of(animation);
         let strategy = if is_compared {
             self.degradation.strategy()
@@ -189,7 +189,7 @@ impl TreeBuilder {
         if !self.degradation.is_fast {
             input.halves = None;
         }
-        let costs = self.build_tree(moments, &input, strategy, cancel)?;
+        let costs = self.build_tree(source, &input, strategy, cancel)?;
         let built = Instant::now();
         let cost = if is_compared {
             let costs = costs.unwrap_or_else(|| self.costs());
@@ -208,7 +208,7 @@ impl TreeBuilder {
     /// If extrapolation failed before, replaces extrapolated positions by the last observed ones and returns `true`.
     fn check_extrapolation(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         input: &mut BuildInput,
         times: Option<[f64; 2]>,
     ) -> Result<bool, KeyFrameError> {
@@ -218,7 +218,7 @@ impl TreeBuilder {
         if pose.alpha <= 1.0 {
             return Ok(false);
         }
-        let seen = moments.at(*pose)?;
+        let seen = source.at(*pose)?;
         let times = times.unwrap_or([0.0, 1.0].map(|after| f64::from(pose.key) + after));
         if self.extrapolation.observe(seen.key_frames(), times) {
             return Ok(false);
@@ -238,36 +238,34 @@ impl TreeBuilder {
     /// Returns the costs at the vertices if the build computed them.
     fn build_tree(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         input: &BuildInput,
         strategy: BuildStrategy,
         cancel: &Cancel,
     ) -> Result<Option<Costs>, BuildError> {
         let vertices = &input.vertices;
         if let Some(halves) = input.halves {
-            self.compute_swept_boxes(moments, halves)?;
+            self.compute_swept_boxes(source, halves)?;
             self.build_over_boxes(strategy, cancel)?;
-            self.compute_boxes(moments, vertices)?;
+            self.compute_boxes(source, vertices)?;
             return Ok(None);
         }
         if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
-            return self
-                .rebuild_subtrees_at(moments, vertices, cancel)
-                .map(Some);
+            return self.rebuild_subtrees_at(source, vertices, cancel).map(Some);
         }
-        self.compute_boxes(moments, vertices)?;
+        self.compute_boxes(source, vertices)?;
         self.build_over_boxes(strategy, cancel)
     }
 
     /// Builds a tree from subtrees of the last one. Each box is read once, so boxes are computed but not stored.
     fn rebuild_subtrees_at(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         vertices: &Vertices,
         cancel: &Cancel,
     ) -> Result<Costs, BuildError> {
-        let positions = moments.positions(vertices, &mut self.positions)?;
-        let from = (&self.in_use, &(moments.animation, positions));
+        let positions = source.positions(vertices, &mut self.positions)?;
+        let from = (&self.in_use, &(source.animation, positions));
         self.subtree_rebuilder
             .build(&mut self.builder, from, cancel, &mut self.tree)
     }
@@ -281,23 +279,23 @@ impl TreeBuilder {
     /// Computes boxes that contain each triangle at both poses.
     fn compute_swept_boxes(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         [a, b]: [Pose; 2],
     ) -> Result<(), KeyFrameError> {
-        self.compute_boxes(moments, &Vertices::KeyFrames(a))?;
-        blend(&moments.at(b)?, &mut self.positions);
-        grow(&mut self.boxes, &(moments.animation, &self.positions[..]));
+        self.compute_boxes(source, &Vertices::KeyFrames(a))?;
+        blend(&source.at(b)?, &mut self.positions);
+        grow(&mut self.boxes, &(source.animation, &self.positions[..]));
         Ok(())
     }
 
     /// Computes the boxes of the triangles at `vertices`.
     fn compute_boxes(
         &mut self,
-        moments: &Moments<'_>,
+        source: &PoseSource<'_>,
         vertices: &Vertices,
     ) -> Result<(), KeyFrameError> {
-        let positions = moments.positions(vertices, &mut self.positions)?;
-        fill(&mut self.boxes, &(moments.animation, positions));
+        let positions = source.positions(vertices, &mut self.positions)?;
+        fill(&mut self.boxes, &(source.animation, positions));
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Warms the builder up: builds trees that are dropped, so that later builds find their memory allocated.
 
-use super::{BuildStrategy, Moments, TreeBuilder, Vertices};
+use super::{BuildStrategy, PoseSource, TreeBuilder, Vertices};
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Pose};
 
@@ -22,7 +22,7 @@ impl TreeBuilder {
         }
         for _ in 0..ROUNDS {
             let vertices = Vertices::KeyFrames(pose);
-            self.rebuild_subtrees_at(&Moments::of(animation), &vertices, cancel)?;
+            self.rebuild_subtrees_at(&PoseSource::of(animation), &vertices, cancel)?;
             let record = self.convert(animation);
             self.reuse(record.into_spare());
         }

@@ -11,12 +11,12 @@ use std::sync::Arc;
 const RUN: usize = 1 << 12;
 
 /// Source of the positions of a build: the animation's key frames, or two observed frames.
-pub(crate) struct Moments<'a> {
+pub(crate) struct PoseSource<'a> {
     pub(super) animation: &'a Animation,
     pub(super) observed: Option<[KeyFrame; 2]>,
 }
 
-impl<'a> Moments<'a> {
+impl<'a> PoseSource<'a> {
     /// Uses the animation's key frames.
     pub(crate) fn of(animation: &'a Animation) -> Self {
         Self {
