@@ -38,7 +38,7 @@ pub(super) struct VerticesArrived {
     pub(super) at: Instant,
     /// Bytes that were read back for the build.
     pub(super) bytes: u64,
-    /// Time of the last frame whose positions were read back, in key frames; the requesting frame's if none was.
+    /// Time of the second observed frame, or of the requesting frame if the build uses one, in key frames.
     pub(super) last_time: f64,
 }
 
@@ -192,7 +192,7 @@ impl NextTree {
         matches!(self, Self::Accepted(_) | Self::Rejected(..))
     }
 
-    /// Returns the request, unless there is none.
+    /// Returns the request; `None` in the state `Idle`.
     pub(super) fn request(&self) -> Option<&Request> {
         match self {
             Self::Idle => None,

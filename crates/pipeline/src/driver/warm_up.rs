@@ -85,7 +85,7 @@ pub struct WarmUp {
 }
 
 impl WarmUp {
-    /// Begins a warm-up of `asked` seconds, or as long as is usual on such a device. `None` if it needs none.
+    /// Begins a warm-up of `asked` seconds, or of the default duration for such a device. Returns `None` if the duration is 0.
     #[must_use]
     pub fn begin(asked: Option<f64>, kind: DeviceKind) -> Option<Self> {
         let seconds = seconds(asked, kind);
