@@ -85,7 +85,7 @@ pub(crate) struct Joined {
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) on_device: DeviceVertices,
     /// Whether all changes in `next` were passed to the animation.
-    is_told: bool,
+    is_pushed: bool,
     /// Time of the last step.
     pub(crate) time: f64,
     /// Time that all key-framed meshes were last blended for; `None` after an error.
@@ -138,7 +138,7 @@ impl Joined {
             #[cfg(any(feature = "vulkan", feature = "wgpu"))]
             on_device: DeviceVertices::default(),
             meshes,
-            is_told: true,
+            is_pushed: true,
             time: 0.0,
             blended: Some(0.0),
         })
@@ -159,10 +159,11 @@ impl Joined {
     pub(crate) fn move_to(&mut self, other: &[Point], but: usize) {
         for mesh in (0..self.meshes.len()).filter(|&mesh| mesh != but) {
             if self.meshes[mesh].motion.is_live() {
-                let first = match mesh < but {
-                    true => self.vertices[mesh],
+                let first = if mesh < but {
+                    self.vertices[mesh]
+                } else {
                     // The distance from the end is the same in both scenes.
-                    false => other.len() - (self.next.len() - self.vertices[mesh]),
+                    other.len() - (self.next.len() - self.vertices[mesh])
                 };
                 set(self.vertices_of(mesh), |v| other[first + v]);
             }
@@ -211,7 +212,7 @@ impl Joined {
     /// Returns a mesh's vertices for writing.
     pub(crate) fn vertices_of(&mut self, mesh: usize) -> &mut [Point] {
         let range = self.range_of(mesh);
-        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
         #[cfg(any(feature = "vulkan", feature = "wgpu"))]
         self.on_device.leave(mesh, &range);
         &mut self.next[range]
@@ -221,7 +222,7 @@ impl Joined {
     #[cfg(any(feature = "vulkan", feature = "wgpu"))]
     pub(crate) fn is_on_device(&mut self, mesh: usize) {
         let range = self.range_of(mesh);
-        (self.is_told, self.is_fresh[mesh]) = (false, true);
+        (self.is_pushed, self.is_fresh[mesh]) = (false, true);
         self.on_device.come(mesh, &range);
     }
 
@@ -251,7 +252,7 @@ impl Joined {
     }
 
     /// Passes all changes to the animation. Returns the animation's time for a step at `time`.
-    pub(crate) fn tell(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
+    pub(crate) fn push_changes(&mut self, backend: &mut dyn Backend, time: f64) -> Result<f64> {
         self.time = time;
         if !self.is_streamed() {
             return Ok(time);
@@ -260,7 +261,7 @@ impl Joined {
             self.blend(time)?;
         }
         self.blended = Some(time);
-        if std::mem::replace(&mut self.is_told, true) {
+        if std::mem::replace(&mut self.is_pushed, true) {
             return Ok(self.animation.end());
         }
         let last = self.newest()?;
