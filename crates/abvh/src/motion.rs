@@ -4,10 +4,10 @@
 use crate::device_vertices::DeviceVertices;
 use crate::hits::Numbering;
 use crate::mesh::Colour;
-use crate::vertices::{copy, set};
+use crate::vertices::set;
 use crate::{Error, Mesh, MeshId, Point, Result};
 use backend::Backend;
-use geom::{Animation, KeyFrame, PointBuffer, Pose};
+use geom::{Animation, KeyFrame, PointBuffer, Pose, copy_in_parallel};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -266,7 +266,7 @@ impl Joined {
         let last = self.newest()?;
         for mesh in (0..self.meshes.len()).filter(|&mesh| !self.is_fresh[mesh]) {
             let range = self.range_of(mesh);
-            copy(&mut self.next[range.clone()], &last[range]);
+            copy_in_parallel(&mut self.next[range.clone()], &last[range]);
         }
         // A reused frame already has the vertices of fixed meshes.
         let spare = match self.animation.spare_frame() {
@@ -305,7 +305,7 @@ impl Joined {
 fn copy_of(points: &[Point], backend: &mut dyn Backend) -> Result<PointBuffer> {
     let made = backend.point_buffer(points.len());
     let mut made = made.map_err(Error::of_backend)?;
-    copy(&mut made, points);
+    copy_in_parallel(&mut made, points);
     Ok(made)
 }
 

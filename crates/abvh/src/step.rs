@@ -2,10 +2,10 @@
 
 use crate::motion::{Motion, moved};
 use crate::tracer::State;
-use crate::vertices::{copy, set};
+use crate::vertices::set;
 use crate::{Error, Matrix, MeshId, Point, Result};
 use backend::{QueryKind, Rays};
-use geom::Camera;
+use geom::{Camera, copy_in_parallel};
 use std::sync::Arc;
 
 /// Kind of result for each ray.
@@ -136,7 +136,7 @@ impl Step<'_> {
             Source::Host(vertices) => {
                 let expected = current.joined.range_of(index).len();
                 check(mesh, "vertices", expected, vertices.len())?;
-                copy(current.joined.vertices_of(index), vertices);
+                copy_in_parallel(current.joined.vertices_of(index), vertices);
                 Ok(())
             }
             #[cfg(feature = "wgpu")]

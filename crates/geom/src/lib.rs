@@ -29,8 +29,8 @@ pub use range::Range;
 pub use ray::{Hit, Ray};
 pub use survey::StaticParts;
 pub use threads::{
-    copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool, parallelism, run_in,
-    set_each, use_global_pool,
+    convert_in_parallel, copy_in_parallel, in_parallel, in_parallel_scope, lock, own_pool,
+    parallelism, run_in, set_each, share_parts, use_global_pool,
 };
 pub use triangle::{Triangle, is_active, is_degenerate, normal_signs, side_of};
 
