@@ -336,7 +336,7 @@ impl ChartRun<'_> {
         }
     }
 
-    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector. Rivals trace none.
+    /// Traces closed meshes and scenes of mixed range, once for each backend and intersector, but not for rivals.
     fn count_hard_rays(&mut self, entries: &mut [Vec<ChartEntry>]) {
         let rays = self.settings.rays;
         let families = hard::families(rays);

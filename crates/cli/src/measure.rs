@@ -111,7 +111,7 @@ pub(crate) enum Contender {
     Rival(RivalPolicy),
 }
 
-/// What is measured, and remarks on combinations that are left out.
+/// The contenders of a measurement, and remarks on combinations that are left out.
 #[derive(Debug, Default)]
 pub(crate) struct Contenders {
     pub(crate) all: Vec<Contender>,
