@@ -85,7 +85,7 @@ impl Tracer {
             None
         };
         let query = view.query();
-        let most = if colours.is_some() && current.joined.is_arriving() {
+        let most = if colours.is_some() && current.joined.is_streamed() {
             // The host shades with the animation's newest vertices, which a later frame would replace.
             1
         } else {
@@ -93,7 +93,7 @@ impl Tracer {
         };
         let mut answers = Answers::default();
         let mut finish = |loaded: &mut Loaded, frame: Frame| -> Result<(), E> {
-            let mut record = loaded.take((wanted, &mut answers), last)?;
+            let mut record = loaded.take(wanted, &mut answers, last)?;
             if let Some(colours) = &colours {
                 let Answers { hits, pixels } = &mut answers;
                 let surfaces = loaded.joined.surfaces(moment(frame.time), colours)?;

@@ -1,7 +1,7 @@
 //! Pictures of a step.
 
 use crate::frames::LitView;
-use crate::loaded::{Answer, Loaded, find};
+use crate::loaded::{Answer, Batch, Loaded, find};
 use crate::mesh::Colour;
 use crate::motion::Joined;
 use crate::shading::{Surfaces, palette};
@@ -46,7 +46,11 @@ impl Step<'_> {
     fn render_as(&mut self, id: QueryId, view: LitView<'_>) -> Result<()> {
         let State { current, last, .. } = &mut *self.tracer;
         let colours = current.host_colours()?;
-        current.begin(self.time, (&[id], &[view.query()]), last)?;
+        let batch = Batch {
+            ids: &[id],
+            queries: &[view.query()],
+        };
+        current.begin(self.time, batch, last)?;
         let answer = current.results.back();
         let (Some(colours), Some(&Answer { ticket, place, .. })) = (colours, answer) else {
             return Ok(());
@@ -109,7 +113,7 @@ impl Loaded {
 impl Joined {
     /// Returns the triangles of the last step, which was at `time`.
     pub(crate) fn surfaces<'a>(&'a self, time: f64, colours: &'a [Colour]) -> Result<Surfaces<'a>> {
-        let time = if self.is_arriving() {
+        let time = if self.is_streamed() {
             self.animation.end()
         } else {
             time

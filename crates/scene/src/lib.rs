@@ -11,10 +11,12 @@
 mod clip;
 mod demo;
 mod files;
+mod folder;
 mod join;
 pub mod keys;
 mod mesh;
 mod obj;
+mod paths;
 mod ply;
 mod polygon;
 mod rounding;
@@ -24,9 +26,10 @@ mod stream;
 mod text;
 mod viewpoint;
 
-pub use files::{files, word};
+pub use files::files;
+pub use join::open;
+pub use paths::word;
 pub use ply::write_ply;
-pub use source::open;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -152,7 +155,7 @@ impl SceneError {
 
 #[cfg(test)]
 mod testing {
-    use crate::mesh::{Mesh, compact};
+    use crate::mesh::{PolygonMesh, compact};
     use crate::rounding::Rounding;
     use crate::{Options, Result, Scene, polygon};
     use geom::Point;
@@ -174,8 +177,8 @@ mod testing {
         pub(crate) triangles: Vec<[u32; 3]>,
     }
 
-    pub(crate) fn surface(mesh: &Mesh) -> Surface {
-        let mut triangles = polygon::triangulate(&mesh.topology, &mesh.points).triangles;
+    pub(crate) fn surface(mesh: &PolygonMesh) -> Surface {
+        let mut triangles = polygon::triangulate(&mesh.polygons, &mesh.points).triangles;
         let kept = compact(&mut triangles, mesh.points.len());
         let points = kept.iter().map(|&v| mesh.points[v as usize]);
         let points = points.map(|p| Rounding::default().point(p)).collect();

@@ -1,11 +1,11 @@
 //! Tables of all properties.
 
 mod answers;
-mod arriving;
 mod far;
 mod frames;
+mod paged;
 mod reports;
-mod streams;
+mod streamed;
 mod trees;
 mod walk;
 
@@ -143,9 +143,9 @@ macro_rules! properties {
 pub const PROPERTIES: &[Property] = properties! {
     robust_in_turn frames_equal_the_reference_after_any_commands: frames::after_commands;
     usual reports_name_what_was_done: reports::stages;
-    usual positions_of_a_stream_are_those_of_held_key_frames: streams::positions;
-    robust_in_turn key_frames_that_arrive_need_no_look_of_the_host: arriving::measured;
-    robust key_frames_that_arrive_are_played_as_those_held: arriving::pushed;
+    usual paged_key_frames_have_the_positions_of_held_ones: paged::positions;
+    robust_in_turn the_device_measures_streamed_vertices: streamed::measured;
+    robust streamed_key_frames_are_played_like_held_ones: streamed::pushed;
     robust hits_equal_the_reference: answers::listed;
     robust pictures_and_shadows_equal_the_reference: answers::shadows;
     all a_camera_is_its_rays: answers::camera_is_rays;

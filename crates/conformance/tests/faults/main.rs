@@ -11,9 +11,9 @@ use faulty::Faulty;
 const NOTICED: &str = "
 frames_equal_the_reference_after_any_commands: positions one ulp off, last box too large, boxes of the moment before, what moves is passed over, inactive miscounted, copies are of the newest frame, copies come twice
 reports_name_what_was_done: times of stages left out, clock runs backwards
-positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
-key_frames_that_arrive_need_no_look_of_the_host: what arrives is not measured
-key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late, first leaf is never hit
+paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
+the_device_measures_streamed_vertices: streamed vertices are not measured
+streamed_key_frames_are_played_like_held_ones: streamed key frames come late, first leaf is never hit
 hits_equal_the_reference: distances one ulp off, weights swapped, interval is closed, ties go to the first leaf, hits miscounted, any hit forgets the last ray
 pictures_and_shadows_equal_the_reference: distances one ulp off, weights swapped, shadows inverted, pixels sampled at corners
 any_hit_agrees_with_closest_hit: interval is closed, any hit forgets the last ray
@@ -107,8 +107,8 @@ const SHRUNK: &str = "
 frames_equal_the_reference_after_any_commands: last box too large, boxes of the moment before
 hits_equal_the_reference: weights swapped, ties go to the first leaf
 tree_age_does_not_change_hits: first leaf is never hit
-positions_of_a_stream_are_those_of_held_key_frames: key frames of a stream come late
-key_frames_that_arrive_are_played_as_those_held: key frames that arrive come late
+paged_key_frames_have_the_positions_of_held_ones: paged key frames come late
+streamed_key_frames_are_played_like_held_ones: streamed key frames come late
 ";
 
 /// The most triangles, key frames and rays of a case that shows such a fault.

@@ -1,4 +1,4 @@
-//! Key frames that arrive during playback, whose coordinates the host need not examine.
+//! Streamed key frames, whose coordinates the host need not examine.
 
 use super::Check;
 use super::answers::verify;
@@ -27,10 +27,10 @@ const LEAPS: [Point; 6] = [
     [-5.0, 3.0, 40.0],
 ];
 
-/// Tests that key frames that arrive give the same hits and counts as an animation that holds them all.
+/// Tests that streamed key frames give the same hits and counts as an animation that holds them all.
 pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
     let rng = &mut Rng::with_seed(c.case.chance);
-    let (case, live) = leaping(c.case, rng)?;
+    let (case, streamed) = leaping(c.case, rng)?;
     // Resets the reference, which has another scene loaded.
     c.reference.backend();
     let mut c = Check {
@@ -39,7 +39,7 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         reference: &mut *c.reference,
         method: c.method,
     };
-    for Started { ticket, time, kind } in push_all(&mut c, &live, rng)? {
+    for Started { ticket, time, kind } in push_all(&mut c, &streamed, rng)? {
         let found = fetch(c.subject, ticket)?;
         let rays = Rays::List(&case.rays);
         verify(&mut c, time, Query { rays, kind }, &found)?;
@@ -47,7 +47,7 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Returns a case that repeats the key frames, and a live animation with only its first key frame.
+/// Returns a case that repeats the key frames, and a streamed animation with only its first key frame.
 ///
 /// In some key frames one vertex leaps. Some vertices may be fixed.
 fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
@@ -55,7 +55,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
     let triangles = || case.animation.triangles().to_vec();
     let still = rng.usize(..first.len()) * rng.usize(..2);
     let marks: Vec<bool> = (0..first.len()).map(|v| v < still).collect();
-    let live = Animation::live(first.to_vec(), &marks, triangles())?;
+    let streamed = Animation::streamed(first.to_vec(), &marks, triangles())?;
     let mut keys = vec![first.to_vec()];
     for key in 1..=PUSHED {
         let mut frame = own[key % own.len()].to_vec();
@@ -65,7 +65,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
         }
         // An animation that knows all key frames may choose another scale, in which hits round differently.
         let both = Animation::new(vec![first.to_vec(), frame.clone()], triangles())?;
-        if both.scale_exponent() == live.scale_exponent() {
+        if both.scale_exponent() == streamed.scale_exponent() {
             keys.push(frame);
         }
     }
@@ -84,7 +84,7 @@ fn leaping(case: &Case, rng: &mut Rng) -> Result<(Case, Arc<Animation>)> {
         times,
         ..case.clone()
     };
-    Ok((case, Arc::new(live)))
+    Ok((case, Arc::new(streamed)))
 }
 
 /// A query in flight.
@@ -95,23 +95,23 @@ struct Started {
 }
 
 /// Pushes the case's key frames in memory of every kind, adopts trees of random key frames, and starts a query at each.
-fn push_all(c: &mut Check<'_>, live: &Arc<Animation>, rng: &mut Rng) -> Result<Vec<Started>> {
+fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Result<Vec<Started>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
-    open(c.subject, live, 0.0, c.method)?;
+    open(c.subject, streamed, 0.0, c.method)?;
     c.subject.keep(frames.len());
-    stand(c.subject, live, 0.0)?;
+    stand(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
     let mut started = Vec::new();
     for (frame, generation) in frames[1..].iter().zip(2..) {
-        let mut memory = memory(c.subject, live, rng)?;
+        let mut memory = memory(c.subject, streamed, rng)?;
         memory.copy_from_slice(frame);
-        let time = live.push(memory)?;
+        let time = streamed.push(memory)?;
         if rng.bool() {
-            let tree = tree_over(live, &frames[rng.usize(..frames.len())]);
+            let tree = tree_over(streamed, &frames[rng.usize(..frames.len())]);
             c.subject.adopt(&tree, Generation(generation))?;
         }
-        c.subject.interpolate(live.pose(time))?;
+        c.subject.interpolate(streamed.pose(time))?;
         boxes_anew(c.subject)?;
         let kind = [QueryKind::Any, QueryKind::ClosestAndShadow { light }][rng.usize(..2)];
         started.push(Started {
@@ -124,9 +124,9 @@ fn push_all(c: &mut Check<'_>, live: &Arc<Animation>, rng: &mut Rng) -> Result<V
 }
 
 /// Returns memory for a key frame: allocated on the host, borrowed from the subject, or of a dropped key frame.
-fn memory(subject: &mut dyn Backend, live: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
-    let count = live.vertex_count();
-    Ok(match live.spare_frame().filter(|_| rng.bool()) {
+fn memory(subject: &mut dyn Backend, streamed: &Animation, rng: &mut Rng) -> Result<PointBuffer> {
+    let count = streamed.vertex_count();
+    Ok(match streamed.spare_frame().filter(|_| rng.bool()) {
         Some(spare) => spare,
         None if rng.bool() => vec![[0.0; 3]; count].into(),
         None => subject.point_buffer(count)?,
@@ -149,14 +149,14 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
     let [unseen, seen] = [false, true].map(|looks| {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
-        let live = Animation::live(first.clone(), &marks, triangles).map(Arc::new)?;
+        let streamed = Animation::streamed(first.clone(), &marks, triangles).map(Arc::new)?;
         if looks {
             // The host computes the range of each key frame before the device does.
-            play(c, &live, &frames, |pose| {
-                live.range(pose);
+            play(c, &streamed, &frames, |pose| {
+                streamed.range(pose);
             })
         } else {
-            play(c, &live, &frames, |_| ())
+            play(c, &streamed, &frames, |_| ())
         }
     });
     for ((found, expected), frame) in unseen?.iter().zip(&seen?).zip(&frames) {
@@ -179,16 +179,16 @@ fn same(found: &[Traced; 2], expected: &[Traced; 2]) -> Result<()> {
 /// Returns the results of the same queries at each key frame. Calls `prepare` before the backend gets the key frame.
 fn play(
     c: &mut Check<'_>,
-    live: &Arc<Animation>,
+    streamed: &Arc<Animation>,
     frames: &[BoundFrame],
     prepare: impl Fn(Pose),
 ) -> Result<Vec<[Traced; 2]>> {
     let subject = &mut *c.subject;
-    open(subject, live, 0.0, c.method)?;
+    open(subject, streamed, 0.0, c.method)?;
     let play = |frame: &BoundFrame| {
-        let time = live.push(frame.points.clone())?;
-        prepare(live.pose(time));
-        stand(subject, live, time)?;
+        let time = streamed.push(frame.points.clone())?;
+        prepare(streamed.pose(time));
+        stand(subject, streamed, time)?;
         let some = c.case.rays.iter().copied().take(RAYS);
         let rays: Vec<Ray> = some.chain(from_the_middle(&frame.points)).collect();
         let rays = Rays::List(&rays);
