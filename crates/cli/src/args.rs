@@ -2,9 +2,9 @@
 
 use crate::stop::Stop;
 use crate::{talk, values};
-use backend::{Intersector, Policy};
+use backend::{BackendName, Intersector, Policy};
 use clap::error::{ContextKind, ContextValue};
-use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use pipeline::{TREE_BYTES, trees_bytes};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -143,8 +143,9 @@ pub(crate) struct TraceArgs {
     pub(crate) any_hit: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
-    #[command(flatten)]
-    pub(crate) method: MethodArgs,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
+    pub(crate) intersector: Intersector,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
     /// --time. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
@@ -224,8 +225,8 @@ impl SourceArgs {
 #[derive(Args, Debug)]
 pub(crate) struct DeviceArgs {
     /// Backend
-    #[arg(long, value_name = "NAME", default_value = "auto")]
-    pub(crate) backend: BackendName,
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = values::backend("The best available backend"))]
+    pub(crate) backend: BackendChoice,
     /// Adapter of the backend, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
@@ -240,35 +241,12 @@ pub(crate) struct DeviceArgs {
     pub(crate) no_cache: bool,
 }
 
-#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct MethodArgs {
-    /// How a ray is tested against a triangle
-    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
-    pub(crate) intersector: Intersector,
-    /// How the tree lies in memory
-    #[arg(long, value_name = "NAME", default_value = "auto")]
-    pub(crate) layout: LayoutName,
-}
+/// A backend; `None` leaves the choice to `auto`.
+pub(crate) type BackendChoice = Option<BackendName>;
 
-impl MethodArgs {
-    pub(crate) fn of(intersector: Intersector, layout: LayoutName) -> Self {
-        Self {
-            intersector,
-            layout,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackendName {
-    /// The best available backend
-    Auto,
-    /// The host's CPU cores
-    Cpu,
-    /// A GPU through wgpu
-    Wgpu,
-    /// A GPU through Vulkan
-    Vulkan,
+/// Returns the name of a backend on the command line.
+pub(crate) fn backend_name(backend: BackendChoice) -> &'static str {
+    backend.map_or(values::AUTO, BackendName::name)
 }
 
 /// An update policy; `None` leaves the choice to `auto`.
@@ -277,16 +255,6 @@ pub(crate) type UpdateName = Option<Policy>;
 /// Returns the name of a policy on the command line.
 pub(crate) fn update_name(update: UpdateName) -> &'static str {
     update.map_or(values::AUTO, Policy::name)
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LayoutName {
-    /// Whichever is faster on the backend
-    Auto,
-    /// Breadth-first binary tree, one triangle a leaf
-    Bvh2,
-    /// Whatever measured fastest
-    Fast,
 }
 
 /// How far a vertex may be from where it was.
@@ -307,12 +275,6 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
         n if is_share => Ok(Tolerance::Share(n / 100.0)),
         n => Ok(Tolerance::Units(n)),
     }
-}
-
-/// Returns a value's name on the command line.
-pub(crate) fn word(value: &impl ValueEnum) -> String {
-    let value = value.to_possible_value();
-    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 mod idle;

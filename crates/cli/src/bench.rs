@@ -1,4 +1,4 @@
-//! `abvh bench`: measures every stage over scenes, backends, update policies, intersectors and layouts.
+//! `abvh bench`: measures every stage over scenes, backends, update policies and intersectors.
 
 mod compare;
 mod failure;
@@ -6,7 +6,7 @@ mod results;
 mod row;
 
 use crate::args::{
-    BackendName, BenchArgs, MeasureArgs, MethodArgs, RaysName, UpdateName, update_name, word,
+    BackendChoice, BenchArgs, MeasureArgs, RaysName, UpdateName, backend_name, update_name,
 };
 use crate::choose::Ask;
 use crate::conflicts::Files;
@@ -191,7 +191,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
     let (mut sound, mut skipped) = (Vec::new(), Vec::new());
     for &backend in &args.measure.backend {
         for (update, predict) in policies(args) {
-            for method in methods(args) {
+            for &intersector in &args.measure.intersector {
                 if let Some(why) = nonsense(backend, update) {
                     skipped.push(why);
                     continue;
@@ -200,7 +200,7 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
                     adapter: args.adapter.as_deref(),
                     threads: args.threads,
                     predict,
-                    ..Ask::of(backend, method, update)
+                    ..Ask::of(backend, intersector, update)
                 };
                 sound.extend(builders.iter().map(|&builder_threads| Ask {
                     builder_threads,
@@ -214,9 +214,9 @@ fn combinations(args: &BenchArgs) -> (Vec<Ask<'_>>, Vec<String>) {
 }
 
 /// Returns what is wrong with a combination.
-fn nonsense(backend: BackendName, update: UpdateName) -> Option<String> {
+fn nonsense(backend: BackendChoice, update: UpdateName) -> Option<String> {
     let is_sound = !update.is_some_and(Policy::builds_on_device) || makes_trees(backend);
-    let (name, policy) = (word(&backend), update_name(update));
+    let (name, policy) = (backend_name(backend), update_name(update));
     (!is_sound).then(|| format!("{name} with {policy} is left out: it makes no trees"))
 }
 
@@ -226,12 +226,5 @@ fn policies(args: &BenchArgs) -> impl Iterator<Item = (UpdateName, bool)> {
         let differ = update.is_none_or(Policy::builds_beside_frames);
         let take = if differ { args.predict.len() } else { 1 };
         args.predict.iter().take(take).map(move |&p| (update, p))
-    })
-}
-
-fn methods(args: &BenchArgs) -> impl Iterator<Item = MethodArgs> {
-    args.measure.intersector.iter().flat_map(|&intersector| {
-        let layouts = args.layout.iter();
-        layouts.map(move |&layout| MethodArgs::of(intersector, layout))
     })
 }

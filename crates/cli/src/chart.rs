@@ -4,7 +4,7 @@
 //! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
 //! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
-//! Layout and policy change no hit. So each way first traces a few rays. All ways of one intersector and backend with
+//! A policy changes no hit. So each way first traces a few rays. All ways of one intersector and backend with
 //! the same hits, bit for bit, are judged together ([`accuracy`]). A way whose hits differ is judged by itself.
 //!
 //! All ways are timed before any is judged, so that the judge's memory is not measured. Host memory is the resident
@@ -14,7 +14,7 @@ mod accuracy;
 mod hard;
 mod plan;
 
-use crate::args::{BackendName, ChartArgs, RaysName};
+use crate::args::{BackendChoice, ChartArgs, RaysName};
 use crate::bench::{self, Combination, Row};
 use crate::open::{self, Opening};
 use crate::rival::Running;
@@ -24,7 +24,7 @@ use crate::table::table;
 use crate::talk::Progress;
 use crate::{frames, info, talk};
 use accuracy::{STAGES, Sampler, Tally, Tracing};
-use backend::{Backend, DeviceKind, Hits};
+use backend::{Backend, BackendName, DeviceKind, Hits};
 use geom::Animation;
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
@@ -136,7 +136,7 @@ struct Work<'a> {
     /// Reasons of all failures.
     stops: Vec<Stop>,
     /// Backend of the latest run, which is ready for another scene.
-    spare: Option<(BackendName, Box<dyn Backend>)>,
+    spare: Option<(BackendChoice, Box<dyn Backend>)>,
 }
 
 impl Work<'_> {
@@ -245,7 +245,7 @@ impl Work<'_> {
     }
 
     /// Returns the backend of the latest run if it has that name, and whether it is a warm GPU.
-    fn opening(&mut self, name: BackendName) -> (Opening, bool) {
+    fn opening(&mut self, name: BackendChoice) -> (Opening, bool) {
         let spare = self.spare.take();
         match spare.filter(|(spare, _)| *spare == name) {
             Some((_, backend)) => {
@@ -413,10 +413,10 @@ fn timed(scene: &str, row: &Row, command: String) -> Point {
     let spread = || frames.iter().filter_map(bench::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
-    let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));
+    let is_on_host = row.setup.backend.parse().is_ok_and(BackendName::is_on_host);
+    let on_host = is_on_host.then(|| most(|f| f.host_bytes));
     Point {
         backend: row.setup.backend.to_owned(),
-        layout: row.setup.layout.to_owned(),
         intersector: row.setup.intersector.to_owned(),
         update: row.setup.update.to_owned(),
         scene: scene.to_owned(),

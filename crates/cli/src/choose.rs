@@ -1,19 +1,19 @@
-//! Settles by rule the policy and the layout that are left to `auto`. Neither changes a hit.
+//! Settles by rule the policy that is left to `auto`. It changes no hit.
 
-use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, word};
+use crate::args::{BackendChoice, UpdateName};
 use crate::stop::Stop;
-use backend::{Backend, DeviceKind, Layout, Method, Policy, Query};
+use backend::{Backend, DeviceKind, Intersector, Policy, Query};
 use geom::Animation;
 use output::Taken;
 use pipeline::{ExpectedMemory, Frame, RefitDecay, RunFacts, Threads};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ask<'a> {
-    pub(crate) backend: BackendName,
+    pub(crate) backend: BackendChoice,
     pub(crate) adapter: Option<&'a str>,
     pub(crate) threads: Option<usize>,
     pub(crate) builder_threads: Option<usize>,
-    pub(crate) method: MethodArgs,
+    pub(crate) intersector: Intersector,
     pub(crate) update: UpdateName,
     pub(crate) lockstep: Option<u32>,
     /// What will be done, by which `auto` chooses.
@@ -26,13 +26,13 @@ pub(crate) struct Ask<'a> {
 
 impl<'a> Ask<'a> {
     /// Creates a request with defaults for all other fields.
-    pub(crate) fn of(backend: BackendName, method: MethodArgs, update: UpdateName) -> Self {
+    pub(crate) fn of(backend: BackendChoice, intersector: Intersector, update: UpdateName) -> Self {
         Self {
             backend,
             adapter: None,
             threads: None,
             builder_threads: None,
-            method,
+            intersector,
             update,
             lockstep: None,
             run: None,
@@ -93,7 +93,7 @@ pub(crate) struct Run<'a> {
 }
 
 /// A choice and its reason; `None` if the user named it.
-type Choice<T> = (T, Option<String>);
+pub(crate) type Choice<T> = (T, Option<String>);
 
 /// Returns a choice of `auto` with its reason. Returns `None` if the user named it.
 pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Taken> {
@@ -102,12 +102,6 @@ pub(crate) fn taken(what: &str, takes: &str, why: Option<String>) -> Option<Take
         takes: takes.to_owned(),
         why: why?,
     })
-}
-
-/// How the tree lies in memory; `None` if it is left to `auto`.
-fn layout(name: LayoutName) -> Option<Layout> {
-    let mut all = Layout::ALL.into_iter();
-    all.find(|l| l.name() == word(&name))
 }
 
 /// Facts about a backend and its device that choices depend on.
@@ -126,44 +120,20 @@ impl Capabilities {
             makes_trees: backend.check_rebuild().is_ok(),
         }
     }
-
-    /// Returns the layout of that name. `auto` is the fastest layout that the backend supports.
-    fn layout(&self, name: LayoutName) -> Choice<Layout> {
-        if let Some(named) = layout(name) {
-            return (named, None);
-        }
-        let (fastest, why) = match self.device {
-            DeviceKind::Software => (Layout::Bvh2, "software drivers trace it faster"),
-            DeviceKind::Gpu | DeviceKind::Cpu => (Layout::Fast, "it is traced faster"),
-        };
-        (fastest, Some(why.to_owned()))
-    }
 }
 
-/// The method and the update policy of a run, with the reasons for the policy and the layout where these were left to `auto`.
-pub(crate) type Settled = (Method, Policy, [Option<String>; 2]);
-
-/// Settles what `ask` leaves to `auto`, by facts about `backend` and the run.
+/// Settles the update policy of a run by facts about `backend` and the run, if it is left to `auto`.
 pub(crate) fn settle(
     backend: &dyn Backend,
     animation: &Animation,
     ask: &Ask<'_>,
-) -> Result<Settled, Stop> {
-    let intersector = ask.method.intersector;
-    let capabilities = Capabilities::of(backend);
-    let (layout, why_layout) = capabilities.layout(ask.method.layout);
-    let method = Method {
-        intersector,
-        layout,
+) -> Result<Choice<Policy>, Stop> {
+    let Some(run) = ask.run.filter(|_| ask.is_open()) else {
+        return Ok(ask.update());
     };
-    let (update, why_update) = match ask.run.filter(|_| ask.is_open()) {
-        Some(run) => {
-            let (update, why) = facts(&capabilities, animation, ask, &run, method)?.choose();
-            (update, Some(why))
-        }
-        None => ask.update(),
-    };
-    Ok((method, update, [why_update, why_layout]))
+    let facts = facts(&Capabilities::of(backend), animation, ask, &run)?;
+    let (update, why) = facts.choose();
+    Ok((update, Some(why)))
 }
 
 fn facts(
@@ -171,13 +141,17 @@ fn facts(
     animation: &Animation,
     ask: &Ask<'_>,
     run: &Run<'_>,
-    method: Method,
 ) -> Result<RunFacts, Stop> {
     let device = capabilities.device;
     let times: Vec<f64> = run.frames.iter().map(|f| f.time).collect();
     let rays = run.query.rays.count();
     let threads = ask.share(device, Policy::Async);
-    let memory = ExpectedMemory::of(animation, device, (method, Policy::DeviceRebuild), rays);
+    let memory = ExpectedMemory::of(
+        animation,
+        device,
+        (ask.intersector, Policy::DeviceRebuild),
+        rays,
+    );
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {

@@ -2,7 +2,7 @@
 
 mod oracle;
 
-use crate::args::{BackendName, ConformArgs};
+use crate::args::ConformArgs;
 use crate::conflicts::Files;
 use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &ConformArgs) -> Result<(), Stop> {
     }
 }
 
-/// Tests every property on every backend, against the host on one thread.
+/// Tests every property on every backend, against `cpu-ref` on one thread.
 fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<PropertyRow>, Stop> {
     let named =
         |p: &&Property| args.property.is_empty() || args.property.iter().any(|n| n == p.name);
@@ -59,7 +59,7 @@ fn properties(args: &ConformArgs, subjects: &mut [Subject]) -> Result<Vec<Proper
         (None, cases) => 0..=cases - 1,
     };
     let cases = Cases::new(args.seed, numbers);
-    let mut reference = Reference::new(open::bare(BackendName::Cpu, None, 1)?);
+    let mut reference = Reference::new(open::bare(Some(BackendName::CpuRef), None, 1)?);
     let mut progress = Progress::new(total as u64, args.test.quiet);
     let mut rows = Vec::new();
     for subject in &mut *subjects {
@@ -114,7 +114,7 @@ fn fire(args: &ConformArgs, subject: &mut Subject, report: &mut Report) -> Resul
         seed: args.seed,
         rays: args.leak_rays,
         offsets: OFFSETS.to_vec(),
-        method: intersector.into(),
+        intersector,
     };
     let mut progress = Progress::new(STEPS, args.test.quiet);
     let mut told = 0;

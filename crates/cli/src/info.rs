@@ -1,6 +1,5 @@
 //! `abvh info`: describes this build and this machine.
 
-use crate::args::BackendName;
 use crate::open::{self, Presence};
 use crate::stop::Stop;
 use crate::table::counted;
@@ -55,7 +54,7 @@ pub(crate) fn doctor() -> Result<(), Stop> {
 /// Returns the backend that `auto` chooses. Opens it, since a GPU that fails its test at opening is not chosen.
 fn what_auto_takes() -> Result<Option<Taken>, Stop> {
     let name = |backend: Box<dyn Backend>| Ok(backend.device().backend);
-    let (name, why) = open::open(BackendName::Auto, (None, 1), name)?;
+    let (name, why) = open::open(None, (None, 1), name)?;
     Ok(choose::taken("backend", name, why))
 }
 
@@ -76,9 +75,8 @@ fn text(info: &Info) -> String {
             None => "present".to_owned(),
             Some(why) => format!("absent: {why}"),
         };
-        rows.push(row(backend.backend, &state));
+        rows.push(row(backend.backend.name(), &state));
         rows.push(row("  intersectors", &backend.intersectors.join(", ")));
-        rows.push(row("  layouts", &backend.layouts.join(", ")));
         for adapter in &backend.adapters {
             let name = format!("{} [{}]", adapter.name, adapter.kind.name());
             rows.push(row(&format!("  adapter {}", adapter.index), &name));

@@ -1,7 +1,7 @@
 //! `abvh inspect`: describes a scene's size and motion, the growth of its refit cost, and the choices of `auto`.
 //! `--reduce-keys` finds the fewest key frames that represent the motion.
 
-use crate::args::{BackendName, InspectArgs, LayoutName, MethodArgs, Tolerance};
+use crate::args::{InspectArgs, Tolerance};
 use crate::bench::FOV;
 use crate::choose::Ask;
 use crate::stop::Stop;
@@ -65,8 +65,7 @@ fn what_auto_takes(args: &InspectArgs, animation: &Arc<Animation>) -> Result<Vec
     let frames = frames::list(None, None, animation.whole_times(), is_demo)?;
     let view = shading::frame_scene(animation, FOV, SIZE);
     let camera = view.camera(SIZE);
-    let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
-    let mut ask = Ask::of(BackendName::Auto, method, None);
+    let mut ask = Ask::of(None, Intersector::Watertight, None);
     if let Some(camera) = &camera {
         ask = ask.over(&frames, shading::query((camera, view.light)));
     }

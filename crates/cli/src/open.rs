@@ -1,11 +1,10 @@
 //! Opens backends by their names on the command line, and those that a test runs on.
 
-use crate::args::{BackendName, TestArgs, word};
+use crate::args::{BackendChoice, TestArgs};
 use crate::info;
 use crate::stop::Stop;
-use backend::{AdapterInfo, Backend, Intersector, Layout};
+use backend::{AdapterInfo, Backend, BackendName, Intersector};
 use backends::{KNOWN, known};
-use clap::ValueEnum;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::sync::mpsc::{Receiver, channel};
@@ -15,14 +14,13 @@ use std::thread::JoinHandle;
 /// threads for a backend that computes on the host. A named backend is never replaced by another. `auto` skips backends
 /// that fail to open or to become ready, and returns the reason for its choice.
 pub(crate) fn open<T>(
-    backend: BackendName,
+    backend: BackendChoice,
     (adapter, threads): (Option<&str>, usize),
     ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
 ) -> Result<(T, Option<String>), Stop> {
-    if backend != BackendName::Auto {
-        let name = word(&backend);
+    if let Some(name) = backend {
         let absent = || Stop::bad(format!("this program was built without backend {name}"));
-        let known = known(&name).ok_or_else(absent)?;
+        let known = known(name).ok_or_else(absent)?;
         let opened = known.open(adapter, threads).map_err(Stop::bad)?;
         return Ok((ready(opened)?, None));
     }
@@ -37,7 +35,7 @@ pub(crate) fn open<T>(
 
 /// Opens a backend without further preparation.
 pub(crate) fn bare(
-    backend: BackendName,
+    backend: BackendChoice,
     adapter: Option<&str>,
     threads: usize,
 ) -> Result<Box<dyn Backend>, Stop> {
@@ -58,7 +56,7 @@ pub(crate) struct Opening {
 
 impl Opening {
     /// Starts to open a backend as [`open`] would. Does nothing if no thread can be started.
-    pub(crate) fn begin(backend: BackendName, (adapter, threads): (Option<&str>, usize)) -> Self {
+    pub(crate) fn begin(backend: BackendChoice, (adapter, threads): (Option<&str>, usize)) -> Self {
         let adapter = adapter.map(str::to_owned);
         let (sender, opened) = channel();
         let open = move || {
@@ -102,13 +100,18 @@ impl Drop for Opening {
 /// Availability and capabilities of a backend on this machine.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Presence {
-    pub(crate) backend: &'static str,
+    #[serde(serialize_with = "serialize_name")]
+    pub(crate) backend: BackendName,
     /// Reason why the backend is unavailable; `None` if it can run.
     pub(crate) absent: Option<String>,
     #[serde(serialize_with = "serialize")]
     pub(crate) adapters: Vec<AdapterInfo>,
     pub(crate) intersectors: Vec<&'static str>,
-    pub(crate) layouts: Vec<&'static str>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn serialize_name<S: Serializer>(backend: &BackendName, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(backend.name())
 }
 
 /// Serializes adapters to JSON.
@@ -134,14 +137,13 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = Presence> {
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
             intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
-            layouts: Layout::ALL.map(Layout::name).to_vec(),
         }
     })
 }
 
 /// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
-pub(crate) fn makes_trees(backend: BackendName) -> bool {
-    backend != BackendName::Cpu
+pub(crate) fn makes_trees(backend: BackendChoice) -> bool {
+    !backend.is_some_and(BackendName::is_on_host)
 }
 
 /// A backend under test.
@@ -203,19 +205,19 @@ impl Tested {
     }
 }
 
-/// Opens the backends that were named, or all that are present.
+/// Opens the backends that were named. `auto` stands for all that are present, except the reference.
 pub(crate) fn open_all(args: &TestArgs) -> Result<(Vec<Subject>, Tested), Stop> {
     let (mut subjects, mut absent) = (Vec::new(), Vec::new());
-    let takes_all = args.backend.contains(&BackendName::Auto);
-    for &one in BackendName::value_variants() {
-        let named = args.backend.contains(&one);
-        if one == BackendName::Auto || !(named || takes_all) {
+    let takes_all = args.backend.contains(&None);
+    for one in BackendName::ALL {
+        let named = args.backend.contains(&Some(one));
+        if !named && (!takes_all || one.is_reference()) {
             continue;
         }
-        match bare(one, args.adapter.as_deref(), host::cores()) {
+        match bare(Some(one), args.adapter.as_deref(), host::cores()) {
             Ok(backend) => subjects.push(backend),
             Err(stop) if named => return Err(stop),
-            Err(stop) => absent.push((word(&one), stop.to_string())),
+            Err(stop) => absent.push((one.name().to_owned(), stop.to_string())),
         }
     }
     if subjects.is_empty() {

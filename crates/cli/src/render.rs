@@ -139,7 +139,7 @@ fn ask(args: &RenderArgs) -> Ask<'_> {
         lockstep: args.lockstep,
         rays: values::pixels(args.size),
         predict: args.predict,
-        ..Ask::of(args.device.backend, args.method, args.update)
+        ..Ask::of(args.device.backend, args.intersector, args.update)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Frames that an earlier run left in the output folders, and the frames that remain.
 
-use crate::args::{RenderArgs, word};
+use crate::args::{RenderArgs, backend_name};
 use crate::stop::Stop;
 use crate::values::Frames;
 use crate::writer::Outputs;
@@ -175,7 +175,7 @@ pub(crate) fn manifest(args: &RenderArgs, key_times: usize) -> Result<Manifest, 
 
 fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
     // The answers of these are the same whoever gives them and however trees follow.
-    let is_robust = args.method.intersector.is_equal_across_backends();
+    let is_robust = args.intersector.is_equal_across_backends();
     let mut all = BTreeMap::from([
         ("size", json!(args.size)),
         ("eye", json!(args.eye)),
@@ -188,13 +188,13 @@ fn options(args: &RenderArgs, key_times: usize) -> BTreeMap<String, Value> {
         // The default view depends on it.
         ("key-memory", json!(args.source.key_memory)),
         ("frames", frames_value(args, key_times)),
-        ("intersector", json!(args.method.intersector.name())),
+        ("intersector", json!(args.intersector.name())),
     ]);
     if args.source.recentre {
         all.insert("recentre", json!(true));
     }
     if !is_robust {
-        all.insert("backend", json!(word(&args.device.backend)));
+        all.insert("backend", json!(backend_name(args.device.backend)));
         all.insert("adapter", json!(args.device.adapter));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);

@@ -1,11 +1,12 @@
 //! Opens rivals by name, measures their frames, and compares their hits with ours.
 
-use crate::args::{BackendName, LayoutName, MethodArgs, UpdateName, update_name};
+use crate::args::{UpdateName, update_name};
 use crate::choose::Ask;
 use crate::session::{self, Setup};
 use crate::stop::Stop;
 use backend::{
-    BackendError, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query, QueryKind, Rays,
+    BackendError, BackendName, DeviceBytes, FrameReport, Hits, Intersector, Policy, Query,
+    QueryKind, Rays,
 };
 use geom::{Animation, Ray};
 use output::FrameStats;
@@ -15,7 +16,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Name of a rival's intersector and layout in tables and files, because rivals use their own.
+/// Name of a rival's intersector in tables and files, because rivals use their own.
 pub(crate) const OWN: &str = "own";
 
 /// A rival and the policy by which it updates its tree.
@@ -175,7 +176,6 @@ impl Running {
             lockstep: None,
             predict: None,
             intersector: OWN,
-            layout: OWN,
             auto: Vec::new(),
             memory: None,
         }
@@ -202,8 +202,8 @@ impl Running {
     /// Returns the share of rays whose triangle or shadow differs from ours, over the first, a middle and the last frame.
     /// Ours are those of `watertight` on the host, with a fresh tree in each frame.
     pub(crate) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
-        let method = MethodArgs::of(Intersector::Watertight, LayoutName::Auto);
-        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild)).over(frames, query);
+        let (host, intersector) = (Some(BackendName::Cpu), Intersector::Watertight);
+        let ask = Ask::of(host, intersector, Some(Policy::Rebuild)).over(frames, query);
         let (mut driver, _) = session::start_driver(&self.animation, &ask)?;
         let places = [0, frames.len() / 2, frames.len().saturating_sub(1)];
         let mut compared: Vec<Frame> = places

@@ -1,13 +1,12 @@
 //! Sets up a tracer as requested, ready for its first frame. Commands that measure get the library's driver instead.
 
-use crate::args::BackendName;
+use crate::args::BackendChoice;
 use crate::choose;
 pub(crate) use crate::choose::Ask;
 use crate::open::{self, Opening};
 use crate::stop::Stop;
 use abvh::{Builder, Mesh, Tracer};
-use backend::{Backend, DeviceKind, Hits, Method, Policy, Query, QueryKind, Rays};
-use clap::ValueEnum;
+use backend::{Backend, BackendName, DeviceKind, Hits, Policy, Query, QueryKind, Rays};
 use geom::{Animation, Ray};
 use host::Free;
 use output::Taken;
@@ -32,7 +31,6 @@ pub(crate) struct Setup {
     /// With `async`: whether trees are built for predicted positions.
     pub(crate) predict: Option<bool>,
     pub(crate) intersector: &'static str,
-    pub(crate) layout: &'static str,
     /// Choices of `auto`.
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
@@ -44,9 +42,10 @@ pub(crate) struct Setup {
 
 /// Starts to open the requested backend while the scene is read, if opening takes long.
 pub(crate) fn begin(ask: &Ask<'_>) -> Opening {
-    match ask.backend {
-        BackendName::Cpu => Opening::default(),
-        other => Opening::begin(other, on(ask)),
+    if ask.backend.is_some_and(BackendName::is_on_host) {
+        Opening::default()
+    } else {
+        Opening::begin(ask.backend, on(ask))
     }
 }
 
@@ -93,8 +92,7 @@ pub(crate) fn start_driver_on(
 fn builder(options: DriverOptions) -> Builder {
     Tracer::builder()
         .update(options.update)
-        .intersector(options.method.intersector)
-        .layout(options.method.layout)
+        .intersector(options.intersector)
         .time_range(options.time_range)
         .predict(options.predict)
 }
@@ -108,25 +106,22 @@ fn start_by<T>(
     let rays = ask.rays();
     check_trees(animation.triangle_count(), rays)?;
     let ready = |backend: Box<dyn Backend>| {
-        let (method, update, why) = choose::settle(backend.as_ref(), animation, ask)?;
-        let taking = take(backend, animation, ask, (method, update))?;
+        let (update, why) = choose::settle(backend.as_ref(), animation, ask)?;
+        let taking = take(backend, animation, ask, update)?;
         let device = taking.0.device().clone();
-        Ok((load(taking)?, device, method, update, why))
+        Ok((load(taking)?, device, update, why))
     };
     let opened = opening.wait().transpose()?;
     let first = opened.map(|(backend, why)| Ok((ready(backend)?, why)));
     // If `auto` chose the backend, another one may become ready.
-    let first = first.filter(|first| first.is_ok() || ask.backend != BackendName::Auto);
+    let first = first.filter(|first| first.is_ok() || ask.backend.is_some());
     let again = || open::open(ask.backend, on(ask), ready);
     let (opened, why) = first.unwrap_or_else(again)?;
-    let (traces, device, method, update, reasons) = opened;
-    let [why_update, why_layout] = reasons;
+    let (traces, device, update, why_update) = opened;
     let threads = ask.share(device.kind, update);
-    let (intersector, layout) = (method.intersector.name(), method.layout.name());
     let taken = [
         choose::taken("backend", device.backend, why),
         choose::taken("update", update.name(), why_update),
-        choose::taken("layout", layout, why_layout),
     ];
     let mut setup = Setup {
         backend: device.backend,
@@ -137,13 +132,12 @@ fn start_by<T>(
         update: update.name(),
         lockstep: update.lockstep(),
         predict: update.builds_beside_frames().then_some(ask.predict),
-        intersector,
-        layout,
+        intersector: ask.intersector.name(),
         auto: taken.into_iter().flatten().collect(),
         memory: Some(ExpectedMemory::of(
             animation,
             device.kind,
-            (method, update),
+            (ask.intersector, update),
             rays,
         )),
         caption: String::new(),
@@ -170,8 +164,8 @@ impl Setup {
         let build = work(self.builder_threads, ["builds", "build"]);
         let (backend, adapter, update) = (self.backend, &self.adapter, self.update);
         let who = format!("{backend} ({adapter}; {render}{build})");
-        let how = format!("{}, {}", self.intersector, self.layout);
-        format!("{who}, {update}{lockstep}{predict}, {how}")
+        let intersector = self.intersector;
+        format!("{who}, {update}{lockstep}{predict}, {intersector}")
     }
 }
 
@@ -200,13 +194,13 @@ fn driver(animation: &Arc<Animation>, (backend, options, threads): Taking) -> Re
     Ok(Driver::new(backend, animation, options, threads)?)
 }
 
-/// What a driver takes that traces by a method and follows the motion by a policy, as a run of its own would have it. Of a
-/// backend that computes on other threads, another of its kind is opened.
+/// Prepares what a driver needs to follow the motion by a policy. A backend on the host that has another number of threads
+/// is opened again.
 fn take(
     backend: Box<dyn Backend>,
     animation: &Animation,
     ask: &Ask<'_>,
-    (method, update): (Method, Policy),
+    update: Policy,
 ) -> Result<Taking, Stop> {
     let device = backend.device().clone();
     let threads = ask.share(device.kind, update);
@@ -215,12 +209,12 @@ fn take(
         backend
     } else {
         drop(backend);
-        let named = BackendName::from_str(device.backend, true).unwrap_or(ask.backend);
+        let named: BackendChoice = device.backend.parse().ok().or(ask.backend);
         open::bare(named, ask.adapter, threads.render)?
     };
-    check_device(&*backend, animation, (method, update), ask.rays())?;
+    check_device(&*backend, animation, ask, update)?;
     let options = DriverOptions {
-        method,
+        intersector: ask.intersector,
         update,
         time_range: ask.time_range(),
         predict: ask.predict,
@@ -239,11 +233,12 @@ pub(crate) fn check_trees(triangles: usize, rays: usize) -> Result<(), Stop> {
 fn check_device(
     backend: &dyn Backend,
     animation: &Animation,
-    how: (Method, Policy),
-    rays: usize,
+    ask: &Ask<'_>,
+    update: Policy,
 ) -> Result<(), Stop> {
     let kind = backend.device().kind;
-    let Some(need) = ExpectedMemory::of(animation, kind, how, rays).device_bytes else {
+    let how = (ask.intersector, update);
+    let Some(need) = ExpectedMemory::of(animation, kind, how, ask.rays()).device_bytes else {
         return Ok(());
     };
     let by = "memory of the device";

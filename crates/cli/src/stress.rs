@@ -1,6 +1,6 @@
 //! `abvh stress`: streams a scene's vertices through the library step by step, times the steps and checks their hits.
 
-use crate::args::{BackendName, RaysName, StressArgs, UpdateName, update_name, word};
+use crate::args::{BackendChoice, RaysName, StressArgs, UpdateName, backend_name, update_name};
 use crate::bench::{FOV, random_rays};
 use crate::conflicts::Files;
 use crate::stop::Stop;
@@ -11,7 +11,7 @@ use abvh::{
     Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
     Tracer,
 };
-use backend::Policy;
+use backend::{BackendName, Policy};
 use geom::{Animation, Camera, Point};
 use scene::Scene;
 use serde::Serialize;
@@ -241,7 +241,7 @@ fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
         for &update in &args.update {
             let update = policy(update)?;
             runs.extend([Vertices::Copied, Vertices::InPlace].map(|source| Run {
-                backend: word(&name),
+                backend: backend_name(name),
                 device: device.clone(),
                 update,
                 source,
@@ -256,16 +256,20 @@ fn runs(args: &StressArgs) -> Result<Vec<Run>, Stop> {
     not(any(feature = "vulkan", feature = "wgpu")),
     allow(unused_variables, reason = "only GPUs have adapters to choose from")
 )]
-fn device(name: BackendName, adapter: Option<&str>) -> Result<Device, Stop> {
+fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, Stop> {
     match name {
-        BackendName::Auto => Ok(Device::Auto),
-        BackendName::Cpu => Ok(Device::Cpu),
+        None => Ok(Device::Auto),
+        Some(BackendName::Cpu) => Ok(Device::Cpu),
+        Some(BackendName::CpuRef) => Ok(Device::CpuRef),
         #[cfg(feature = "vulkan")]
-        BackendName::Vulkan => Ok(Device::Vulkan(adapter.map(str::to_owned))),
+        Some(BackendName::Vulkan) => Ok(Device::Vulkan(adapter.map(str::to_owned))),
         #[cfg(feature = "wgpu")]
-        BackendName::Wgpu => Ok(Device::Wgpu(adapter.map(str::to_owned))),
+        Some(BackendName::Wgpu) => Ok(Device::Wgpu(adapter.map(str::to_owned))),
         #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
-        other => Err(Stop::bad(format!("{} is not in this build", word(&other)))),
+        other => Err(Stop::bad(format!(
+            "{} is not in this build",
+            backend_name(other)
+        ))),
     }
 }
 

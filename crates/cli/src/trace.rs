@@ -23,7 +23,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<(), Stop> {
         adapter: args.device.adapter.as_deref(),
         threads: args.device.threads,
         builder_threads: args.device.builder_threads,
-        ..Ask::of(args.device.backend, args.method, Some(update))
+        ..Ask::of(args.device.backend, args.intersector, Some(update))
     };
     let mut opening = session::begin(&ask);
     let file = output::RayFile::open(&args.rays).map_err(Stop::bad)?;

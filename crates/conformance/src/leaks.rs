@@ -8,7 +8,7 @@ use crate::crossings::crossings;
 use crate::generate::bodies::{BODIES, Body, Placed, SORTS};
 use crate::generate::{mixed, shares};
 use crate::stage::{ask, open, stand};
-use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use fastrand::Rng;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
@@ -33,8 +33,8 @@ pub struct LeakPlan {
     pub rays: u64,
     /// Distances by which bodies are moved along each axis.
     pub offsets: Vec<f32>,
-    /// Tracing method. `watertight` and `exact` must have no leaks. Crossings are not counted with `exact`.
-    pub method: Method,
+    /// Intersector. `watertight` and `exact` must have no leaks. Crossings are not counted with `exact`.
+    pub intersector: Intersector,
 }
 
 /// Results of all rays of one kind.
@@ -103,7 +103,13 @@ pub(crate) fn run_over(
         for rays in shares(share, share.div_ceil(MOST)) {
             let seed = mixed(mixed(plan.seed) ^ number);
             let (placed, rays) = batch((body, offset), rays, seed);
-            fire(subject, plan.method, (&placed, &rays), begin, &mut found)?;
+            fire(
+                subject,
+                plan.intersector,
+                (&placed, &rays),
+                begin,
+                &mut found,
+            )?;
             number += 1;
             done += rays.len() as u64;
             progress(done);
@@ -143,21 +149,21 @@ fn batch((body, offset): (&Body, f32), rays: u64, seed: u64) -> (Placed<'_>, Vec
 /// Traces a batch, and adds its results to the rows from `begin`.
 fn fire(
     subject: &mut dyn Backend,
-    method: Method,
+    intersector: Intersector,
     (placed, rays): (&Placed<'_>, &[Ray]),
     begin: usize,
     found: &mut LeakReport,
 ) -> Result<()> {
     let body = placed.animation();
-    open(subject, &body, 0.0, method)?;
+    open(subject, &body, 0.0, intersector)?;
     stand(subject, &body, 0.0)?;
     let (hits, _) = ask(subject, Rays::List(rays), QueryKind::Closest)?;
     // Triangles of `exact` include their edges. A ray through an edge crosses both triangles, so parity means nothing.
-    let crossings = match method.intersector {
+    let crossings = match intersector {
         Intersector::Exact => Vec::new(),
         _ => {
             let counted = rays.len().div_ceil(8).max(COUNTED).min(rays.len());
-            crossings(subject, method, &body, &rays[..counted])?
+            crossings(subject, intersector, &body, &rays[..counted])?
         }
     };
     for (i, hit) in hits.closest.iter().enumerate() {
@@ -206,7 +212,7 @@ mod tests {
             seed: 5,
             rays,
             offsets: OFFSETS.to_vec(),
-            method: Method::default(),
+            intersector: Intersector::Watertight,
         };
         let mut heard = Vec::new();
         let found = run_over(&mut cpu, &plan, bodies, &mut |n| heard.push(n)).unwrap();

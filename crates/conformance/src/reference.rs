@@ -2,7 +2,7 @@
 
 use crate::Case;
 use crate::stage::{ask, open, stand};
-use backend::{Backend, FrameReport, Generation, Hits, Layout, Method, QueryKind, Rays, Result};
+use backend::{Backend, FrameReport, Generation, Hits, Intersector, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
 use std::sync::Arc;
@@ -31,8 +31,8 @@ impl Answer {
 /// The backend with which others are compared.
 pub struct Reference {
     backend: Box<dyn Backend>,
-    /// Method with which the current case is loaded, or `None` if it is not loaded.
-    loaded: Option<Method>,
+    /// Intersector with which the current case is loaded, or `None` if it is not loaded.
+    loaded: Option<Intersector>,
 }
 
 impl Reference {
@@ -44,22 +44,19 @@ impl Reference {
         }
     }
 
-    /// Returns the results of a query at `time`, by the intersector of `method`.
+    /// Returns the results of a query at `time`.
     ///
     /// Without a query, returns the boxes of the tree built at the case's first time, and the counts of triangles.
     pub(crate) fn answer(
         &mut self,
         case: &Case,
-        (method, time): (Method, f64),
+        (intersector, time): (Intersector, f64),
         query: Option<(Rays<'_>, QueryKind)>,
     ) -> Result<Answer> {
-        // The layout changes no result.
-        let layout = Layout::Bvh2;
-        let method = Method { layout, ..method };
         let backend = self.backend.as_mut();
-        if self.loaded != Some(method) {
-            open(backend, &case.animation, case.times[0], method)?;
-            self.loaded = Some(method);
+        if self.loaded != Some(intersector) {
+            open(backend, &case.animation, case.times[0], intersector)?;
+            self.loaded = Some(intersector);
         }
         stand(backend, &case.animation, time)?;
         let mut answer = Answer::default();
@@ -73,10 +70,10 @@ impl Reference {
         Ok(answer)
     }
 
-    /// Returns the closest hits of the case's rays at `time`, and the boxes, with the default method and this tree.
+    /// Returns the closest hits of the case's rays at `time`, and the boxes, with the default intersector and this tree.
     pub(crate) fn by_tree(&mut self, case: &Case, tree: &Topology, time: f64) -> Result<Answer> {
         let backend = self.backend();
-        backend.load(Arc::clone(&case.animation), Method::default())?;
+        backend.load(Arc::clone(&case.animation), Intersector::Watertight)?;
         backend.adopt(tree, Generation(1))?;
         stand(backend, &case.animation, time)?;
         Answer::of(backend, case)

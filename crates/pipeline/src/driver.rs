@@ -11,10 +11,9 @@ use crate::builder_thread::{BuilderPool, BuilderThread, BuilderThreads};
 use crate::frame::{Frame, FrameRecord};
 use crate::latency::LatencyPredictor;
 use crate::schedule::plan;
-use crate::tree_builder::Forms;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
-    Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Opener, Palette, Policy,
+    Query, Ticket,
 };
 use bvh_layout::Spare;
 use candidate::Candidate;
@@ -44,8 +43,8 @@ pub enum PipelineError {
 /// Options of a [`Driver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverOptions {
-    /// Tracing method of the backend.
-    pub method: Method,
+    /// Intersector of the backend.
+    pub intersector: Intersector,
     /// Policy that updates trees as vertices move.
     pub update: Policy,
     /// First and last time to render, in key frames. Predicted times stay within this range.
@@ -105,22 +104,18 @@ impl Driver {
     /// Loads `animation` into `backend`. The first frame builds the first tree. Other drivers may share `threads`.
     ///
     /// # Errors
-    /// The backend does not support the scene or the method.
+    /// The backend does not support the scene.
     pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
         options: DriverOptions,
         threads: BuilderThreads,
     ) -> Result<Self, PipelineError> {
-        backend.load(Arc::clone(&animation), options.method)?;
+        backend.load(Arc::clone(&animation), options.intersector)?;
         if options.update.builds_on_device() {
             backend.check_rebuild()?;
         }
-        let forms = Forms {
-            treelets: backend.wants_treelets(),
-            blocks: backend.wants_blocks(),
-        };
-        let builder_pool = Arc::new(BuilderPool::new(threads, forms));
+        let builder_pool = Arc::new(BuilderPool::new(threads, backend.tree_format()));
         let builder_thread = {
             let (builder_pool, animation) = (Arc::clone(&builder_pool), Arc::clone(&animation));
             BuilderThread::new(move |job, cancel| {

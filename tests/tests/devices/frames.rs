@@ -4,7 +4,7 @@ use crate::Subject;
 use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, look, open, rays, report, see, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
 use std::sync::Arc;
 use std::thread;
@@ -249,8 +249,8 @@ pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn S
     let scene = scene::open("demo:twist:3000", &options).unwrap();
     let streamed = scene.animation;
     assert_eq!(streamed.window(), Some(8));
-    let method = Method::default();
-    backend.load(Arc::clone(&streamed), method).unwrap();
+    let intersector = Intersector::Watertight;
+    backend.load(Arc::clone(&streamed), intersector).unwrap();
     let times: Vec<f64> = (0..46).map(|i| f64::from(i * 7919 % 230) * 0.1).collect();
     for (i, &time) in times.iter().enumerate() {
         streamed.look_ahead(times[i..].iter().copied());

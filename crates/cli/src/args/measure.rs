@@ -1,6 +1,6 @@
 //! Options of the commands that measure (`bench`, `chart`, `stress`) and that check (`conform`, `stability`).
 
-use super::{BackendName, LayoutName, SourceArgs, UpdateName};
+use super::{BackendChoice, SourceArgs, UpdateName};
 use crate::values::{self, Frames, TimeRange};
 use backend::Intersector;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
@@ -20,9 +20,9 @@ pub(crate) struct MeasureArgs {
     #[command(flatten)]
     pub(crate) source: SourceArgs,
     /// Backends
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::backend("The best available backend"))]
     #[arg(default_value = "auto")]
-    pub(crate) backend: Vec<BackendName>,
+    pub(crate) backend: Vec<BackendChoice>,
     /// Ray tracers of others to measure too. Each keeps its own trees, so only rebuild and refit apply
     #[arg(long, value_name = "LIST", value_delimiter = ',',
         value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
@@ -61,10 +61,6 @@ pub(crate) struct BenchArgs {
     /// With async: whether trees are built ahead, as for render; 'on,off' measures both
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on", value_parser = values::switch())]
     pub(crate) predict: Vec<bool>,
-    /// Layouts of the tree
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    #[arg(default_value = "auto")]
-    pub(crate) layout: Vec<LayoutName>,
     /// Run that the others are compared with, by words of its row in order, such as 'wgpu refit' [default: the
     /// first of each scene]
     #[arg(long, value_name = "WORDS")]
@@ -129,10 +125,10 @@ pub(crate) enum RaysName {
 
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
-    /// Backends; auto is all that are present
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    /// Backends; auto is all that are present, except the reference
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::backend("All that are present"))]
     #[arg(default_value = "auto")]
-    pub(crate) backend: Vec<BackendName>,
+    pub(crate) backend: Vec<BackendChoice>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,

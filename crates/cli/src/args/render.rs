@@ -1,7 +1,8 @@
 //! Options of `render`.
 
-use super::{DeviceArgs, MethodArgs, SourceArgs, UpdateName};
+use super::{DeviceArgs, SourceArgs, UpdateName};
 use crate::values::{self, Frames, Shard, TimeRange};
+use backend::Intersector;
 use clap::{ArgAction, Args};
 use geom::Point;
 use output::Chroma;
@@ -20,8 +21,9 @@ pub(crate) struct RenderArgs {
     pub(crate) source: SourceArgs,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
-    #[command(flatten)]
-    pub(crate) method: MethodArgs,
+    /// How a ray is tested against a triangle
+    #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = values::intersector(|_| true))]
+    pub(crate) intersector: Intersector,
     /// How trees follow the motion
     #[arg(long, value_name = "POLICY", default_value = "auto", value_parser = values::update())]
     pub(crate) update: UpdateName,

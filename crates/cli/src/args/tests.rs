@@ -42,21 +42,20 @@ fn bench(line: &str) -> BenchArgs {
 fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates() {
     let args = render("");
     assert_eq!((&*args.scene, args.size), ("demo:grove", [1280, 720]));
-    assert_eq!(args.method.intersector, Intersector::Watertight);
+    assert_eq!(args.intersector, Intersector::Watertight);
     assert_eq!(args.out, PathBuf::from("abvh-out"));
     let measure = bench("bench").measure;
     assert_eq!((measure.size, measure.update.len()), ([640, 360], 3));
     let args = render("render a.obj --eye -1,2,-3 --light=-4,5,6");
     let points = [[-1.0, 2.0, -3.0], [-4.0, 5.0, 6.0]].map(Some);
     assert_eq!([args.eye, args.light], points);
-    let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
+    let args = bench("bench demo:twist --update refit,async --frames 3 --warm-up 0");
     assert_eq!(
         args.measure.update,
         [Policy::Refit, Policy::Async].map(Some)
     );
     assert_eq!(args.measure.scenes, ["demo:twist"]);
     assert_eq!(args.measure.frames, Frames::Count(3));
-    assert_eq!(args.layout, [LayoutName::Fast]);
     assert_eq!(args.measure.warm_up, Some(0.0));
 }
 
@@ -118,6 +117,8 @@ render --update refit --lockstep 1 | --lockstep | --update async
 render --update rebuild --predict off | --predict | --update async
 render --update t-sah | t-sah | use --update refit
 bench --update refit,t-sah | t-sah | use --update refit
+render --layout fast | --layout was removed | --backend cpu-ref
+bench --layout=bvh2,fast | --layout was removed | --backend cpu-ref
 render --tolerance 3 | --tolerance was removed | use --intersector
 trace a.ply --tolerance=3 | --tolerance was removed | use --intersector
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
@@ -151,7 +152,7 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 30);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 32);
 }
 
 #[test]

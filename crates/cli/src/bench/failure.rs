@@ -1,6 +1,6 @@
 //! A combination that could not be measured, with the reason.
 
-use crate::args::{RaysName, update_name, word};
+use crate::args::{RaysName, backend_name, update_name};
 use crate::choose::Ask;
 use crate::rival::{Contest, OWN};
 use crate::stop::Stop;
@@ -16,7 +16,6 @@ pub(super) struct Failure {
     /// Whether trees would have been built for predicted positions.
     predict: bool,
     pub(super) intersector: String,
-    pub(super) layout: String,
     /// The kind of rays, unless they are a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
@@ -30,11 +29,10 @@ impl Failure {
     pub(super) fn new((spec, rays): (&str, RaysName), ask: &Ask<'_>, stop: &Stop) -> Self {
         Self {
             scene: spec.to_owned(),
-            backend: word(&ask.backend),
+            backend: backend_name(ask.backend).to_owned(),
             update: update_name(ask.update).to_owned(),
             predict: ask.predict,
-            intersector: ask.method.intersector.to_string(),
-            layout: word(&ask.method.layout),
+            intersector: ask.intersector.to_string(),
             rays: (rays == RaysName::Random).then_some("random"),
             builder_threads: ask.builder_threads,
             error: stop.to_string(),
@@ -48,7 +46,6 @@ impl Failure {
             update: contest.upkeep.to_string(),
             predict: false,
             intersector: OWN.to_owned(),
-            layout: OWN.to_owned(),
             rays: (rays == RaysName::Random).then_some("random"),
             builder_threads: None,
             error: stop.to_string(),
@@ -58,13 +55,17 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = [&self.scene, &self.backend, &self.update];
-        let how = [&self.intersector, &self.layout];
-        let words = names.into_iter().chain(how).map(String::as_str);
+        let Self {
+            scene,
+            backend,
+            update,
+            intersector,
+            ..
+        } = self;
+        let name = format!("{scene} {backend} {update} {intersector}");
         let rays = self
             .rays
             .map_or(String::new(), |rays| format!(" {rays} rays"));
-        let name = words.collect::<Vec<_>>().join(" ");
         write!(f, "{name}{rays} failed: {}", self.error)
     }
 }

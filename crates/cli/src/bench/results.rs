@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, except for the first frame's time.
-const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
+const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
      device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,differing,error";
 
@@ -84,12 +84,12 @@ fn cells(r: &Row) -> Cells<'static> {
     let short = |value| show(value, |x| format!("{x:.2}"));
     let how = &r.setup;
     let update = format!("{}{}", how.update, unless_predicted(r, ", unpredicted"));
-    let method = format!("{} {}{}", how.intersector, how.layout, rays(r, ", "));
+    let intersector = format!("{}{}", how.intersector, rays(r, ", "));
     vec![
         ("scene", r.scene.clone()),
         ("backend", how.backend.to_owned()),
         ("update", update),
-        ("method", method),
+        ("intersector", intersector),
         ("moving", grouped(r.moving)),
         ("interp", time("interpolate_ms")),
         ("preproc", time("preprocess_ms")),
@@ -114,9 +114,9 @@ fn failed_cells(failure: &Failure, row: &Row) -> Cells<'static> {
     let rays = failure
         .rays
         .map_or(String::new(), |r| format!(", {r} rays"));
-    let method = format!("{} {}{rays}", failure.intersector, failure.layout);
+    let intersector = format!("{}{rays}", failure.intersector);
     let (scene, backend) = (failure.scene.clone(), failure.backend.clone());
-    let mut names = [scene, backend, failure.update.clone(), method].into_iter();
+    let mut names = [scene, backend, failure.update.clone(), intersector].into_iter();
     let columns = cells(row).into_iter().map(|(column, _)| column);
     columns
         .map(|column| (column, names.next().unwrap_or_else(|| "-".to_owned())))
@@ -138,7 +138,7 @@ fn rays(r: &Row, after: &str) -> String {
 /// Returns the name of a run within its scene.
 fn name(r: &Row) -> String {
     let how = &r.setup;
-    let words = [how.backend, how.update, how.intersector, how.layout].join(" ");
+    let words = [how.backend, how.update, how.intersector].join(" ");
     let without = unless_predicted(r, " unpredicted");
     format!("{words}{without}{}", rays(r, " "))
 }

@@ -4,13 +4,13 @@
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
 
 use super::plan::{Method, Way};
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs};
+use crate::args::ChartArgs;
 use crate::bench;
 use crate::choose::Ask;
 use crate::rival::Running;
 use crate::session;
 use crate::stop::Stop;
-use backend::{Hits, Intersector, Policy, QueryKind};
+use backend::{BackendName, Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
@@ -155,8 +155,11 @@ impl<'a> Sampler<'a> {
             });
         }
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let method = MethodArgs::of(Intersector::Exact, LayoutName::Fast);
-        let ask = Ask::of(BackendName::Cpu, method, Some(Policy::Rebuild));
+        let ask = Ask::of(
+            Some(BackendName::Cpu),
+            Intersector::Exact,
+            Some(Policy::Rebuild),
+        );
         let (driver, _) = session::start_driver(self.animation, &ask)?;
         let mut reference = Tracing::Ours(Box::new(driver));
         for answered in all.iter_mut().filter(|answered| !answered.sheet.is_aimed) {
@@ -414,8 +417,7 @@ mod tests {
     }
 
     fn way(backend: BackendName, intersector: Intersector) -> Way {
-        let method = MethodArgs::of(intersector, LayoutName::Fast);
-        Way::Ours(Ask::of(backend, method, Some(Policy::Refit)))
+        Way::Ours(Ask::of(Some(backend), intersector, Some(Policy::Refit)))
     }
 
     fn tally(intersector: Intersector, [wrong, aimed]: [u64; 2]) -> Tally {

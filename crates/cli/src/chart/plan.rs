@@ -1,6 +1,6 @@
 //! Ways of tracing that this machine can chart, and the command that measures one again.
 
-use crate::args::{BackendName, ChartArgs, LayoutName, MethodArgs, word};
+use crate::args::{BackendChoice, ChartArgs, backend_name};
 use crate::bench::Row;
 use crate::choose::Ask;
 use crate::open::{self, Presence};
@@ -8,7 +8,6 @@ use crate::rival::{self, Contest, OWN};
 use crate::stop::Stop;
 use crate::values::Frames;
 use backend::{AdapterInfo, DeviceKind, Intersector};
-use clap::ValueEnum;
 use output::plot::Failure;
 use rivals::Known;
 use std::fmt;
@@ -23,14 +22,14 @@ pub(super) enum Way {
 /// What decides the hits of a way: a backend or a rival, and its intersector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
-    Ours(BackendName, Intersector),
+    Ours(BackendChoice, Intersector),
     Rival(&'static Known),
 }
 
 impl Way {
     pub(super) fn method(&self) -> Method {
         match self {
-            Self::Ours(ask) => Method::Ours(ask.backend, ask.method.intersector),
+            Self::Ours(ask) => Method::Ours(ask.backend, ask.intersector),
             Self::Rival(contest) => Method::Rival(contest.rival),
         }
     }
@@ -52,12 +51,9 @@ impl Method {
 pub(super) fn ways(args: &ChartArgs) -> Result<(Vec<Way>, Vec<String>), Stop> {
     let (mut ways, mut skipped) = (Vec::new(), Vec::new());
     for backend in backends(args, &mut skipped) {
-        let layouts = [LayoutName::Bvh2, LayoutName::Fast];
-        let by = args.measure.intersector.iter();
-        for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-            let method = MethodArgs::of(intersector, layout);
+        for &intersector in &args.measure.intersector {
             let updates = args.measure.update.iter();
-            ways.extend(updates.map(|&update| Way::Ours(Ask::of(backend, method, update))));
+            ways.extend(updates.map(|&update| Way::Ours(Ask::of(backend, intersector, update))));
         }
     }
     let (contests, unknown) = rival::contests(&args.measure.rival, &args.measure.update);
@@ -85,20 +81,16 @@ pub(super) fn methods(ways: impl IntoIterator<Item = Way>) -> Vec<Method> {
 pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
     let names = match way {
         Way::Ours(ask) => [
-            word(&ask.backend),
-            word(&ask.method.layout),
-            ask.method.intersector.to_string(),
-            ask.update().0.name().to_owned(),
+            backend_name(ask.backend),
+            ask.intersector.name(),
+            ask.update().0.name(),
         ],
-        Way::Rival(Contest { rival, upkeep }) => {
-            [rival.name, OWN, OWN, upkeep.name()].map(str::to_owned)
-        }
+        Way::Rival(Contest { rival, upkeep }) => [rival.name, OWN, upkeep.name()],
     };
-    let [backend, layout, intersector, update] = names;
+    let [backend, intersector, update] = names.map(str::to_owned);
     Failure {
         scene: scene.to_owned(),
         backend,
-        layout,
         intersector,
         update,
         error: stop.to_string(),
@@ -106,16 +98,19 @@ pub(super) fn failure(scene: &str, way: &Way, stop: &Stop) -> Failure {
 }
 
 /// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
-fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendName> {
-    let (auto, named): (Vec<BackendName>, Vec<_>) =
-        (args.measure.backend.iter()).partition(|&&b| b == BackendName::Auto);
+fn backends(args: &ChartArgs, skipped: &mut Vec<String>) -> Vec<BackendChoice> {
+    let (auto, named): (Vec<BackendChoice>, Vec<_>) =
+        args.measure.backend.iter().partition(|b| b.is_none());
     let mut found = named;
     if !auto.is_empty() {
-        for presence in open::presences().rev() {
+        for presence in open::presences()
+            .rev()
+            .filter(|p| !p.backend.is_reference())
+        {
             let name = presence.backend;
             match why_not(presence) {
                 Some(why) => skipped.push(format!("{name} is skipped: {why}")),
-                None => found.extend(BackendName::from_str(name, true)),
+                None => found.push(Some(name)),
             }
         }
     }
@@ -145,24 +140,24 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
     kept
 }
 
-/// Backend, layout, intersector and policy, as far as they are known without a run.
+/// Backend, intersector and policy, as far as they are known without a run.
 impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ask = match self {
             Self::Ours(ask) => ask,
             Self::Rival(contest) => return contest.fmt(f),
         };
-        let [backend, layout] = [word(&ask.backend), word(&ask.method.layout)];
-        let intersector = ask.method.intersector;
-        let update = ask.update().0.name();
-        write!(f, "{backend} {layout} {intersector} {update}")
+        let (backend, update) = (backend_name(ask.backend), ask.update().0);
+        write!(f, "{backend} {} {update}", ask.intersector)
     }
 }
 
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Ours(backend, intersector) => write!(f, "{} {intersector}", word(backend)),
+            Self::Ours(backend, intersector) => {
+                write!(f, "{} {intersector}", backend_name(*backend))
+            }
             Self::Rival(rival) => f.write_str(rival.name),
         }
     }
@@ -188,10 +183,7 @@ pub(super) fn command(args: &ChartArgs, (spec, way): (&str, &Way), row: &Row) ->
     let how = &row.setup;
     let name = how.backend;
     let by = match way {
-        Way::Ours(_) => {
-            let (intersector, layout) = (how.intersector, how.layout);
-            format!("--backend {name} --intersector {intersector} --layout {layout}")
-        }
+        Way::Ours(_) => format!("--backend {name} --intersector {}", how.intersector),
         Way::Rival(_) => format!("--rival {name}"),
     };
     format!(
@@ -214,6 +206,7 @@ fn quoted(word: &str) -> String {
 mod tests {
     use super::*;
     use crate::args::{Command, parse};
+    use backend::BackendName;
 
     #[test]
     fn what_is_named_twice_is_done_once() {
@@ -224,7 +217,7 @@ mod tests {
         };
         let (ways, skipped) = ways(&args).unwrap();
         let ways: Vec<_> = ways.iter().map(ToString::to_string).collect();
-        let methods = ["bvh2 woop", "fast woop", "bvh2 exact", "fast exact"];
+        let methods = ["woop", "exact"];
         let expected = methods.map(|m| ["refit", "async"].map(|u| format!("cpu {m} {u}")));
         assert_eq!(ways, expected.concat());
         assert_eq!(unique(&args.measure.scenes), ["a", "b"]);
@@ -246,16 +239,16 @@ mod tests {
                 absent: kinds.is_empty().then(|| "no loader".to_owned()),
                 adapters: kinds.iter().enumerate().map(adapter).collect(),
                 intersectors: Vec::new(),
-                layouts: Vec::new(),
             }
         };
+        use BackendName::{Vulkan, Wgpu};
         use DeviceKind::{Cpu, Gpu, Software};
         for (backend, kinds, why) in [
-            ("cpu", &[Cpu][..], None),
-            ("vulkan", &[Software, Gpu], None),
-            ("wgpu", &[Gpu], None),
-            ("wgpu", &[Software], Some("no GPU but 0: software")),
-            ("vulkan", &[], Some("no loader")),
+            (BackendName::Cpu, &[Cpu][..], None),
+            (Vulkan, &[Software, Gpu], None),
+            (Wgpu, &[Gpu], None),
+            (Wgpu, &[Software], Some("no GPU but 0: software")),
+            (Vulkan, &[], Some("no loader")),
         ] {
             let found = why_not(presence(backend, kinds));
             let told = found.as_deref().unwrap_or_default();

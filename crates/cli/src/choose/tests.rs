@@ -2,22 +2,18 @@
 
 use super::*;
 use crate::open;
-use backend::{Intersector, QueryKind, Rays};
-use clap::ValueEnum;
+use backend::{BackendName, QueryKind, Rays};
 use scene::Scene;
 
-const AUTO: MethodArgs = MethodArgs {
-    intersector: Intersector::Watertight,
-    layout: LayoutName::Auto,
-};
+const BY: Intersector = Intersector::Watertight;
 
 #[test]
 fn names_mean_what_they_name_and_lockstep_is_async() {
     let asked = |backend, update, lockstep| Ask {
         lockstep,
-        ..Ask::of(backend, AUTO, update)
+        ..Ask::of(backend, BY, update)
     };
-    let host = BackendName::Cpu;
+    let host = Some(BackendName::Cpu);
     let three = Policy::Lockstep(3);
     let free = Policy::Async;
     for (ask, update, is_named) in [
@@ -31,28 +27,6 @@ fn names_mean_what_they_name_and_lockstep_is_async() {
         assert_eq!((taken, why.is_none()), (update, is_named), "{ask:?}");
     }
     assert!(asked(host, None, None).is_open() && !asked(host, None, Some(3)).is_open());
-    assert_eq!(layout(LayoutName::Bvh2), Some(Layout::Bvh2));
-    assert_eq!(layout(LayoutName::Auto), None);
-}
-
-#[test]
-fn the_layout_left_open_depends_on_the_kind_of_device() {
-    for device in DeviceKind::ALL {
-        let capabilities = Capabilities {
-            device,
-            makes_trees: true,
-        };
-        for &name in LayoutName::value_variants() {
-            let (taken, why) = capabilities.layout(name);
-            let named = layout(name);
-            let usual = match device {
-                DeviceKind::Software => Layout::Bvh2,
-                DeviceKind::Gpu | DeviceKind::Cpu => Layout::Fast,
-            };
-            assert_eq!(taken, named.unwrap_or(usual));
-            assert_eq!(named.is_none(), why.is_some());
-        }
-    }
 }
 
 #[test]
@@ -65,7 +39,7 @@ fn trees_are_left_to_a_device_only_where_it_can_build_them() {
         frames: &frames,
         query: Query { rays, kind },
     };
-    let ask = Ask::of(BackendName::Vulkan, AUTO, None);
+    let ask = Ask::of(Some(BackendName::Vulkan), BY, None);
     for (device, makes_trees, expected) in [
         (DeviceKind::Gpu, true, Policy::DeviceRebuild),
         (DeviceKind::Gpu, false, Policy::Rebuild),
@@ -76,8 +50,7 @@ fn trees_are_left_to_a_device_only_where_it_can_build_them() {
             device,
             makes_trees,
         };
-        let method = Method::default();
-        let facts = facts(&capabilities, &scene.animation, &ask, &run, method).unwrap();
+        let facts = facts(&capabilities, &scene.animation, &ask, &run).unwrap();
         assert_eq!(facts.choose().0, expected, "{device:?} {makes_trees}");
     }
 }
@@ -87,7 +60,7 @@ fn frames_last_from_the_earliest_to_the_latest() {
     let range = |frames: &[Frame]| {
         let (rays, kind) = (Rays::List(&[]), QueryKind::Any);
         let query = Query { rays, kind };
-        let usual = Ask::of(BackendName::Cpu, AUTO, Some(Policy::Refit));
+        let usual = Ask::of(Some(BackendName::Cpu), BY, Some(Policy::Refit));
         usual.over(frames, query).time_range()
     };
     let frames = [3.0, 1.5, 2.0].map(|time| Frame { index: 0, time });
@@ -113,9 +86,9 @@ fn what_is_left_open_is_settled_with_a_reason() {
         let frames: Vec<Frame> = (0..count).map(frame).collect();
         let ask = Ask {
             threads: Some(2),
-            ..Ask::of(BackendName::Cpu, AUTO, None)
+            ..Ask::of(Some(BackendName::Cpu), BY, None)
         };
-        let backend = open::bare(BackendName::Cpu, None, 2).unwrap();
+        let backend = open::bare(Some(BackendName::Cpu), None, 2).unwrap();
         settle(
             backend.as_ref(),
             &scene.animation,
@@ -123,9 +96,7 @@ fn what_is_left_open_is_settled_with_a_reason() {
         )
         .unwrap()
     };
-    let (method, _, [why_update, why_layout]) = settled(32);
-    let why = why_update.unwrap();
+    let why = settled(32).1.unwrap();
     assert!(why.contains("frames") || why.contains("tree"), "{why}");
-    assert_eq!((method.layout, why_layout.is_some()), (Layout::Fast, true));
-    assert_eq!(settled(1).1, Policy::Refit);
+    assert_eq!(settled(1).0, Policy::Refit);
 }

@@ -29,12 +29,13 @@ pub(super) fn verify(
     query: (Rays<'_>, QueryKind),
     (seen, report): &(Hits, FrameReport),
 ) -> Result<()> {
-    let expected = c.reference.answer(c.case, (c.method, time), Some(query))?;
+    let expected = c
+        .reference
+        .answer(c.case, (c.intersector, time), Some(query))?;
     answers(c.case, time, query.0, seen, &expected.hits)?;
     same_counts(report, &expected.report).with_context(|| format!("at time {time:?}"))?;
     // With `exact`, a backend may settle any number of rays. `watertight` settles only extreme rays.
-    let may_settle =
-        c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.0);
+    let may_settle = c.intersector == Intersector::Exact || has_extremes(c.case, time, query.0);
     let settled = report.settled;
     ensure!(may_settle || settled == 0, "{settled} rays are settled");
     Ok(())
@@ -68,7 +69,7 @@ pub(super) fn shadows(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Tests that rays generated from a camera have the same hits as the same rays in a list, for every method.
+/// Tests that rays generated from a camera have the same hits as the same rays in a list, for every intersector.
 pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
@@ -87,7 +88,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Tests that any-hit reports a hit exactly if closest-hit does, for every method.
+/// Tests that any-hit reports a hit exactly if closest-hit does, for every intersector.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
     c.stand(c.case.times[1])?;
@@ -154,7 +155,7 @@ pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
         seed: chance,
         rays: LEAK_RAYS,
         offsets: vec![leaks::OFFSETS[chance as usize % leaks::OFFSETS.len()]],
-        method: c.method,
+        intersector: c.intersector,
     };
     let found = leaks::run_over(c.subject, &plan, &BODIES[body..=body], &mut |_| {})?;
     match found.first.first() {

@@ -8,7 +8,7 @@ use crate::generate::rays::{Aims, turn};
 use crate::generate::strategies::sample;
 use crate::stage::{ask, boxes_anew, fetch, open, stand, start, tree_over};
 use anyhow::{Context, Result, ensure};
-use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Ticket};
+use backend::{Backend, FrameReport, Generation, Hits, Intersector, QueryKind, Rays, Ticket};
 use fastrand::Rng;
 use geom::{Animation, Point, PointBuffer, Ray};
 use std::sync::Arc;
@@ -37,7 +37,7 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         case: &case,
         subject: &mut *c.subject,
         reference: &mut *c.reference,
-        method: c.method,
+        intersector: c.intersector,
     };
     for (ticket, time, kind) in push_all(&mut c, &live, rng)? {
         let found = fetch(c.subject, ticket)?;
@@ -94,7 +94,7 @@ fn push_all(
 ) -> Result<Vec<(Ticket, f64, QueryKind)>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
-    open(c.subject, live, 0.0, c.method)?;
+    open(c.subject, live, 0.0, c.intersector)?;
     c.subject.keep(frames.len());
     stand(c.subject, live, 0.0)?;
     c.subject.submit()?;
@@ -139,7 +139,12 @@ pub(super) fn measured(c: &mut Check<'_>) -> Result<()> {
         let marks = vec![false; first.len()];
         let triangles = c.case.animation.triangles().to_vec();
         let live = Animation::live(first.clone(), &marks, triangles).map(Arc::new)?;
-        play(c.subject, (&live, c.method, looks), &frames, &c.case.rays)
+        play(
+            c.subject,
+            (&live, c.intersector, looks),
+            &frames,
+            &c.case.rays,
+        )
     });
     for ((found, expected), (name, _)) in unseen?.iter().zip(&seen?).zip(&frames) {
         same(found, expected).with_context(|| (*name).to_owned())?;
@@ -162,11 +167,11 @@ fn same(found: &Answers, expected: &Answers) -> Result<()> {
 /// Returns the results of the same queries at each key frame. If `looks` is set, the host computes the range first.
 fn play(
     subject: &mut dyn Backend,
-    (live, method, looks): (&Arc<Animation>, Method, bool),
+    (live, intersector, looks): (&Arc<Animation>, Intersector, bool),
     frames: &[Odd],
     own: &[Ray],
 ) -> Result<Vec<Answers>> {
-    open(subject, live, 0.0, method)?;
+    open(subject, live, 0.0, intersector)?;
     let play = |(_, frame): &Odd| {
         let time = live.push(frame.clone())?;
         if looks {

@@ -78,7 +78,7 @@ const WAYS: [(&str, &str); 7] = [
 /// A backend may compute boxes from key frames, at the same time as positions or before.
 pub(super) fn boxes(c: &mut Check<'_>) -> Result<()> {
     let now = c.case.times[2];
-    let expected = c.reference.answer(c.case, (c.method, now), None)?;
+    let expected = c.reference.answer(c.case, (c.intersector, now), None)?;
     // Three of these per case.
     let begin = c.case.chance as usize % WAYS.len();
     for (about, steps) in WAYS.iter().cycle().skip(begin).take(3) {
@@ -136,7 +136,7 @@ pub(super) fn streamed(c: &mut Check<'_>) -> Result<()> {
         triangles(),
     )?);
     let times = times(c.case.chance);
-    c.subject.load(Arc::clone(&streamed), c.method)?;
+    c.subject.load(Arc::clone(&streamed), c.intersector)?;
     let mut expected = Vec::new();
     for i in 0..FRAMES + AHEAD {
         if let Some(&time) = times.get(i) {

@@ -9,11 +9,11 @@ use crate::properties::still::COST_TOLERANCE;
 use crate::reference::Answer;
 use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
+use backend::{Backend, BackendError, Generation, Hits, Intersector, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
 
-/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every method.
+/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every intersector.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
@@ -89,11 +89,9 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
         c.subject.adopt(tree, Generation(generation))?;
         boxes_anew(c.subject)?;
         answers(case, now, rays, &c.closest()?, &fresh)?;
-        if c.method.layout == Layout::Bvh2 {
-            let boxes = c.subject.inspect().boxes()?;
-            let right = c.reference.by_tree(case, tree, now)?.boxes;
-            lists("box of node", &boxes, &right, PartialEq::eq)?;
-        }
+        let boxes = c.subject.inspect().boxes()?;
+        let right = c.reference.by_tree(case, tree, now)?.boxes;
+        lists("box of node", &boxes, &right, PartialEq::eq)?;
     }
     Ok(())
 }
@@ -180,7 +178,7 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
 }
 
 /// Records a tree built on the device from the current positions. Returns `false` if the backend cannot build one for
-/// this method.
+/// this intersector.
 fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
     match backend.rebuild(Generation(generation)) {
         Ok(()) => Ok(true),
@@ -193,7 +191,7 @@ fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
 /// for this tree.
 pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
-    c.subject.load(Arc::clone(&case.animation), c.method)?;
+    c.subject.load(Arc::clone(&case.animation), c.intersector)?;
     for (&time, generation) in case.times.iter().zip(1..) {
         c.interpolate(time)?;
         if !rebuild(c.subject, generation)? {

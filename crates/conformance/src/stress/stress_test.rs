@@ -5,7 +5,7 @@ use crate::oracle::{ExactHit, Oracle};
 use crate::stage::{ask, open, stand, triangles};
 use crate::stress::scenes::{StressScene, scenes};
 use crate::stress::{Cell, Family, Measure, Plan};
-use backend::{Backend, FrameReport, Hits, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, FrameReport, Hits, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
 
@@ -36,10 +36,9 @@ impl StressTest {
     /// # Errors
     /// The subject failed.
     pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<Cell> {
-        let method = Method::from(intersector);
         let mut sum: Vec<(Measure, u64, u64)> = Vec::new();
         for scene in &self.scenes {
-            let counts = scene.count(subject, method)?;
+            let counts = scene.count(subject, intersector)?;
             sum.resize(counts.len(), (Measure::Wrong, 0, 0));
             for (sum, (measure, count, of)) in sum.iter_mut().zip(counts) {
                 *sum = (measure, sum.1 + count, sum.2 + of);
@@ -64,9 +63,13 @@ impl Answered {
     }
 
     /// Returns the count of each event, with its number of rays.
-    fn count(&self, subject: &mut dyn Backend, method: Method) -> Result<Vec<(Measure, u64, u64)>> {
+    fn count(
+        &self,
+        subject: &mut dyn Backend,
+        intersector: Intersector,
+    ) -> Result<Vec<(Measure, u64, u64)>> {
         let scene = &self.scene;
-        let (hits, _) = scene.trace(subject, method)?;
+        let (hits, _) = scene.trace(subject, intersector)?;
         let found = hits.closest;
         let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| {
             let count = (0..found.len()).filter(|&i| is_so(i)).count();
@@ -81,8 +84,8 @@ impl Answered {
         let leaks = |i: usize| inside[i] && !found[i].is_hit();
         counts.push(share(Measure::Leaks, of, &leaks));
         // Triangles of `exact` include their edges. Two that share an edge may both be hit there.
-        if method.intersector != Intersector::Exact {
-            let crossed = crossings(subject, method, &scene.animation, &scene.rays)?;
+        if intersector != Intersector::Exact {
+            let crossed = crossings(subject, intersector, &scene.animation, &scene.rays)?;
             let is_double = |i: usize| (crossed[i] % 2 == 1) != inside[i];
             counts.push(share(Measure::DoubleHits, found.len(), &is_double));
         }
@@ -95,9 +98,9 @@ impl StressScene {
     pub(super) fn trace(
         &self,
         subject: &mut dyn Backend,
-        method: Method,
+        intersector: Intersector,
     ) -> Result<(Hits, FrameReport)> {
-        open(subject, &self.animation, self.built, method)?;
+        open(subject, &self.animation, self.built, intersector)?;
         stand(subject, &self.animation, self.time)?;
         ask(subject, Rays::List(&self.rays), QueryKind::Closest)
     }

@@ -1,7 +1,7 @@
 //! Panel with a pair of axes, marks and a legend, drawn by `plotters`.
 
 use super::Result;
-use super::look::{Entry, GREY, INK, Look};
+use super::look::{Entry, GREY, INK, Look, RADIUS};
 use plotters::backend::SVGBackend;
 use plotters::chart::ChartBuilder;
 use plotters::coord::Shift;
@@ -245,7 +245,7 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
     let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
     if look.shape.0 == 0 {
-        let radius = look.radius.round() as u32;
+        let radius = RADIUS.round() as u32;
         area.draw(&Circle::new(at, radius, inside))?;
         area.draw(&Circle::new(at, radius, edge))?;
     } else {
