@@ -37,7 +37,7 @@ pub(crate) fn run(args: &StressArgs) -> Result<(), Stop> {
     let mut rows = Vec::new();
     for run in &runs {
         rows.push(run.measure(&motion, &expected, args.steps)?);
-        progress.step(&[&run.backend, run.update.name(), run.source.name()].join(" "));
+        progress.step(&[run.backend, run.update.name(), run.source.name()].join(" "));
     }
     drop(progress);
     if let Some(file) = &args.test.json {
@@ -228,7 +228,7 @@ fn policy(name: UpdateName) -> Result<Policy, Stop> {
 
 /// One row of the table.
 struct Run {
-    backend: String,
+    backend: &'static str,
     device: Device,
     update: Policy,
     source: Vertices,
@@ -340,7 +340,7 @@ impl Run {
         times.sort_by(f64::total_cmp);
         let share = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
         Ok(Row {
-            backend: self.backend.clone(),
+            backend: self.backend.to_owned(),
             device: tracer.device().to_owned(),
             update: self.update.name(),
             vertices: self.source.name(),

@@ -95,7 +95,7 @@ fn against_the_oracle(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (stack(LOWER), down()),
         (sliver(), vec![AT_SLIVER]),
     ] {
-        let mut stage = Stage::over(backend, &animation, Intersector::Exact.into());
+        let mut stage = Stage::over(backend, &animation, Intersector::Exact);
         let oracle = Oracle::new(triangles(&animation, 0.0));
         check(&mut stage, &oracle, 0.0, &rays);
         backend = stage.into_backend();
@@ -108,7 +108,7 @@ fn watertight(mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
         (stack(TALL), down(), vec![0, Hit::MISS.triangle]),
         (sliver(), vec![AT_SLIVER], vec![0]),
     ] {
-        let mut stage = Stage::over(backend, &animation, Intersector::Watertight.into());
+        let mut stage = Stage::over(backend, &animation, Intersector::Watertight);
         stage.plant(0.0);
         let hits = stage.closest(0.0, &rays).closest;
         assert!(hits.iter().map(|h| h.triangle).eq(expected), "{hits:?}");

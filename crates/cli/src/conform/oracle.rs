@@ -98,7 +98,7 @@ fn ask(
         let name = subject.device().backend;
         let begins = format!("{name}: ");
         for batch in batches {
-            let tally = batch.ask(subject.as_mut(), intersector.into())?;
+            let tally = batch.ask(subject.as_mut(), intersector)?;
             let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
             let rays = args.oracle_rays;
             let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");

@@ -9,7 +9,7 @@ use crate::properties::still::COST_TOLERANCE;
 use crate::reference::Answer;
 use crate::stage::{ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Backend, BackendError, Generation, Hits, Intersector, QueryKind, check_tree};
+use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
 
