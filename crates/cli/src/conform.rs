@@ -8,7 +8,7 @@ use crate::open::{self, Subject, Tested};
 use crate::stop::Stop;
 use crate::table::{Cells, counted, grouped, table};
 use crate::talk::{self, Progress};
-use backend::Intersector;
+use backend::{BackendName, Intersector};
 use conformance::leaks::{self, LeakPlan, OFFSETS};
 use conformance::{Cases, PROPERTIES, Property, Reference, hold};
 use oracle::OracleRow;
