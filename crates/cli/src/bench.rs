@@ -24,7 +24,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Options and groups of options that measure.
-const MEASURING: [&str; 20] = [
+const MEASURING: [&str; 19] = [
     "scenes",
     "SceneSettings",
     "CameraSettings",

@@ -265,7 +265,7 @@ mod tests {
         for (layout, runs) in [("fast", 1), ("bvh2", 0)] {
             laid["rows"][0]["layout"] = layout.into();
             let earlier = file("earlier.json", laid.clone());
-            let changes = compare(&earlier, &new).unwrap().0;
+            let changes = compare(&earlier, &new).unwrap().changes;
             assert_eq!(changes.len(), runs, "{layout}");
         }
         let none = file("else.json", json!({}));
