@@ -121,7 +121,7 @@ mod query;
 pub use axes::{BackendName, Intersector, Policy};
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
-pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, sah_cost};
+pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, rounded, sah_cost};
 pub use query::{Hits, HitsPool, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;

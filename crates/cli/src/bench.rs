@@ -43,7 +43,6 @@ const MEASURING: [&str; 19] = [
     "builder_threads",
     "json",
     "csv",
-    "size",
 ];
 
 #[derive(Args, Debug)]

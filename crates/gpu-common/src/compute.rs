@@ -7,7 +7,7 @@ use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, LastUse, Options, Stage, Stale};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Opener,
-    Palette, Query, Rays, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
+    Palette, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
@@ -180,7 +180,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(intersector) && k.suits(traits));
         engine.pipelines.begin(&engine.gpu, usual);
-        if animation.is_arriving() {
+        if animation.is_streamed() {
             let later = work::kernels_of_arriving_keys(intersector);
             let copies = D::COPIES.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
@@ -327,7 +327,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn prepare(&mut self, query: Query<'_>, makes_trees: bool) {
-        let rays = as_given(&query, matches!(query.rays, Rays::OnDevice(_)));
+        let rays = as_given(&query);
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = match makes_trees {
             true => Shape::made_on_device(leaves),

@@ -168,14 +168,9 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Fills buffers from their beginning. Blocks until the copy has finished.
     fn upload(&mut self, all: &[(&[u8], &Self::Buffer)]) -> Result<()>;
 
-    /// Writes `count` rows of a buffer of rays, or of lent results, for the next submission. Runs on several threads.
-    /// No unfinished submission may use the buffer.
-    fn write<T: Pod + Send>(
-        &mut self,
-        to: &mut Self::Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()>;
+    /// Writes the first rows of a buffer of rays, or of lent results, for the next submission. No unfinished submission
+    /// may use the buffer.
+    fn write<T: Pod + Send + Sync>(&mut self, to: &mut Self::Buffer, rows: &[T]) -> Result<()>;
 
     /// Starts a copy of bytes of a buffer to the host. The work that fills the buffer must have finished.
     fn begin_read(&mut self, from: &Self::Buffer, bytes: Range<u64>) -> Result<Self::Copy>;

@@ -162,18 +162,17 @@ impl VulkanDevice {
     }
 
     /// Fills a lent buffer, in the order of submissions.
-    pub(crate) fn write_lent<T: Pod + Send>(
+    pub(crate) fn write_lent<T: Pod + Send + Sync>(
         &mut self,
         to: &Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
+        rows: &[T],
     ) -> Result<()> {
-        let bytes = (count * size_of::<T>()) as u64;
+        let bytes = size_of_val(rows) as u64;
         if bytes == 0 {
             return Ok(());
         }
         let mut staging = Buffer::new(&self.gpu, "answers", bytes, BufferUse::Upload)?;
-        staging.set_rows(count, row);
+        staging.set_rows(rows);
         let region = vk::BufferCopy::default().size(bytes);
         let copy = ([&staging, to], vec![region]);
         let value = self.upload.start_in_order(&[copy], &self.lent.waits)?;

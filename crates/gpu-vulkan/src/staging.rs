@@ -12,9 +12,6 @@ use std::collections::VecDeque;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::Arc;
 
-/// Words that one task copies.
-const RUN: usize = 1 << 17;
-
 /// Writes parts one after another, using several threads. Returns `false` if they do not fit.
 pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
     let mut to = staging.view_mut();
@@ -23,7 +20,7 @@ pub(crate) fn fill(staging: &mut Buffer, parts: &[&[u32]]) -> bool {
     }
     for part in parts {
         let (of_part, rest) = to.split_at_mut(part.len());
-        copy_in_parallel(of_part, part, RUN);
+        copy_in_parallel(of_part, part);
         to = rest;
     }
     true

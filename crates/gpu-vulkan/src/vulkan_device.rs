@@ -232,16 +232,11 @@ impl GpuDevice for VulkanDevice {
         load(&self.gpu, &mut self.upload, all)
     }
 
-    fn write<T: Pod + Send>(
-        &mut self,
-        to: &mut Buffer,
-        count: usize,
-        row: impl Fn(usize) -> T + Sync,
-    ) -> Result<()> {
+    fn write<T: Pod + Send + Sync>(&mut self, to: &mut Buffer, rows: &[T]) -> Result<()> {
         if to.is_lent() {
-            return self.write_lent(to, count, row);
+            return self.write_lent(to, rows);
         }
-        to.set_rows(count, row);
+        to.set_rows(rows);
         Ok(())
     }
 

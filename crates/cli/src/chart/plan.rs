@@ -11,7 +11,7 @@ use backend::{AdapterInfo, DeviceKind, Intersector};
 use output::plot::Failure;
 use std::fmt;
 
-/// What decides the hits of a contender: a backend with an intersector, or a rival.
+/// The part of a contender that decides its hits: a backend with an intersector, or a rival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum HitMethod {
     Ours(BackendChoice, Intersector),
