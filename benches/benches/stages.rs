@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p benches --bench stages [-- STAGE]`, where a stage is `build`, `convert`, `refit` or `trace`.
 
-use backend::{Intersector, Layout, Method, Query, QueryKind, Rays};
+use backend::{Intersector, Query, QueryKind, Rays};
 use benches::{
     CrateTree, Mesh, Ours, Tracer, built, camera, criterion, meshes, pool, print_table, sah_cost,
     shadow_rays, thread_counts, trees, words,
@@ -77,7 +77,7 @@ fn build_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
     group.bench_function(BenchmarkId::new("abvh", threads), |b| {
         pool.install(|| b.iter(|| ours.make(mesh, &positions).bytes()));
     });
-    let mut tracer = Tracer::new(mesh, Method::default(), threads);
+    let mut tracer = Tracer::new(mesh, Intersector::Watertight, threads);
     group.bench_function(BenchmarkId::new("abvh and refit", threads), |b| {
         b.iter(|| {
             pool.install(|| ours.make(mesh, &positions).bytes());
@@ -146,7 +146,7 @@ fn convert_ours(group: &mut Group<'_>, mesh: &Mesh, threads: usize) {
 fn refit(criterion: &mut Criterion, mesh: &Mesh) {
     let mut group = group(criterion, "refit", mesh);
     for threads in thread_counts() {
-        let mut tracer = Tracer::ready(mesh, Method::default(), threads);
+        let mut tracer = Tracer::ready(mesh, Intersector::Watertight, threads);
         tracer.pose(mesh.middle());
         group.bench_function(BenchmarkId::new("abvh", threads), |b| {
             b.iter(|| tracer.refit());
@@ -167,12 +167,8 @@ fn refit(criterion: &mut Criterion, mesh: &Mesh) {
 /// Number of rays per task of another crate.
 const TASK: usize = 512;
 
-/// Our methods. Rays of a camera are traced together where the layout supports it, and rays of a list one by one.
-const OURS: [(Intersector, Layout); 3] = [
-    (Intersector::Watertight, Layout::Fast),
-    (Intersector::Watertight, Layout::Bvh2),
-    (Intersector::MollerTrumbore, Layout::Bvh2),
-];
+/// Our intersectors to measure. Rays of a camera are traced together, and rays of a list one by one.
+const OURS: [Intersector; 2] = [Intersector::Watertight, Intersector::MollerTrumbore];
 
 /// Rays of a group.
 struct Work<'a> {
@@ -189,7 +185,7 @@ fn trace(criterion: &mut Criterion, mesh: &Mesh) {
     let threads = thread_counts().pop().unwrap_or(1);
     let camera = camera(mesh, [512, 320]);
     let primary = camera.rays().collect::<Vec<_>>();
-    let mut watertight = Tracer::ready(mesh, Method::default(), threads);
+    let mut watertight = Tracer::ready(mesh, Intersector::Watertight, threads);
     let shadow = shadow_rays(mesh, &primary, &mut watertight);
     drop(watertight);
     for (kind, rays, any) in [("primary", &primary, false), ("shadow", &shadow, true)] {
@@ -212,14 +208,10 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
     let list = Rays::List(work.rays);
     let rays = if work.any { list } else { camera };
     let mut hits = Vec::new();
-    for (intersector, layout) in OURS {
-        let method = Method {
-            intersector,
-            layout,
-        };
-        hits.push(trace_ours(group, work, method, rays));
-        if layout == Layout::Fast && !work.any {
-            hits.push(trace_ours(group, work, method, list));
+    for intersector in OURS {
+        hits.push(trace_ours(group, work, intersector, rays));
+        if !work.any {
+            hits.push(trace_ours(group, work, intersector, list));
         }
     }
     for tree in trees_of(work.mesh, work.threads) {
@@ -235,19 +227,19 @@ fn trace_all(group: &mut Group<'_>, work: &Work<'_>, camera: Rays<'_>) -> Vec<Ve
 fn trace_ours(
     group: &mut Group<'_>,
     work: &Work<'_>,
-    method: Method,
+    intersector: Intersector,
     rays: Rays<'_>,
 ) -> Vec<String> {
     let kind = match work.any {
         true => QueryKind::Any,
         false => QueryKind::Closest,
     };
-    let mut tracer = Tracer::ready(work.mesh, method, work.threads);
+    let mut tracer = Tracer::ready(work.mesh, intersector, work.threads);
     let from = match rays {
         Rays::Camera(_) => "a camera",
         Rays::List(_) | Rays::OnDevice(_) => "a list",
     };
-    let name = format!("abvh {} {}, {from}", method.layout, method.intersector);
+    let name = format!("abvh {intersector}, {from}");
     group.bench_function(&name, |b| b.iter(|| tracer.trace(Query { rays, kind })));
     hit_row(&name, work, tracer.trace(Query { rays, kind }))
 }

@@ -1,7 +1,7 @@
 //! This program's stages, combined as in the pipeline.
 
 use crate::{Mesh, pool};
-use backend::{Backend, Generation, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use bvh_build::{AnimationBoxes, BinaryTree, BlockSize, Boxes, Builder, Cancel};
 use bvh_layout::{Converter, First, Topology, Treelets};
 use cpu_ref::CpuBackend;
@@ -45,7 +45,7 @@ impl Ours {
         &self.record
     }
 
-    /// Builds a tree for layout `fast`, in the caller's pool: a record with eight-wide blocks.
+    /// Builds a tree for backend `cpu`, in the caller's pool: a record with eight-wide blocks.
     ///
     /// Afterwards [`Self::record`] is empty.
     pub fn make_with_blocks(&mut self, mesh: &Mesh, positions: &[Point]) -> Topology {
@@ -79,9 +79,9 @@ pub struct Tracer {
 
 impl Tracer {
     /// Loads `mesh` and interpolates its vertices at its start.
-    pub fn new(mesh: &Mesh, method: Method, threads: usize) -> Self {
+    pub fn new(mesh: &Mesh, intersector: Intersector, threads: usize) -> Self {
         let mut backend = done(cpu_simd::open(Some(threads)));
-        done(backend.load(mesh.animation.clone(), method));
+        done(backend.load(mesh.animation.clone(), intersector));
         let mut tracer = Self {
             backend,
             generation: Generation::default(),
@@ -91,9 +91,9 @@ impl Tracer {
     }
 
     /// Loads `mesh`, and builds and refits a tree at its start.
-    pub fn ready(mesh: &Mesh, method: Method, threads: usize) -> Self {
+    pub fn ready(mesh: &Mesh, intersector: Intersector, threads: usize) -> Self {
         let (pool, positions) = (pool(threads), mesh.positions(mesh.start()));
-        let mut tracer = Self::new(mesh, method, threads);
+        let mut tracer = Self::new(mesh, intersector, threads);
         tracer.adopt(&pool.install(|| Ours::default().make_with_blocks(mesh, &positions)));
         tracer.refit();
         tracer

@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn every_tree_hits_what_ours_hits_but_for_rounding() {
         let mesh = Mesh::open("demo:collide:3000").expect("demos open");
-        let mut tracer = Tracer::ready(&mesh, Intersector::MollerTrumbore.into(), 1);
+        let mut tracer = Tracer::ready(&mesh, Intersector::MollerTrumbore, 1);
         let primary = camera(&mesh, [512, 320]).rays().collect::<Vec<_>>();
         let shadow = shadow_rays(&mesh, &primary, &mut tracer);
         let closest = tracer.list(&primary, QueryKind::Closest).closest.clone();

@@ -1,7 +1,7 @@
 //! A backend with one scene and a tree built at any time.
 
 use crate::is_full;
-use backend::{Backend, Generation, Hits, Intersector, Method, QueryKind, Rays};
+use backend::{Backend, Generation, Hits, Intersector, QueryKind, Rays};
 use conformance::stage::{ask, stand, tree_at};
 use geom::{Animation, Camera, Point, Ray};
 use scene::Viewpoint;
@@ -15,15 +15,19 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Creates a `cpu` backend with `threads` threads, and loads the animation.
+    /// Creates backend `cpu-ref` with `threads` threads, and loads the animation.
     pub fn new(animation: &Arc<Animation>, intersector: Intersector, threads: usize) -> Self {
         let backend = cpu_ref::CpuBackend::new(Some(threads)).expect("threads can be had");
-        Self::over(Box::new(backend), animation, intersector.into())
+        Self::over(Box::new(backend), animation, intersector)
     }
 
-    /// Loads the animation on any backend, with any method.
-    pub fn over(mut backend: Box<dyn Backend>, animation: &Arc<Animation>, method: Method) -> Self {
-        let loaded = backend.load(Arc::clone(animation), method);
+    /// Loads the animation on any backend.
+    pub fn over(
+        mut backend: Box<dyn Backend>,
+        animation: &Arc<Animation>,
+        intersector: Intersector,
+    ) -> Self {
+        let loaded = backend.load(Arc::clone(animation), intersector);
         loaded.expect("the scene fits");
         Self {
             backend,

@@ -22,6 +22,9 @@ type Open = fn() -> backend::Result<Box<dyn Backend>>;
 /// All backends: test name, name in `ABVH_REQUIRE_BACKENDS`, constructor.
 const BACKENDS: &[(&str, &str, Open)] = &[
     ("cpu", "cpu", || Ok(Box::new(cpu_simd::open(Some(2))?))),
+    ("cpu-ref", "cpu-ref", || {
+        Ok(Box::new(CpuBackend::new(Some(2))?))
+    }),
     ("vulkan", "vulkan", || {
         Ok(Box::new(VulkanBackend::new(&vulkan())?))
     }),

@@ -20,7 +20,7 @@ cpu-simd: backend bvh-build bvh-layout cpu-ref geom
 gpu-common: backend bvh-layout geom host shaders
 gpu-vulkan: backend geom gpu-common host shaders
 gpu-wgpu: backend geom gpu-common shaders
-backends: backend cpu-simd gpu-common gpu-vulkan gpu-wgpu host
+backends: backend cpu-ref cpu-simd gpu-common gpu-vulkan gpu-wgpu host
 pipeline: backend bvh-build bvh-layout geom
 output: backend geom host pipeline
 conformance: backend bvh-build bvh-layout geom scene
@@ -30,7 +30,8 @@ cli: abvh backend backends conformance geom host output pipeline rivals scene
 ";
 
 /// Names of one value of an axis, and the most files outside tests that may contain one of these.
-const AXES: [(&str, [&str; 2], usize); 3] = [
+const AXES: [(&str, [&str; 2], usize); 4] = [
+    ("backend", ["BackendName::CpuRef", "Self::CpuRef"], 6),
     ("intersector", ["MollerTrumbore", "moller-trumbore"], 6),
     ("policy", ["DeviceRebuild", "device-rebuild"], 5),
     ("rival", ["vulkan-rt", "vulkan_rt"], 0),
@@ -38,7 +39,7 @@ const AXES: [(&str, [&str; 2], usize); 3] = [
 
 /// Traits, each with its file and the most methods that it may have.
 const TRAITS: [(&str, &str, usize); 2] = [
-    ("Backend", "crates/backend/src/lib.rs", 35),
+    ("Backend", "crates/backend/src/lib.rs", 34),
     ("GpuDevice", "crates/gpu-common/src/device.rs", 43),
 ];
 

@@ -1,6 +1,6 @@
 //! Tree builds and refits.
 
-use crate::{METHOD, Unit, embree, group};
+use crate::{INTERSECTOR, Unit, embree, group};
 use benches::{Contender, Made, Mesh, Ours, Tracer, pool, thread_counts};
 use rayon::ThreadPool;
 use serde_json::Value;
@@ -29,7 +29,7 @@ pub(crate) fn refits(mesh: &Mesh, threads: usize) -> Value {
         embree.rebuild();
         0
     });
-    let mut tracer = Tracer::ready(mesh, METHOD, threads);
+    let mut tracer = Tracer::ready(mesh, INTERSECTOR, threads);
     let ours = Contender::new("abvh", threads, || {
         tracer.refit();
         0
@@ -53,7 +53,7 @@ fn record<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender
 fn traceable<'a>(mesh: &'a Mesh, threads: usize, pool: &'a ThreadPool) -> Contender<'a> {
     let positions = mesh.positions(mesh.start());
     let mut ours = Ours::default();
-    let mut tracer = Tracer::new(mesh, METHOD, threads);
+    let mut tracer = Tracer::new(mesh, INTERSECTOR, threads);
     Contender::new("abvh, build to rays", threads, move || {
         let record = pool.install(|| ours.make_with_blocks(mesh, &positions));
         tracer.adopt(&record);

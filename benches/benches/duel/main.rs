@@ -10,7 +10,7 @@
 mod build;
 mod trace;
 
-use backend::{Intersector, Layout, Method};
+use backend::Intersector;
 use benches::{
     Contender, EmbreeScene, Made, Mesh, in_turn, least, median, meshes, print_table, setting,
     thread_counts, words,
@@ -83,11 +83,8 @@ fn load() -> String {
     text.split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// Our fastest watertight method on the CPU.
-const METHOD: Method = Method {
-    intersector: Intersector::Watertight,
-    layout: Layout::Fast,
-};
+/// Our intersector.
+const INTERSECTOR: Intersector = Intersector::Watertight;
 
 /// Default number of rounds per group.
 const ROUNDS: usize = 15;

@@ -1,6 +1,6 @@
 //! Ray tracing, with hits written to memory of the caller.
 
-use crate::{METHOD, Unit, embree, group};
+use crate::{INTERSECTOR, Unit, embree, group};
 use backend::QueryKind::{Any, Closest};
 use backend::{Query, QueryKind, Rays};
 use benches::{
@@ -52,7 +52,7 @@ pub(crate) fn all(mesh: &Mesh, is_asked: &dyn Fn(&str) -> bool) -> Vec<Value> {
     let width = setting("ABVH_WIDTH", 1920) as u32;
     let camera = camera(mesh, [width, width * 5 / 8]);
     let primary = blocks(&camera, [4, 4]);
-    let mut tracer = Tracer::ready(mesh, METHOD, most);
+    let mut tracer = Tracer::ready(mesh, INTERSECTOR, most);
     let asked = |what| match what {
         "primary" => Asked::new(primary.clone(), true, Closest),
         "shadow" => Asked::new(shadow_rays(mesh, &primary, &mut tracer), true, Any),
@@ -109,7 +109,7 @@ impl<'a> Stage<'a> {
     }
 
     fn listed<'b>(&self, asked: &'b [&Asked]) -> Contender<'b> {
-        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
+        let mut tracer = Tracer::ready(self.mesh, INTERSECTOR, self.threads);
         let mut trace = move |asked: &Asked| {
             let (rays, kind) = (Rays::List(&asked.rays), asked.kind);
             tracer.trace(Query { rays, kind })
@@ -120,7 +120,7 @@ impl<'a> Stage<'a> {
     }
 
     fn seen<'b>(&self, camera: &'b Camera, kind: QueryKind) -> Contender<'b> {
-        let mut tracer = Tracer::ready(self.mesh, METHOD, self.threads);
+        let mut tracer = Tracer::ready(self.mesh, INTERSECTOR, self.threads);
         let rays = Rays::Camera(camera);
         Contender::new("abvh, a camera", self.threads, move || {
             tracer.trace(Query { rays, kind })

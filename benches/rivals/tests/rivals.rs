@@ -4,7 +4,7 @@
 //! absence into a failure. The Vulkan driver runs under the validation layers where they are installed, and any message
 //! is a failure.
 
-use backend::{Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, FrameReport, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use conformance::stage;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Camera, Point, Pose, Ray};
@@ -128,7 +128,7 @@ impl Shot {
     /// Returns our hits, those of `watertight` on the host.
     fn ours(&self, time: f64) -> Hits {
         let mut host = CpuBackend::new(Some(2)).unwrap();
-        host.load(Arc::clone(&self.animation), Method::default())
+        host.load(Arc::clone(&self.animation), Intersector::Watertight)
             .unwrap();
         let tree = stage::tree_over(&self.animation, &stage::vertices(&self.animation, time));
         host.adopt(&tree, Generation(1)).unwrap();

@@ -1,7 +1,7 @@
 //! The device that traces.
 
 use crate::{Error, Result};
-use backend::{Backend, BackendError};
+use backend::{Backend, BackendError, BackendName};
 
 /// A device that traces.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub enum Device {
     Auto,
     /// The host's cores.
     Cpu,
+    /// The scalar reference on the host's cores, with the hits of `Cpu`: short code that is slow.
+    CpuRef,
     /// Compute shaders through Vulkan. `None` selects the first GPU. A string of digits selects an adapter by index,
     /// any other string the only adapter whose name contains it.
     #[cfg(feature = "vulkan")]
@@ -34,11 +36,12 @@ impl Device {
                 let (opened, _) = best.map_err(|vain| Error::NoDevice(vain.why))?;
                 return Ok(opened);
             }
-            Self::Cpu => ("cpu", None),
+            Self::Cpu => (BackendName::Cpu, None),
+            Self::CpuRef => (BackendName::CpuRef, None),
             #[cfg(feature = "vulkan")]
-            Self::Vulkan(adapter) => ("vulkan", adapter.as_deref()),
+            Self::Vulkan(adapter) => (BackendName::Vulkan, adapter.as_deref()),
             #[cfg(feature = "wgpu")]
-            Self::Wgpu(adapter) => ("wgpu", adapter.as_deref()),
+            Self::Wgpu(adapter) => (BackendName::Wgpu, adapter.as_deref()),
             #[cfg(feature = "wgpu")]
             Self::Own(device) => return device.open(),
         };

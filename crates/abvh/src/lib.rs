@@ -53,7 +53,7 @@ mod step;
 mod tracer;
 mod vertices;
 
-pub use backend::{Intersector, Layout, Policy as Update, Rays};
+pub use backend::{Intersector, Policy as Update, Rays};
 pub use device::Device;
 pub use doctor::{Diagnosis, Problem, doctor};
 pub use error::{Error, Result};

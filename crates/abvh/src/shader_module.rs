@@ -49,11 +49,12 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Unsupported`] on devices other than wgpu's. [`Error::Misuse`] before such a step, and for another
-    /// intersector or layout than `watertight` and `fast`.
+    /// intersector than `watertight`.
     pub fn scene_buffers(&mut self) -> Result<SceneBuffers> {
         let backend = self.state().current.wgpu().ok_or_else(no_wgpu)?;
         let found = traced_scene(backend).map_err(Error::of_backend)?;
-        let why = "shaders trace by `watertight` and layout `fast`, after a step with a query or one that was encoded";
+        let why =
+            "shaders trace by `watertight`, after a step with a query or one that was encoded";
         let found = found.ok_or_else(|| Error::Misuse(why.into()));
         found.map(SceneBuffers)
     }

@@ -3,10 +3,9 @@
 use crate::loaded::{Batch, Loaded, find};
 use crate::replacement::Disposal;
 use crate::{
-    Device, Error, Hits, Intersector, Layout, Mesh, MeshId, QueryId, Result, Scene, Step, StepId,
-    Update,
+    Device, Error, Hits, Intersector, Mesh, MeshId, QueryId, Result, Scene, Step, StepId, Update,
 };
-use backend::{Backend, DeviceKind, Method};
+use backend::{Backend, DeviceKind};
 use geom::lock;
 use pipeline::{BuilderThreads, DriverOptions, Threads};
 use std::collections::BTreeMap;
@@ -20,7 +19,7 @@ pub struct Builder {
     device: Device,
     /// `None` leaves the choice to [`Builder::policy`].
     update: Option<Update>,
-    pub(crate) method: Method,
+    pub(crate) intersector: Intersector,
     threads: Option<usize>,
     builder_threads: Option<usize>,
     time_range: [f64; 2],
@@ -43,16 +42,11 @@ impl Builder {
 
     /// Sets the ray-triangle test. The default is [`Intersector::Watertight`].
     #[must_use]
-    pub fn intersector(mut self, intersector: Intersector) -> Self {
-        self.method.intersector = intersector;
-        self
-    }
-
-    /// Sets the memory layout of trees. The default is [`Layout::Fast`].
-    #[must_use]
-    pub fn layout(mut self, layout: Layout) -> Self {
-        self.method.layout = layout;
-        self
+    pub fn intersector(self, intersector: Intersector) -> Self {
+        Self {
+            intersector,
+            ..self
+        }
     }
 
     /// Sets the number of host threads that trace or, if a GPU traces, build trees.
@@ -153,7 +147,7 @@ impl Builder {
     /// Returns the options of the driver.
     pub(crate) fn options(&self, update: Update) -> DriverOptions {
         DriverOptions {
-            method: self.method,
+            intersector: self.intersector,
             update,
             time_range: self.time_range,
             predict: self.predict,
@@ -262,10 +256,7 @@ impl Tracer {
         Builder {
             device: Device::Auto,
             update: None,
-            method: Method {
-                intersector: Intersector::Watertight,
-                layout: Layout::Fast,
-            },
+            intersector: Intersector::Watertight,
             threads: None,
             builder_threads: None,
             time_range: [0.0, f64::INFINITY],

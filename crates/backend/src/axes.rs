@@ -1,9 +1,48 @@
-//! The values of the axes that a run is described by: update policies and intersectors.
+//! The values of the axes that a run is described by: backends, update policies and intersectors.
 //!
 //! Each axis is defined here only. Command lines, names in files, plot marks, kernel variants and tests derive from it.
 
 use std::fmt;
 use std::str::FromStr;
+
+crate::named! {
+    /// A backend, by its name on the command line. In the order of the manual.
+    pub enum BackendName {
+        /// The host's cores, with vector instructions and wide trees.
+        Cpu = "cpu",
+        /// The scalar reference on the host's cores: the paper's binary tree, one triangle per leaf.
+        CpuRef = "cpu-ref",
+        /// Compute shaders through wgpu.
+        Wgpu = "wgpu",
+        /// Compute shaders through Vulkan.
+        Vulkan = "vulkan",
+    }
+}
+
+impl BackendName {
+    /// Returns a description of one line.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Cpu => "The host's CPU cores",
+            Self::CpuRef => "The scalar reference on the host's CPU cores, which is slow",
+            Self::Wgpu => "A GPU through wgpu",
+            Self::Vulkan => "A GPU through Vulkan",
+        }
+    }
+
+    /// Returns whether the backend computes on the host's cores, not on a device that can build trees.
+    #[must_use]
+    pub fn is_on_host(self) -> bool {
+        matches!(self, Self::Cpu | Self::CpuRef)
+    }
+
+    /// Returns whether the backend is measured only if it is named.
+    #[must_use]
+    pub fn is_reference(self) -> bool {
+        self == Self::CpuRef
+    }
+}
 
 /// Determines how trees follow the motion. The choice affects only speed: every policy returns the same hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +189,14 @@ impl fmt::Display for Policy {
     }
 }
 
+impl FromStr for BackendName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        parse(text, Self::ALL, Self::name)
+    }
+}
+
 impl FromStr for Policy {
     type Err = String;
 
@@ -182,6 +229,9 @@ mod tests {
 
     #[test]
     fn names_stand_for_their_values_and_others_are_answered_by_all_names() {
+        for backend in BackendName::ALL {
+            assert_eq!(backend.name().parse(), Ok(backend));
+        }
         for policy in Policy::ALL {
             assert_eq!(policy.name().parse(), Ok(policy));
         }

@@ -6,7 +6,7 @@
 //!
 //! # Scenes
 //!
-//! [`Backend::load`] makes an animation current and fixes its tracing method. It drops the previous tree, positions and
+//! [`Backend::load`] makes an animation current and fixes its intersector. It drops the previous tree, positions and
 //! results.
 //!
 //! # Recording and submission
@@ -71,7 +71,7 @@
 //! # Hits
 //!
 //! A hit depends on the ray, the triangles and the intersector only. It does not depend on the tree, its age, its
-//! layout or the thread count. With `watertight` and `exact` it does not depend on the backend. `docs/design/hits.md`
+//! format or the thread count. With `watertight` and `exact` it does not depend on the backend. `docs/design/hits.md`
 //! defines hits and proves this.
 //!
 //! # Errors
@@ -118,16 +118,28 @@ mod error;
 mod frame;
 mod query;
 
-pub use axes::{Intersector, Policy};
+pub use axes::{BackendName, Intersector, Policy};
 pub use device::{AdapterInfo, Arithmetic, Device, DeviceBytes, DeviceKind};
 pub use error::{BackendError, Result};
 pub use frame::{FrameReport, Generation, Snapshot, Spares, StageTimes, Ticket, rounded, sah_cost};
-pub use query::{Hits, HitsPool, Layout, Method, Palette, Query, QueryKind, Rays};
+pub use query::{Hits, HitsPool, Palette, Query, QueryKind, Rays};
 
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, PointBuffer, Pose};
 use std::any::Any;
 use std::sync::Arc;
+
+/// The form of a [`Topology`] that a backend reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TreeFormat {
+    /// The breadth-first binary tree itself.
+    #[default]
+    Binary,
+    /// [`Topology::treelets`].
+    Treelets,
+    /// [`Topology::blocks`].
+    WideBlocks,
+}
 
 /// Function that writes a tree into memory for upload, on any thread. See [`Backend::tree_writer`].
 pub type TreeWriter = Box<dyn FnOnce(&Topology) + Send>;
@@ -150,11 +162,11 @@ pub trait Backend: Send + Any {
         None
     }
 
-    /// Makes `animation` current, to be traced by `method`.
+    /// Makes `animation` current, to be traced with `intersector`.
     ///
     /// # Errors
     /// The scene exceeds a limit or the memory of the device.
-    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()>;
+    fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()>;
 
     /// Starts to compile, on other threads, the kernels that queries like this one need. `makes_trees` states whether
     /// trees are built on the device. Without this call, kernels are compiled on first use.
@@ -190,17 +202,9 @@ pub trait Backend: Send + Any {
         Ok(false)
     }
 
-    /// Returns whether [`Backend::adopt`] reads a tree's treelets ([`Topology::treelets`]) with the loaded method.
-    /// Builders then add treelets ahead of time; `adopt` accepts a tree without treelets, but takes longer.
-    fn wants_treelets(&self) -> bool {
-        false
-    }
-
-    /// Returns whether [`Backend::adopt`] reads a tree's eight-wide form ([`Topology::blocks`]) with the loaded method.
-    /// Builders then add it ahead of time.
-    fn wants_blocks(&self) -> bool {
-        false
-    }
+    /// Returns the tree format that [`Backend::adopt`] reads. Builders produce it ahead of time; `adopt` accepts a tree
+    /// without it, but takes longer.
+    fn tree_format(&self) -> TreeFormat;
 
     /// Allocates memory for a key frame that will be [pushed](Animation::push) to the loaded scene. The device reads
     /// the memory directly if it can.
@@ -211,7 +215,7 @@ pub trait Backend: Send + Any {
     /// Records: writes the positions at `pose`, blended from key frames.
     fn interpolate(&mut self, pose: Pose) -> Result<()>;
 
-    /// Checks that trees can be built on the device with the loaded method.
+    /// Checks that trees can be built on the device.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] if only the host builds trees, or [`BackendError::Limit`] if a limit of the device

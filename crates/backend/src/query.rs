@@ -1,6 +1,5 @@
-//! Queries, methods and results.
+//! Queries and results.
 
-use crate::Intersector;
 use geom::{Camera, Hit, Point, Ray};
 
 /// The rays of a query.
@@ -154,42 +153,6 @@ impl HitsPool {
         let best = spares.min_by_key(|(_, hits)| misfit(hits));
         best.map(|(i, _)| i)
             .map_or_else(Hits::default, |i| self.spares.swap_remove(i))
-    }
-}
-
-crate::named! {
-    /// How the tree lies in memory. In the order of the manual.
-    pub enum Layout {
-        /// The paper's breadth-first binary tree, one triangle a leaf.
-        Bvh2 = "bvh2",
-        /// Whatever measured fastest on the device.
-        Fast = "fast",
-    }
-}
-
-/// What decides how a scene is traced, fixed when it is loaded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Method {
-    /// How triangles are tested.
-    pub intersector: Intersector,
-    /// How the tree lies in memory.
-    pub layout: Layout,
-}
-
-/// On the usual layout.
-impl From<Intersector> for Method {
-    fn from(intersector: Intersector) -> Self {
-        let layout = Layout::Bvh2;
-        Self {
-            intersector,
-            layout,
-        }
-    }
-}
-
-impl Default for Method {
-    fn default() -> Self {
-        Self::from(Intersector::Watertight)
     }
 }
 

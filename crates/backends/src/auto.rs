@@ -97,7 +97,7 @@ impl Search<'_> {
         let mut fits = match self.asked {
             None => list.clone(),
             Some(asked) => {
-                let found = find(rival.name, list, asked)?;
+                let found = find(rival.name.name(), list, asked)?;
                 found.cloned().into_iter().collect()
             }
         };

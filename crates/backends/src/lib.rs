@@ -8,7 +8,7 @@ mod auto;
 pub use adapters::find_adapter;
 pub use auto::{Vain, open_best};
 
-use backend::{AdapterInfo, Backend, DeviceKind};
+use backend::{AdapterInfo, Backend, BackendName, DeviceKind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Opens the adapter of the given index, or the backend's default, with the given number of host threads if it uses
@@ -17,14 +17,14 @@ type Open<'a> = dyn Fn(Option<usize>, usize) -> backend::Result<Box<dyn Backend>
 
 /// A backend that this build includes.
 pub struct Known<'a> {
-    /// Name on the command line.
-    pub name: &'static str,
+    /// Name.
+    pub name: BackendName,
     /// Reason for its position in the list.
     place: &'static str,
-    /// Kinds of devices that it may have.
+    /// Kinds of devices that it may have. Empty if `auto` never selects it.
     pub kinds: &'static [DeviceKind],
     /// Name of a backend that finds every GPU that this backend finds.
-    covered_by: Option<&'static str>,
+    covered_by: Option<BackendName>,
     list: &'a dyn Fn() -> backend::Result<Vec<AdapterInfo>>,
     open: &'a Open<'a>,
 }
@@ -37,7 +37,7 @@ const WGPU_IS_VULKAN: bool = cfg!(not(any(windows, target_vendor = "apple")));
 pub const KNOWN: &[Known<'static>] = &[
     #[cfg(feature = "vulkan")]
     Known {
-        name: "vulkan",
+        name: BackendName::Vulkan,
         place: "vulkan comes before wgpu: trees and vertices travel on a queue of their own",
         kinds: GPUS,
         list: &gpu_vulkan::adapters,
@@ -46,21 +46,32 @@ pub const KNOWN: &[Known<'static>] = &[
     },
     #[cfg(feature = "wgpu")]
     Known {
-        name: "wgpu",
+        name: BackendName::Wgpu,
         place: "wgpu is next after vulkan",
         kinds: GPUS,
-        covered_by: if WGPU_IS_VULKAN { Some("vulkan") } else { None },
+        covered_by: if WGPU_IS_VULKAN {
+            Some(BackendName::Vulkan)
+        } else {
+            None
+        },
         list: &gpu_wgpu::adapters,
         open: &|adapter, _| Ok(Box::new(gpu_wgpu::WgpuBackend::new(&options(adapter))?)),
     },
     CPU,
+    Known {
+        name: BackendName::CpuRef,
+        place: "the reference is slow",
+        kinds: &[],
+        open: &|_, threads| Ok(Box::new(cpu_ref::CpuBackend::new(Some(threads))?)),
+        ..CPU
+    },
 ];
 
 #[cfg(any(feature = "vulkan", feature = "wgpu"))]
 const GPUS: &[DeviceKind] = &[DeviceKind::Gpu, DeviceKind::Software];
 
 const CPU: Known<'static> = Known {
-    name: "cpu",
+    name: BackendName::Cpu,
     place: "the host is always there",
     kinds: &[DeviceKind::Cpu],
     covered_by: None,
@@ -68,9 +79,9 @@ const CPU: Known<'static> = Known {
     open: &|_, threads| Ok(Box::new(cpu_simd::open(Some(threads))?)),
 };
 
-/// Returns the backend of name `name`.
+/// Returns the backend of that name, if this build includes it.
 #[must_use]
-pub fn known(name: &str) -> Option<&'static Known<'static>> {
+pub fn known(name: BackendName) -> Option<&'static Known<'static>> {
     KNOWN.iter().find(|known| known.name == name)
 }
 
@@ -94,7 +105,7 @@ impl Known<'_> {
             None => None,
             Some(asked) => {
                 let list = self.adapters().map_err(absent)?;
-                Some(find_adapter(self.name, &list, asked)?.index)
+                Some(find_adapter(self.name.name(), &list, asked)?.index)
             }
         };
         (self.open)(index, threads).map_err(absent)

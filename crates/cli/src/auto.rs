@@ -1,8 +1,8 @@
-//! The choices of `auto` for the policy and the layout. They follow rules and never run the scene. They change no hit.
+//! The choice of `auto` for the policy. It follows a rule and never runs the scene. It changes no hit.
 
 use crate::stop::Stop;
-use crate::tracer_settings::{ChosenPolicy, LayoutName, TracerSettings, Workload};
-use backend::{Backend, DeviceKind, Layout, Method, Policy};
+use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
+use backend::{Backend, DeviceKind, Policy};
 use geom::Animation;
 use output::Taken;
 use pipeline::{ExpectedMemory, RefitDecay, RunFacts};
@@ -14,24 +14,6 @@ pub(crate) fn choice(option: &str, value: &str, why: Option<String>) -> Option<T
         takes: value.to_owned(),
         why: why?,
     })
-}
-
-/// A layout, and the reason if `auto` chose it.
-pub(crate) struct ChosenLayout {
-    pub(crate) layout: Layout,
-    pub(crate) why: Option<String>,
-}
-
-/// Returns the layout of a name. `auto` is the fastest layout on such a device.
-pub(crate) fn choose_layout(name: LayoutName, device: DeviceKind) -> ChosenLayout {
-    let named = Layout::ALL.into_iter().find(|l| l.name() == name.name());
-    let (layout, why) = match (named, device) {
-        (Some(layout), _) => (layout, None),
-        (None, DeviceKind::Software) => (Layout::Bvh2, Some("software drivers trace it faster")),
-        (None, DeviceKind::Gpu | DeviceKind::Cpu) => (Layout::Fast, Some("it is traced faster")),
-    };
-    let why = why.map(str::to_owned);
-    ChosenLayout { layout, why }
 }
 
 /// Facts about an open backend that choices depend on.
@@ -76,8 +58,8 @@ fn facts(
     let times: Vec<f64> = workload.frames.iter().map(|f| f.time).collect();
     let rays = workload.rays;
     let threads = settings.share(device, Policy::Async);
-    let method = Method::from(settings.intersector);
-    let memory = ExpectedMemory::of(animation, device, (method, Policy::DeviceRebuild), rays);
+    let method = (settings.intersector, Policy::DeviceRebuild);
+    let memory = ExpectedMemory::of(animation, device, method, rays);
     Ok(RunFacts {
         frames: times.len(),
         step: match *times {
@@ -100,30 +82,13 @@ fn facts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::{BackendName, DeviceRequest};
-    use backend::Intersector;
-    use clap::ValueEnum;
+    use crate::devices::DeviceRequest;
+    use backend::{BackendName, Intersector};
     use pipeline::Frame;
     use scene::Scene;
 
     fn settings() -> TracerSettings {
-        TracerSettings::of(BackendName::Vulkan, Intersector::Watertight, None)
-    }
-
-    #[test]
-    fn the_layout_left_open_depends_on_the_kind_of_device() {
-        for device in DeviceKind::ALL {
-            for &name in LayoutName::value_variants() {
-                let chosen = choose_layout(name, device);
-                let usual = match (name, device) {
-                    (LayoutName::Bvh2, _) => Layout::Bvh2,
-                    (LayoutName::Auto, DeviceKind::Software) => Layout::Bvh2,
-                    _ => Layout::Fast,
-                };
-                assert_eq!(chosen.layout, usual);
-                assert_eq!(name == LayoutName::Auto, chosen.why.is_some());
-            }
-        }
+        TracerSettings::of(Some(BackendName::Vulkan), Intersector::Watertight, None)
     }
 
     fn demo(name: &str) -> Scene {
@@ -158,7 +123,7 @@ mod tests {
     #[test]
     fn a_policy_left_open_is_chosen_with_a_reason() {
         let scene = demo("demo:collide:400");
-        let request = DeviceRequest::of(BackendName::Cpu);
+        let request = DeviceRequest::of(Some(BackendName::Cpu));
         let capabilities = Capabilities::of(request.open().unwrap().as_ref());
         let chosen = |count| {
             let frame = |index| Frame {

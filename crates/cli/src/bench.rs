@@ -1,4 +1,4 @@
-//! `abvh bench`: measures every stage over scenes, backends, update policies, intersectors and layouts.
+//! `abvh bench`: measures every stage over scenes, backends, update policies and intersectors.
 
 mod compare;
 mod failure;
@@ -6,7 +6,7 @@ mod results;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
-use crate::devices::{BackendName, DeviceSettings, Opening, builds_trees};
+use crate::devices::{BackendChoice, DeviceSettings, Opening, backend_name, builds_trees};
 use crate::file_checks::CommandFiles;
 use crate::frame_list::TimeRange;
 use crate::machine::{self, VERSION};
@@ -15,7 +15,7 @@ use crate::measure::{Contender, Contenders, MeasureSettings, MeasuredRow, Measur
 use crate::parsers;
 use crate::stop::{self, Stop};
 use crate::tracer_settings::{
-    LayoutName, PolicyChoice, TracerSettings, needs_async, needs_host_builds, policy_name,
+    PolicyChoice, TracerSettings, needs_async, needs_host_builds, policy_name,
 };
 use backend::Policy;
 use clap::Args;
@@ -24,7 +24,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Options and groups of options that measure.
-const MEASURING: [&str; 19] = [
+const MEASURING: [&str; 18] = [
     "scenes",
     "SceneSettings",
     "CameraSettings",
@@ -35,7 +35,6 @@ const MEASURING: [&str; 19] = [
     "frames",
     "warm_up",
     "predict",
-    "layout",
     "against",
     "rays",
     "time_range",
@@ -57,14 +56,6 @@ pub(crate) struct BenchSettings {
     /// With async: whether trees are built ahead, as for render; 'on,off' measures both
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "on", value_parser = parsers::switch())]
     predict: Vec<bool>,
-    /// Layouts of the tree
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) layout: Vec<LayoutName>,
     /// Run that the others are compared with, by words of its row in order, such as 'wgpu refit' [default: the
     /// first of each scene]
     #[arg(long, value_name = "WORDS")]
@@ -253,10 +244,10 @@ impl BenchSettings {
         contenders
     }
 
-    /// Returns settings for each intersector, layout and number of builder threads.
+    /// Returns settings for each intersector and number of builder threads.
     fn tracers(
         &self,
-        backend: BackendName,
+        backend: BackendChoice,
         update: PolicyChoice,
         predict: bool,
     ) -> impl Iterator<Item = TracerSettings> {
@@ -264,9 +255,8 @@ impl BenchSettings {
             [] => vec![None],
             some => some.iter().copied().map(Some).collect(),
         };
-        let methods = self.measure.intersector.iter();
-        let methods = methods.flat_map(|&by| self.layout.iter().map(move |&layout| (by, layout)));
-        methods.flat_map(move |(intersector, layout)| {
+        let intersectors = self.measure.intersector.iter();
+        intersectors.flat_map(move |&intersector| {
             let tracer = |builder_threads| TracerSettings {
                 device: DeviceSettings {
                     adapter: self.adapter.clone(),
@@ -274,7 +264,6 @@ impl BenchSettings {
                     builder_threads,
                     ..DeviceSettings::of(backend)
                 },
-                layout,
                 predict,
                 ..TracerSettings::of(backend, intersector, update)
             };
@@ -293,8 +282,8 @@ impl BenchSettings {
 }
 
 /// Returns what is wrong with a combination.
-fn nonsense(backend: BackendName, update: PolicyChoice) -> Option<String> {
+fn nonsense(backend: BackendChoice, update: PolicyChoice) -> Option<String> {
     let is_sound = !update.is_some_and(Policy::builds_on_device) || builds_trees(backend);
-    let (name, policy) = (backend.name(), policy_name(update));
+    let (name, policy) = (backend_name(backend), policy_name(update));
     (!is_sound).then(|| format!("{name} with {policy} is left out: it makes no trees"))
 }

@@ -4,7 +4,7 @@
 //! frames but the first, which warms up. Answers are compared with those of the exact oracle, which shares no code with
 //! any backend. Shadow rays start at the reported hit, so they are compared with `exact` on the host over fresh trees.
 //!
-//! Layout and policy change no hit. So each contender first traces a few rays. All contenders of one intersector and
+//! A policy changes no hit. So each contender first traces a few rays. All contenders of one intersector and
 //! backend with the same hits, bit for bit, are judged together ([`accuracy`]). A contender whose hits differ is judged
 //! by itself.
 //!
@@ -17,7 +17,7 @@ mod plan;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
-use crate::devices::{BackendName, DeviceRequest, Opening};
+use crate::devices::{BackendChoice, DeviceRequest, Opening};
 use crate::machine::{self, VERSION};
 use crate::measure::rival::RivalDevice;
 use crate::measure::{
@@ -29,7 +29,7 @@ use crate::scene_source::is_demo;
 use crate::stop::{self, Stop};
 use crate::table::table;
 use accuracy::{RaySampler, STAGES, Tally};
-use backend::{Backend, DeviceKind, Hits, Intersector};
+use backend::{Backend, BackendName, DeviceKind, Hits, Intersector};
 use clap::Args;
 use output::plot::{self, Adapter, Chart, Machine, Point, Spread};
 use output::{FrameStats, Summary};
@@ -174,7 +174,7 @@ struct ChartRun<'a> {
 }
 
 struct IdleBackend {
-    name: BackendName,
+    name: BackendChoice,
     backend: Box<dyn Backend>,
 }
 
@@ -300,7 +300,7 @@ impl ChartRun<'_> {
         }
     }
 
-    fn take_idle(&mut self, name: BackendName) -> Option<Box<dyn Backend>> {
+    fn take_idle(&mut self, name: BackendChoice) -> Option<Box<dyn Backend>> {
         let idle = self.idle.take().filter(|idle| idle.name == name);
         idle.map(|idle| idle.backend)
     }
@@ -450,10 +450,10 @@ fn timed_point(scene: &str, row: &MeasuredRow, command: String) -> Point {
     let spread = || frames.iter().map(measure::frame_ms);
     let summary = Summary::of(spread());
     let most = |bytes: fn(&FrameStats) -> Option<u64>| frames.iter().filter_map(bytes).max();
-    let on_host = (row.setup.backend == "cpu").then(|| most(|f| f.host_bytes));
+    let is_on_host = row.setup.backend.parse().is_ok_and(BackendName::is_on_host);
+    let on_host = is_on_host.then(|| most(|f| f.host_bytes));
     Point {
         backend: row.setup.backend.to_owned(),
-        layout: row.setup.layout.to_owned(),
         intersector: row.setup.intersector.to_owned(),
         update: row.setup.update.to_owned(),
         scene: scene.to_owned(),

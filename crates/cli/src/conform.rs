@@ -4,13 +4,13 @@ mod oracle;
 
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
-use crate::devices::{BackendName, DeviceRequest};
+use crate::devices::DeviceRequest;
 use crate::file_checks::CommandFiles;
 use crate::parsers;
 use crate::stop::Stop;
 use crate::table::{Cells, counted, grouped, table};
 use crate::tested_backends::{OpenedBackends, TestSettings, TestedBackends};
-use backend::{Backend, Intersector};
+use backend::{Backend, BackendName, Intersector};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use conformance::leaks::{self, LeakPlan, OFFSETS};
@@ -132,11 +132,11 @@ impl ConformSettings {
             (None, cases) => 0..=cases - 1,
         };
         let cases = Cases::new(self.seed, numbers);
-        let host = DeviceRequest {
+        let reference = DeviceRequest {
             threads: 1,
-            ..DeviceRequest::of(BackendName::Cpu)
+            ..DeviceRequest::of(Some(BackendName::CpuRef))
         };
-        let mut reference = Reference::new(host.open()?);
+        let mut reference = Reference::new(reference.open()?);
         let mut progress = Progress::new(total as u64, self.test.quiet);
         let mut rows = Vec::new();
         for backend in &mut *backends {
@@ -191,7 +191,7 @@ impl ConformSettings {
             seed: self.seed,
             rays: self.leak_rays,
             offsets: OFFSETS.to_vec(),
-            method: intersector.into(),
+            intersector,
         };
         let mut progress = Progress::new(STEPS, self.test.quiet);
         let mut told = 0;

@@ -1,45 +1,29 @@
 //! Devices: their options, and how they are listed and opened.
 
-use crate::parsers;
+use crate::parsers::{self, AUTO};
 use crate::stop::Stop;
-use backend::{AdapterInfo, Backend, Intersector, Layout};
+use backend::{AdapterInfo, Backend, BackendName, Intersector};
 use backends::{KNOWN, known};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::json;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackendName {
-    /// The best available backend
-    Auto,
-    /// The host's CPU cores
-    Cpu,
-    /// A GPU through wgpu
-    Wgpu,
-    /// A GPU through Vulkan
-    Vulkan,
-}
+/// A backend; `None` leaves the choice to `auto`.
+pub(crate) type BackendChoice = Option<BackendName>;
 
-impl BackendName {
-    /// Returns the name on the command line.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Cpu => "cpu",
-            Self::Wgpu => "wgpu",
-            Self::Vulkan => "vulkan",
-        }
-    }
+/// Returns the name of a backend on the command line.
+pub(crate) fn backend_name(backend: BackendChoice) -> &'static str {
+    backend.map_or(AUTO, BackendName::name)
 }
 
 /// The device of a run, and the threads of the host.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct DeviceSettings {
     /// Backend
-    #[arg(long, value_name = "NAME", default_value = "auto")]
-    pub(crate) backend: BackendName,
+    #[arg(long, value_name = "NAME", default_value = AUTO, value_parser = parsers::backend("The best available backend"))]
+    pub(crate) backend: BackendChoice,
     /// Adapter of the backend, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
@@ -56,7 +40,7 @@ pub(crate) struct DeviceSettings {
 
 impl DeviceSettings {
     /// Returns the default device of a backend.
-    pub(crate) fn of(backend: BackendName) -> Self {
+    pub(crate) fn of(backend: BackendChoice) -> Self {
         Self {
             backend,
             adapter: None,
@@ -70,7 +54,7 @@ impl DeviceSettings {
 /// A backend to open.
 #[derive(Clone, Debug)]
 pub(crate) struct DeviceRequest {
-    pub(crate) backend: BackendName,
+    pub(crate) backend: BackendChoice,
     /// Index of an adapter, or part of its name.
     pub(crate) adapter: Option<String>,
     /// Number of host threads for a backend that computes on the host.
@@ -96,7 +80,7 @@ impl<T> Selected<T> {
 
 impl DeviceRequest {
     /// Returns a request for the default device of a backend with all cores of the host.
-    pub(crate) fn of(backend: BackendName) -> Self {
+    pub(crate) fn of(backend: BackendChoice) -> Self {
         Self {
             backend,
             adapter: None,
@@ -111,8 +95,7 @@ impl DeviceRequest {
         ready: impl Fn(Box<dyn Backend>) -> Result<T, Stop>,
     ) -> Result<Selected<T>, Stop> {
         let adapter = self.adapter.as_deref();
-        if self.backend != BackendName::Auto {
-            let name = self.backend.name();
+        if let Some(name) = self.backend {
             let absent = || Stop::bad(format!("this program was built without backend {name}"));
             let known = known(name).ok_or_else(absent)?;
             let opened = known.open(adapter, self.threads).map_err(Stop::bad)?;
@@ -196,13 +179,18 @@ impl Drop for Opening {
 /// Availability and capabilities of a backend on this machine.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct BackendPresence {
-    pub(crate) backend: &'static str,
+    #[serde(serialize_with = "serialize_name")]
+    pub(crate) backend: BackendName,
     /// Reason why the backend is unavailable; `None` if it can run.
     pub(crate) absent: Option<String>,
     #[serde(serialize_with = "serialize")]
     pub(crate) adapters: Vec<AdapterInfo>,
     pub(crate) intersectors: Vec<&'static str>,
-    pub(crate) layouts: Vec<&'static str>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn serialize_name<S: Serializer>(backend: &BackendName, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(backend.name())
 }
 
 /// Serializes adapters to JSON.
@@ -228,12 +216,11 @@ pub(crate) fn presences() -> impl DoubleEndedIterator<Item = BackendPresence> {
             absent: found.as_ref().err().map(ToString::to_string),
             adapters: found.unwrap_or_default(),
             intersectors: Intersector::ALL.map(Intersector::name).to_vec(),
-            layouts: Layout::ALL.map(Layout::name).to_vec(),
         }
     })
 }
 
 /// Returns whether a backend can build a tree in each frame, as far as is known before it is open.
-pub(crate) fn builds_trees(backend: BackendName) -> bool {
-    backend != BackendName::Cpu
+pub(crate) fn builds_trees(backend: BackendChoice) -> bool {
+    !backend.is_some_and(BackendName::is_on_host)
 }

@@ -3,7 +3,7 @@
 use crate::auto;
 use crate::command::RunCommand;
 use crate::console;
-use crate::devices::{BackendName, BackendPresence, DeviceRequest, presences};
+use crate::devices::{BackendPresence, DeviceRequest, presences};
 use crate::machine::{VERSION, cpu_model};
 use crate::stop::Stop;
 use crate::table::counted;
@@ -71,7 +71,7 @@ impl RunCommand for DoctorSettings {
 fn choice_of_auto() -> Result<Option<Taken>, Stop> {
     let request = DeviceRequest {
         threads: 1,
-        ..DeviceRequest::of(BackendName::Auto)
+        ..DeviceRequest::of(None)
     };
     let selected = request.open_and(|backend| Ok(backend.device().backend))?;
     Ok(auto::choice("backend", selected.value, selected.why))
@@ -94,9 +94,8 @@ fn text(report: &MachineReport) -> String {
             None => "present".to_owned(),
             Some(why) => format!("absent: {why}"),
         };
-        rows.push(row(backend.backend, &state));
+        rows.push(row(backend.backend.name(), &state));
         rows.push(row("  intersectors", &backend.intersectors.join(", ")));
-        rows.push(row("  layouts", &backend.layouts.join(", ")));
         for adapter in &backend.adapters {
             let name = format!("{} [{}]", adapter.name, adapter.kind.name());
             rows.push(row(&format!("  adapter {}", adapter.index), &name));

@@ -5,7 +5,7 @@ mod reduce_keys;
 use crate::camera::CameraSettings;
 use crate::command::{Requirement, RunCommand};
 use crate::console;
-use crate::devices::{BackendName, Opening};
+use crate::devices::Opening;
 use crate::frame_list;
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings, is_demo, scene_facts};
@@ -125,7 +125,7 @@ impl InspectSettings {
 fn choices_of_auto(name: &str, scene: &Scene) -> Result<Vec<Taken>, Stop> {
     let animation = &scene.animation;
     let frames = frame_list::list(None, None, animation.whole_times(), is_demo(name))?;
-    let settings = TracerSettings::of(BackendName::Auto, Intersector::Watertight, None);
+    let settings = TracerSettings::of(None, Intersector::Watertight, None);
     let workload = Workload {
         frames: &frames,
         rays: CameraSettings::default().pixels(),

@@ -6,7 +6,7 @@ mod timing;
 
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::Requirement;
-use crate::devices::{BackendName, Opening};
+use crate::devices::{BackendChoice, Opening, backend_name};
 use crate::frame_list::{self, FrameChoice, TimeRange};
 use crate::parsers;
 use crate::scene_source::{self, SceneSettings};
@@ -40,13 +40,8 @@ pub(crate) struct MeasureSettings {
     #[command(flatten)]
     pub(crate) source: SceneSettings,
     /// Backends
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<BackendName>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("The best available backend"))]
+    pub(crate) backend: Vec<BackendChoice>,
     /// Ray tracers of others to measure too. Each keeps its own trees, so only rebuild and refit apply
     #[arg(long, value_name = "LIST", value_delimiter = ',',
         value_parser = PossibleValuesParser::new(rivals::RIVALS.iter().map(|rival| rival.name)).map(known_rival))]
@@ -141,39 +136,35 @@ pub(crate) struct ContenderNames {
     pub(crate) backend: &'static str,
     pub(crate) update: &'static str,
     pub(crate) intersector: &'static str,
-    pub(crate) layout: &'static str,
 }
 
 impl Contender {
     pub(crate) fn names(&self) -> ContenderNames {
         match self {
             Self::Ours(tracer) => ContenderNames {
-                backend: tracer.device.backend.name(),
+                backend: backend_name(tracer.device.backend),
                 update: policy_name(tracer.update),
                 intersector: tracer.intersector.name(),
-                layout: tracer.layout.name(),
             },
             Self::Rival(RivalPolicy { rival, upkeep }) => ContenderNames {
                 backend: rival.name,
                 update: upkeep.name(),
                 intersector: OWN,
-                layout: OWN,
             },
         }
     }
 }
 
-/// Backend, layout, intersector and policy, as far as they are known without a run.
+/// Backend, intersector and policy, as far as they are known without a run.
 impl fmt::Display for Contender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ContenderNames {
             backend,
-            layout,
             intersector,
             update,
         } = self.names();
         match self {
-            Self::Ours(_) => write!(f, "{backend} {layout} {intersector} {update}"),
+            Self::Ours(_) => write!(f, "{backend} {intersector} {update}"),
             Self::Rival(policy) => policy.fmt(f),
         }
     }

@@ -1,6 +1,6 @@
 //! Parsers for option values: points, sizes, ranges. Each error describes the expected form.
 
-use backend::{Intersector, Policy};
+use backend::{BackendName, Intersector, Policy};
 use clap::builder::{
     OsStringValueParser, PathBufValueParser, PossibleValue, PossibleValuesParser,
     RangedU64ValueParser, TypedValueParser,
@@ -37,6 +37,17 @@ pub(crate) fn scene() -> impl TypedValueParser<Value = String> {
 
 /// Stands for a choice that is left to the program.
 pub(crate) const AUTO: &str = "auto";
+
+/// Parses the name of a backend; `auto` is `None`, and `help` describes it.
+pub(crate) fn backend(help: &'static str) -> impl TypedValueParser<Value = Option<BackendName>> {
+    let auto = PossibleValue::new(AUTO).help(help);
+    let value = |b: BackendName| PossibleValue::new(b.name()).help(b.description());
+    let all = BackendName::ALL.map(value).into_iter();
+    PossibleValuesParser::new([auto].into_iter().chain(all)).try_map(|name| match &*name {
+        AUTO => Ok(None),
+        name => name.parse().map(Some),
+    })
+}
 
 /// Parses the name of an intersector that `is_taken` accepts.
 pub(crate) fn intersector(

@@ -2,13 +2,12 @@
 //!
 //! `render` and `trace` get a tracer of the library. Commands that measure get the driver below it.
 
-use crate::auto::{self, Capabilities, ChosenLayout};
-use crate::devices::{BackendName, DeviceRequest, Opening};
+use crate::auto::{self, Capabilities};
+use crate::devices::{DeviceRequest, Opening};
 use crate::stop::Stop;
 use crate::tracer_settings::{ChosenPolicy, TracerSettings, Workload};
 use abvh::{Mesh, Tracer};
-use backend::{Backend, DeviceKind, Method};
-use clap::ValueEnum;
+use backend::{Backend, BackendName, DeviceKind};
 use geom::Animation;
 use host::Free;
 use output::Taken;
@@ -17,7 +16,7 @@ use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Device, threads and methods of a run.
+/// Device, threads and settings of a run.
 #[derive(Clone, Serialize)]
 pub(crate) struct Setup {
     pub(crate) backend: &'static str,
@@ -31,7 +30,6 @@ pub(crate) struct Setup {
     /// With `async`: whether trees are built for predicted positions.
     pub(crate) predict: Option<bool>,
     pub(crate) intersector: &'static str,
-    pub(crate) layout: &'static str,
     /// Choices of `auto`.
     pub(crate) auto: Vec<Taken>,
     #[serde(skip)]
@@ -52,9 +50,11 @@ pub(crate) fn begin(settings: &TracerSettings) -> Opening {
     if settings.device.no_cache {
         backends::keep_no_kernels();
     }
-    match settings.device.backend {
-        BackendName::Cpu => Opening::default(),
-        _ => Opening::begin(settings.device_request()),
+    let is_on_host = settings.device.backend.is_some_and(BackendName::is_on_host);
+    if is_on_host {
+        Opening::default()
+    } else {
+        Opening::begin(settings.device_request())
     }
 }
 
@@ -71,8 +71,7 @@ pub(crate) fn start_tracer(
         let options = resolved.options;
         let builder = Tracer::builder()
             .update(options.update)
-            .intersector(options.method.intersector)
-            .layout(options.method.layout)
+            .intersector(options.intersector)
             .time_range(options.time_range)
             .predict(options.predict)
             .builder_threads(resolved.setup.builder_threads);
@@ -116,7 +115,7 @@ fn start<T>(
     let opened = opening.wait().transpose()?;
     let first = opened.map(|opened| opened.and_then(ready));
     // If `auto` chose the backend, another one may become ready.
-    let is_auto = settings.device.backend == BackendName::Auto;
+    let is_auto = settings.device.backend.is_none();
     let first = first.filter(|first| first.is_ok() || !is_auto);
     let selected = first.unwrap_or_else(|| settings.device_request().open_and(ready))?;
     let Started { tracer, mut setup } = selected.value;
@@ -140,10 +139,6 @@ fn resolve(
     workload: Workload<'_>,
 ) -> Result<Resolved, Stop> {
     let capabilities = Capabilities::of(backend.as_ref());
-    let ChosenLayout {
-        layout,
-        why: why_layout,
-    } = auto::choose_layout(settings.layout, capabilities.device);
     let ChosenPolicy {
         policy,
         why: why_policy,
@@ -153,27 +148,20 @@ fn resolve(
     let backend = if [0, threads.render].contains(&backend.device().threads) {
         backend
     } else {
-        let name = BackendName::from_str(backend.device().backend, true);
+        let name = backend.device().backend.parse().ok();
         drop(backend);
         let request = DeviceRequest {
-            backend: name.unwrap_or(settings.device.backend),
+            backend: name.or(settings.device.backend),
             adapter: settings.device.adapter.clone(),
             threads: threads.render,
         };
         request.open()?
     };
-    let method = Method {
-        intersector: settings.intersector,
-        layout,
-    };
     let (kind, rays) = (capabilities.device, workload.rays);
-    let memory = ExpectedMemory::of(animation, kind, (method, policy), rays);
+    let memory = ExpectedMemory::of(animation, kind, (settings.intersector, policy), rays);
     check_device(backend.as_ref(), animation.triangle_count(), memory)?;
     let device = backend.device().clone();
-    let choices = [
-        auto::choice("update", policy.name(), why_policy),
-        auto::choice("layout", layout.name(), why_layout),
-    ];
+    let choice = auto::choice("update", policy.name(), why_policy);
     let mut setup = Setup {
         backend: device.backend,
         adapter: device.adapter,
@@ -184,14 +172,13 @@ fn resolve(
         lockstep: policy.lockstep(),
         predict: policy.builds_beside_frames().then_some(settings.predict),
         intersector: settings.intersector.name(),
-        layout: layout.name(),
-        auto: choices.into_iter().flatten().collect(),
+        auto: choice.into_iter().collect(),
         memory: Some(memory),
         caption: String::new(),
     };
     setup.caption = setup.in_one_line(device.threads);
     let options = DriverOptions {
-        method,
+        intersector: settings.intersector,
         update: policy,
         time_range: workload.time_range(),
         predict: settings.predict,
@@ -221,8 +208,8 @@ impl Setup {
         let build = work(self.builder_threads, ["builds", "build"]);
         let (backend, adapter, update) = (self.backend, &self.adapter, self.update);
         let device = format!("{backend} ({adapter}; {render}{build})");
-        let method = format!("{}, {}", self.intersector, self.layout);
-        format!("{device}, {update}{lockstep}{predict}, {method}")
+        let intersector = self.intersector;
+        format!("{device}, {update}{lockstep}{predict}, {intersector}")
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::camera::{CameraSettings, LitCamera};
 use crate::command::{Requirement, RunCommand};
 use crate::console::{self, Progress};
-use crate::devices::BackendName;
+use crate::devices::{BackendChoice, backend_name};
 use crate::file_checks::CommandFiles;
 use crate::machine::{self, VERSION};
 use crate::measure::{RayKind, random_rays};
@@ -16,7 +16,7 @@ use abvh::{
     Builder, Device, Intersector, Mesh, MeshId, Query, QueryId, Ray, SceneHit, Source, StepId,
     Tracer,
 };
-use backend::Policy;
+use backend::{BackendName, Policy};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use geom::{Animation, Point};
@@ -111,7 +111,7 @@ impl StressSettings {
             for &update in &self.update {
                 let sources = [VertexSource::Copied, VertexSource::InPlace];
                 runs.extend(sources.map(|source| StressRun {
-                    backend: name.name(),
+                    backend: backend_name(name),
                     device: device.clone(),
                     update,
                     source,
@@ -283,16 +283,20 @@ struct StressRun {
     not(any(feature = "vulkan", feature = "wgpu")),
     allow(unused_variables, reason = "only GPUs have adapters to choose from")
 )]
-fn device(name: BackendName, adapter: Option<&str>) -> Result<Device, Stop> {
+fn device(name: BackendChoice, adapter: Option<&str>) -> Result<Device, Stop> {
     match name {
-        BackendName::Auto => Ok(Device::Auto),
-        BackendName::Cpu => Ok(Device::Cpu),
+        None => Ok(Device::Auto),
+        Some(BackendName::Cpu) => Ok(Device::Cpu),
+        Some(BackendName::CpuRef) => Ok(Device::CpuRef),
         #[cfg(feature = "vulkan")]
-        BackendName::Vulkan => Ok(Device::Vulkan(adapter.map(str::to_owned))),
+        Some(BackendName::Vulkan) => Ok(Device::Vulkan(adapter.map(str::to_owned))),
         #[cfg(feature = "wgpu")]
-        BackendName::Wgpu => Ok(Device::Wgpu(adapter.map(str::to_owned))),
+        Some(BackendName::Wgpu) => Ok(Device::Wgpu(adapter.map(str::to_owned))),
         #[cfg(not(all(feature = "vulkan", feature = "wgpu")))]
-        other => Err(Stop::bad(format!("{} is not in this build", other.name()))),
+        other => Err(Stop::bad(format!(
+            "{} is not in this build",
+            backend_name(other)
+        ))),
     }
 }
 

@@ -1,11 +1,11 @@
 //! The backends that `conform`, `stability` and `stress` test, and the part that their reports share.
 
-use crate::devices::{BackendName, DeviceRequest};
+use crate::devices::{BackendChoice, DeviceRequest};
 use crate::machine::{self, VERSION};
 use crate::parsers;
 use crate::stop::Stop;
-use backend::Backend;
-use clap::{Args, ValueEnum};
+use backend::{Backend, BackendName};
+use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -13,14 +13,9 @@ use std::path::PathBuf;
 /// The backends to test, and where results go.
 #[derive(Args, Debug)]
 pub(crate) struct TestSettings {
-    /// Backends; auto is all that are present
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "auto"
-    )]
-    pub(crate) backend: Vec<BackendName>,
+    /// Backends; auto is all that are present, except the reference
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = parsers::AUTO, value_parser = parsers::backend("All that are present"))]
+    pub(crate) backend: Vec<BackendChoice>,
     /// Adapter of the backends, by index or by part of its name
     #[arg(long, value_name = "INDEX|NAME-PART")]
     pub(crate) adapter: Option<String>,
@@ -103,18 +98,18 @@ pub(crate) struct OpenedBackends {
 }
 
 impl TestSettings {
-    /// Opens the backends that were named, or all that are present.
+    /// Opens the backends that were named. `auto` stands for all that are present, except the reference.
     pub(crate) fn open(&self) -> Result<OpenedBackends, Stop> {
         let (mut backends, mut absent) = (Vec::new(), Vec::new());
-        let takes_all = self.backend.contains(&BackendName::Auto);
-        for &one in BackendName::value_variants() {
-            let is_named = self.backend.contains(&one);
-            if one == BackendName::Auto || !(is_named || takes_all) {
+        let takes_all = self.backend.contains(&None);
+        for one in BackendName::ALL {
+            let is_named = self.backend.contains(&Some(one));
+            if !is_named && (!takes_all || one.is_reference()) {
                 continue;
             }
             let request = DeviceRequest {
                 adapter: self.adapter.clone(),
-                ..DeviceRequest::of(one)
+                ..DeviceRequest::of(Some(one))
             };
             match request.open() {
                 Ok(backend) => backends.push(backend),

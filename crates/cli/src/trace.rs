@@ -10,9 +10,7 @@ use crate::scene_source::{self, SceneSettings};
 use crate::setup::{self, Started};
 use crate::stop::Stop;
 use crate::table::counted;
-use crate::tracer_settings::{
-    LayoutName, PolicyChoice, TracerSettings, Workload, needs_host_builds,
-};
+use crate::tracer_settings::{PolicyChoice, TracerSettings, Workload, needs_host_builds};
 use abvh::Query;
 use backend::{Intersector, Policy};
 use clap::Args;
@@ -43,9 +41,6 @@ pub(crate) struct TraceSettings {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
     intersector: Intersector,
-    /// How the tree lies in memory
-    #[arg(long, value_name = "NAME", default_value = "auto")]
-    layout: LayoutName,
     /// How the tree is made. auto and rebuild build it at --time. refit builds it at --tree-time and moves its boxes to
     /// --time. Hits are the same, only the speed differs
     #[arg(long, value_name = "POLICY", default_value = parsers::AUTO, value_parser = parsers::update(|p| !p.builds_beside_frames()))]
@@ -86,7 +81,6 @@ impl TraceSettings {
         TracerSettings {
             device: self.device.clone(),
             intersector: self.intersector,
-            layout: self.layout,
             update: Some(self.update.unwrap_or(Policy::Rebuild)),
             lockstep: None,
             predict: true,

@@ -1,10 +1,10 @@
 //! How frames are traced: the device, the intersector, and how trees follow the motion.
 
 use crate::command::Requirement;
-use crate::devices::{BackendName, DeviceRequest, DeviceSettings};
+use crate::devices::{BackendChoice, DeviceRequest, DeviceSettings};
 use crate::parsers::{self, AUTO};
 use backend::{DeviceKind, Intersector, Policy};
-use clap::{ArgAction, Args, ValueEnum};
+use clap::{ArgAction, Args};
 use pipeline::{Frame, Threads};
 
 /// How frames are traced. [`crate::setup`] makes the choices that these leave to `auto`.
@@ -15,9 +15,6 @@ pub(crate) struct TracerSettings {
     /// How a ray is tested against a triangle
     #[arg(long, value_name = "NAME", default_value = "watertight", value_parser = parsers::intersector(|_| true))]
     pub(crate) intersector: Intersector,
-    /// How the tree lies in memory
-    #[arg(long, value_name = "NAME", default_value = "auto")]
-    pub(crate) layout: LayoutName,
     /// How trees follow the motion
     #[arg(long, value_name = "POLICY", default_value = AUTO, value_parser = parsers::update(|_| true))]
     pub(crate) update: PolicyChoice,
@@ -29,27 +26,6 @@ pub(crate) struct TracerSettings {
     /// predicted trees fit better, so frames are faster
     #[arg(long, value_name = "on|off", default_value = "on", action = ArgAction::Set, value_parser = parsers::switch())]
     pub(crate) predict: bool,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LayoutName {
-    /// Whichever is faster on the backend
-    Auto,
-    /// Breadth-first binary tree, one triangle a leaf
-    Bvh2,
-    /// Whatever measured fastest
-    Fast,
-}
-
-impl LayoutName {
-    /// Returns the name on the command line.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => AUTO,
-            Self::Bvh2 => "bvh2",
-            Self::Fast => "fast",
-        }
-    }
 }
 
 /// An update policy; `None` leaves the choice to `auto`.
@@ -69,11 +45,14 @@ pub(crate) struct ChosenPolicy {
 
 impl TracerSettings {
     /// Returns settings with defaults for all that is not named.
-    pub(crate) fn of(backend: BackendName, intersector: Intersector, update: PolicyChoice) -> Self {
+    pub(crate) fn of(
+        backend: BackendChoice,
+        intersector: Intersector,
+        update: PolicyChoice,
+    ) -> Self {
         Self {
             device: DeviceSettings::of(backend),
             intersector,
-            layout: LayoutName::Auto,
             update,
             lockstep: None,
             predict: true,
@@ -168,12 +147,13 @@ impl Workload<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use backend::BackendName;
 
     #[test]
     fn names_mean_what_they_name_and_lockstep_is_async() {
         let settings = |update, lockstep| TracerSettings {
             lockstep,
-            ..TracerSettings::of(BackendName::Cpu, Intersector::Watertight, update)
+            ..TracerSettings::of(Some(BackendName::Cpu), Intersector::Watertight, update)
         };
         let three = Policy::Lockstep(3);
         let free = Policy::Async;

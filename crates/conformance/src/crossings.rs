@@ -4,7 +4,7 @@
 //! parts of the body in which no two triangles share a vertex, and summed.
 
 use crate::stage::{ask, open, stand, vertices};
-use backend::{Backend, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::{Animation, Ray};
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ const MOST: u32 = 64;
 /// Returns how often each ray crosses a static body.
 pub(crate) fn crossings(
     subject: &mut dyn Backend,
-    method: Method,
+    intersector: Intersector,
     body: &Animation,
     rays: &[Ray],
 ) -> Result<Vec<u32>> {
@@ -23,7 +23,7 @@ pub(crate) fn crossings(
     for part in parts(body.triangles(), body.vertex_count()) {
         let part = Animation::new(vec![points.clone()], part);
         let part = Arc::new(part.expect("a part names the whole's vertices"));
-        open(subject, &part, 0.0, method)?;
+        open(subject, &part, 0.0, intersector)?;
         stand(subject, &part, 0.0)?;
         march(subject, rays, &mut counts)?;
     }

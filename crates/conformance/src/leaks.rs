@@ -8,7 +8,7 @@ use crate::crossings::crossings;
 use crate::generate::bodies::{BODIES, ClosedBody, PlacedBody, RaySort};
 use crate::generate::{mixed, shares};
 use crate::stage::{ask, open, stand};
-use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use fastrand::Rng;
 use geom::{Hit, Ray};
 use rayon::prelude::*;
@@ -33,8 +33,8 @@ pub struct LeakPlan {
     pub rays: u64,
     /// Distances by which bodies are moved along each axis.
     pub offsets: Vec<f32>,
-    /// Tracing method. `watertight` and `exact` must have no leaks. Crossings are not counted with `exact`.
-    pub method: Method,
+    /// Intersector. `watertight` and `exact` must have no leaks. Crossings are not counted with `exact`.
+    pub intersector: Intersector,
 }
 
 /// Results of all rays of one kind.
@@ -103,7 +103,7 @@ pub(crate) fn run_over(
         for rays in shares(share, share.div_ceil(MOST)) {
             let seed = mixed(mixed(plan.seed) ^ number);
             let batch = LeakBatch::new(body, offset, rays, seed);
-            batch.trace(subject, plan.method, &mut found, begin)?;
+            batch.trace(subject, plan.intersector, &mut found, begin)?;
             number += 1;
             done += rays;
             progress(done);
@@ -151,21 +151,21 @@ impl<'a> LeakBatch<'a> {
     fn trace(
         &self,
         subject: &mut dyn Backend,
-        method: Method,
+        intersector: Intersector,
         found: &mut LeakReport,
         begin: usize,
     ) -> Result<()> {
         let (body, rays) = (self.placed.animation(), &self.rays);
-        open(subject, &body, 0.0, method)?;
+        open(subject, &body, 0.0, intersector)?;
         stand(subject, &body, 0.0)?;
         let hits = ask(subject, Rays::List(rays), QueryKind::Closest)?.hits;
         // Triangles of `exact` include their edges. A ray through an edge crosses both triangles, so parity means
         // nothing.
-        let crossings = match method.intersector {
+        let crossings = match intersector {
             Intersector::Exact => Vec::new(),
             _ => {
                 let counted = rays.len().div_ceil(8).max(COUNTED).min(rays.len());
-                crossings(subject, method, &body, &rays[..counted])?
+                crossings(subject, intersector, &body, &rays[..counted])?
             }
         };
         for (i, hit) in hits.closest.iter().enumerate() {
@@ -215,7 +215,7 @@ mod tests {
             seed: 5,
             rays,
             offsets: OFFSETS.to_vec(),
-            method: Method::default(),
+            intersector: Intersector::Watertight,
         };
         let mut heard = Vec::new();
         let found = run_over(&mut cpu, &plan, bodies, &mut |n| heard.push(n)).unwrap();

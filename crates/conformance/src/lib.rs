@@ -23,7 +23,7 @@ pub use properties::{PROPERTIES, Property};
 pub use reference::Reference;
 
 use anyhow::{Context, anyhow};
-use backend::{Backend, Method};
+use backend::{Backend, Intersector};
 use generate::cases::cases;
 use generate::strategies::{runner, tree};
 use properties::Check;
@@ -114,7 +114,7 @@ impl Cases {
     }
 }
 
-/// Tests a property of `subject` on some cases, with every method that the property requires.
+/// Tests a property of `subject` on some cases, with every intersector that the property requires.
 ///
 /// Returns the number of cases that passed. A panic of the backend counts as a disagreement.
 ///
@@ -136,7 +136,7 @@ pub fn hold(
             let (subject, reference) = &mut *pair.borrow_mut();
             // Resets the reference, which has another case loaded.
             reference.backend();
-            let found = by_each_method(property, &case, *subject, reference);
+            let found = by_each_intersector(property, &case, *subject, reference);
             found.map_err(|what| TestCaseError::fail(format!("{what:#}")))
         });
         let (what, minimal) = match outcome {
@@ -160,7 +160,7 @@ pub fn hold(
     Ok(held)
 }
 
-fn by_each_method(
+fn by_each_intersector(
     property: &Property,
     case: &Case,
     subject: &mut dyn Backend,
@@ -170,17 +170,17 @@ fn by_each_method(
         case,
         subject,
         reference,
-        method: Method::default(),
+        intersector: Intersector::Watertight,
     };
-    for method in (property.methods)(&check) {
-        check.method = method;
+    for intersector in (property.intersectors)(&check) {
+        check.intersector = intersector;
         let held = catch_unwind(AssertUnwindSafe(|| (property.check)(&mut check)));
         let held = held.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
             Err(anyhow!("the backend panicked: {}", text.unwrap_or("?")))
         });
-        held.with_context(|| format!("{method:?}"))?;
+        held.with_context(|| intersector.to_string())?;
     }
     Ok(())
 }
@@ -211,7 +211,7 @@ mod tests {
                 let case = case.current();
                 for property in PROPERTIES {
                     reference.backend();
-                    let held = by_each_method(property, &case, &mut subject, &mut reference);
+                    let held = by_each_intersector(property, &case, &mut subject, &mut reference);
                     held.unwrap_or_else(|e| panic!("{}: {e:#}; {case}", property.name));
                 }
             }

@@ -2,7 +2,7 @@
 
 use crate::Case;
 use crate::stage::{Traced, ask, open, stand};
-use backend::{Backend, Generation, Layout, Method, Query, QueryKind, Rays, Result};
+use backend::{Backend, Generation, Intersector, Query, QueryKind, Rays, Result};
 use bvh_layout::Topology;
 use geom::Aabb;
 use std::sync::Arc;
@@ -27,8 +27,8 @@ impl FrameResults {
 /// The backend with which others are compared.
 pub struct Reference {
     backend: Box<dyn Backend>,
-    /// Method with which the current case is loaded, or `None` if it is not loaded.
-    loaded: Option<Method>,
+    /// Intersector with which the current case is loaded, or `None` if it is not loaded.
+    loaded: Option<Intersector>,
 }
 
 impl Reference {
@@ -40,37 +40,34 @@ impl Reference {
         }
     }
 
-    /// Traces a query at `time`, by the intersector of `method`.
+    /// Traces a query at `time`, by `intersector`.
     pub(crate) fn trace(
         &mut self,
         case: &Case,
-        method: Method,
+        intersector: Intersector,
         time: f64,
         query: Query<'_>,
     ) -> Result<Traced> {
-        // The layout changes no result.
-        let layout = Layout::Bvh2;
-        let method = Method { layout, ..method };
         let backend = self.backend.as_mut();
-        if self.loaded != Some(method) {
-            open(backend, &case.animation, case.times[0], method)?;
-            self.loaded = Some(method);
+        if self.loaded != Some(intersector) {
+            open(backend, &case.animation, case.times[0], intersector)?;
+            self.loaded = Some(intersector);
         }
         stand(backend, &case.animation, time)?;
         ask(backend, query.rays, query.kind)
     }
 
-    /// Returns the closest hits of the case's rays at `time`, and the boxes of this tree, by the intersector of
-    /// `method`.
+    /// Returns the closest hits of the case's rays at `time`, and the boxes of this tree, by
+    /// `intersector`.
     pub(crate) fn by_tree(
         &mut self,
         case: &Case,
-        method: Method,
+        intersector: Intersector,
         tree: &Topology,
         time: f64,
     ) -> Result<FrameResults> {
         let backend = self.backend();
-        backend.load(Arc::clone(&case.animation), method.intersector.into())?;
+        backend.load(Arc::clone(&case.animation), intersector)?;
         backend.adopt(tree, Generation(1))?;
         stand(backend, &case.animation, time)?;
         FrameResults::of(backend, case)

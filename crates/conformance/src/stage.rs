@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use backend::{
-    Backend, FrameReport, Generation, Hits, Method, Query, QueryKind, Rays, Result, Snapshot,
+    Backend, FrameReport, Generation, Hits, Intersector, Query, QueryKind, Rays, Result, Snapshot,
     Ticket,
 };
 use bvh_build::{AnimationBoxes, BinaryTree, Builder, Cancel};
@@ -61,9 +61,9 @@ pub(crate) fn open(
     backend: &mut dyn Backend,
     animation: &Arc<Animation>,
     time: f64,
-    method: Method,
+    intersector: Intersector,
 ) -> Result<()> {
-    backend.load(Arc::clone(animation), method)?;
+    backend.load(Arc::clone(animation), intersector)?;
     backend.adopt(&tree_at(animation, time), Generation(1))
 }
 

@@ -74,7 +74,7 @@ fn ready(
 ) -> CpuBackend {
     let mut backend = CpuBackend::new(Some(threads)).unwrap();
     let scene = Arc::clone(animation);
-    backend.load(scene, intersector.into()).unwrap();
+    backend.load(scene, intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
     stand(&mut backend, animation, time).unwrap();
     backend.submit().unwrap();

@@ -7,9 +7,9 @@ use crate::reserve;
 use crate::scene::SceneState;
 use crate::submission::{Command, Copies, Submission, ms_since};
 use backend::{
-    Arithmetic, Backend, BackendError, Device, DeviceKind, FRAMES_IN_FLIGHT, FrameReport,
-    Generation, Hits, HitsPool, Inspect, Layout, Method, Query, QueryKind, Rays, Result, Snapshot,
-    Ticket,
+    Arithmetic, Backend, BackendError, BackendName, Device, DeviceKind, FRAMES_IN_FLIGHT,
+    FrameReport, Generation, Hits, HitsPool, Inspect, Intersector, Query, QueryKind, Rays, Result,
+    Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose, Ray, own_pool, run_in};
@@ -18,19 +18,14 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The backend's name on the command line.
-const NAME: &str = "cpu";
-
-/// Creates the tree through which a layout is traced.
-type NewTree = Box<dyn Fn(Layout) -> Box<dyn Accelerator> + Send + Sync>;
+/// Creates an empty tree.
+type NewTree = Box<dyn Fn() -> Box<dyn Accelerator> + Send + Sync>;
 
 /// Interpolates, preprocesses, refits and traces on the host.
 pub struct CpuBackend {
     device: Device,
     pool: ThreadPool,
     new_tree: NewTree,
-    /// Memory layout of the scene's trees.
-    layout: Layout,
     scene: Option<SceneState>,
     generation: Option<Generation>,
     /// State of the scene after all recorded commands.
@@ -63,32 +58,33 @@ enum State {
 }
 
 impl CpuBackend {
-    /// Creates the reference backend, with a pool of `threads` threads, by default one per core.
+    /// Creates backend `cpu-ref`, with a pool of `threads` threads, by default one per core.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] for 0 threads, [`BackendError::NoDevice`] if the threads cannot be started.
     pub fn new(threads: Option<usize>) -> Result<Self> {
-        Self::with_trees(threads, |_| Box::new(Bvh2::default()))
+        Self::with_trees(BackendName::CpuRef, threads, || Box::new(Bvh2::default()))
     }
 
-    /// Creates a backend as [`CpuBackend::new`] does, with trees from `new_tree`.
+    /// Creates a backend of another name as [`CpuBackend::new`] does, with trees from `new_tree`.
     ///
     /// # Errors
     /// See [`CpuBackend::new`].
     pub fn with_trees(
+        name: BackendName,
         threads: Option<usize>,
-        new_tree: impl Fn(Layout) -> Box<dyn Accelerator> + Send + Sync + 'static,
+        new_tree: impl Fn() -> Box<dyn Accelerator> + Send + Sync + 'static,
     ) -> Result<Self> {
         if threads == Some(0) {
-            return Err(BackendError::unsupported(NAME, "0 threads"));
+            return Err(BackendError::unsupported(name.name(), "0 threads"));
         }
         let builder = ThreadPoolBuilder::new()
             .num_threads(threads.unwrap_or(0))
-            .thread_name(|i| format!("{NAME}-{i}"));
+            .thread_name(move |i| format!("{name}-{i}"));
         let pool = own_pool(builder)
             .map_err(|e| BackendError::NoDevice(format!("cannot start threads: {e}")))?;
         let device = Device {
-            backend: NAME,
+            backend: name.name(),
             adapter: format!("host ({})", std::env::consts::ARCH),
             driver: String::new(),
             kind: DeviceKind::Cpu,
@@ -99,7 +95,6 @@ impl CpuBackend {
             device,
             pool,
             new_tree: Box::new(new_tree),
-            layout: Layout::Bvh2,
             scene: None,
             generation: None,
             state: State::Nothing,
@@ -192,7 +187,7 @@ impl Backend for CpuBackend {
         &self.device
     }
 
-    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+    fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
         self.scene = None;
         self.generation = None;
         (self.state, self.has_trace) = (State::Nothing, false);
@@ -202,9 +197,8 @@ impl Backend for CpuBackend {
         self.keep(FRAMES_IN_FLIGHT);
         self.next = Submission::default();
         self.copies = Copies::default();
-        self.layout = method.layout;
-        let tree = (self.new_tree)(method.layout);
-        let new = || SceneState::new(animation, method.intersector, tree);
+        let tree = (self.new_tree)();
+        let new = || SceneState::new(animation, intersector, tree);
         self.scene = Some(run_in(&self.pool, new)?);
         Ok(())
     }
@@ -229,19 +223,18 @@ impl Backend for CpuBackend {
 
     fn evaluate(&mut self, tree: &Topology, generation: Generation) -> Result<bool> {
         self.require(State::Positions, "evaluate reads positions: interpolate");
-        let (scene, layout) = (loaded(&mut self.scene), self.layout);
+        let scene = loaded(&mut self.scene);
         let (new_tree, pool) = (&self.new_tree, &self.pool);
-        let is_loaded = run_in(pool, || {
-            scene.load_candidate((tree, generation), || new_tree(layout))
-        })?;
+        let is_loaded = run_in(pool, || scene.load_candidate((tree, generation), new_tree))?;
         if is_loaded {
             self.commands.push(Command::Evaluate);
         }
         Ok(is_loaded)
     }
 
-    fn wants_blocks(&self) -> bool {
-        self.scene.as_ref().is_some_and(|s| s.tree.wants_blocks())
+    fn tree_format(&self) -> TreeFormat {
+        let scene = self.scene.as_ref();
+        scene.expect("load comes first").tree.format()
     }
 
     fn interpolate(&mut self, pose: Pose) -> Result<()> {

@@ -1,4 +1,4 @@
-//! The binary tree of layout `bvh2`: pairs of siblings, breadth first.
+//! The binary tree of `cpu-ref`: pairs of siblings, breadth first.
 
 use crate::intersect::{Preprocess, Record, Watertight, by_test};
 use crate::pass::{SplitAt, Which, Window, pass};
@@ -6,7 +6,7 @@ use crate::scale::Scale;
 use crate::tiles::{Counts, Output};
 use crate::trace::{TraceTask, Tracer};
 use crate::{Accelerator, Geometry, Unhittable, reserve};
-use backend::{Intersector, Result};
+use backend::{Intersector, Result, TreeFormat};
 use bvh_layout::{Link, Moving, Topology};
 use geom::{Aabb, Animation, Triangle, is_active, is_degenerate};
 use glam::Vec3A;
@@ -206,6 +206,10 @@ impl Accelerator for Bvh2 {
         self.take_over(tree, animation.triangles())?;
         self.moving = tree.moving().cloned();
         Ok(())
+    }
+
+    fn format(&self) -> TreeFormat {
+        TreeFormat::Binary
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {

@@ -1,9 +1,11 @@
-//! The reference backend: runs every stage on the host's cores with rayon.
+//! The reference backend, `cpu-ref`: runs every stage in scalar code on the host's cores with rayon.
 //!
-//! It is plain code that follows the definition of a hit (`docs/design/hits.md`) exactly. Tests compare other backends
-//! with it bit for bit. Stages are in `interpolate`, `bvh2` (preprocess and refit) and `trace`; each triangle test has
-//! a file in `intersect`. Every layout is traced as the binary tree of `bvh2`, unless the caller passes its own
-//! [`Accelerator`], as `cpu-simd` does for `fast`.
+//! It is meant to be read, not to be fast. It follows the definition of a hit (`docs/design/hits.md`) exactly, and tests
+//! compare all other backends with it bit for bit. Its tree is the breadth-first binary tree of Kim and others (2014), with
+//! one triangle per leaf.
+//!
+//! Stages are in `interpolate`, `bvh2` (preprocess and refit) and `trace`; each triangle test has a file in `intersect`.
+//! Backend `cpu` is the same code with the [`Accelerator`] of `cpu-simd`.
 
 mod backend;
 pub mod bvh2;
@@ -22,7 +24,7 @@ pub mod traverse;
 
 pub use crate::backend::CpuBackend;
 
-use ::backend::{BackendError, Intersector, Result};
+use ::backend::{BackendError, Intersector, Result, TreeFormat};
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Range, Ray, Triangle};
 use scale::Scale;
@@ -83,7 +85,7 @@ impl Geometry<'_> {
     }
 }
 
-/// A tree in some layout, with the boxes and triangles of one moment. Boxes are in scaled units.
+/// A tree in the form that it is traced in, with the boxes and triangles of one moment. Boxes are in scaled units.
 pub trait Accelerator: Send + Sync {
     /// Copies the topology of a tree of this scene. Boxes are stale afterwards.
     ///
@@ -91,10 +93,8 @@ pub trait Accelerator: Send + Sync {
     /// If memory does not suffice. The old tree is then still current.
     fn adopt(&mut self, tree: &Topology, animation: &Animation) -> Result<()>;
 
-    /// Returns whether the accelerator reads a tree's eight-wide form.
-    fn wants_blocks(&self) -> bool {
-        false
-    }
+    /// Returns the form of a tree that [`Self::adopt`] reads.
+    fn format(&self) -> TreeFormat;
 
     /// Computes the record and the box of each leaf, and the boxes of inner nodes where one pass does both. Returns the
     /// counts of leaves that cannot be hit at this moment.

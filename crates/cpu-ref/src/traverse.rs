@@ -8,7 +8,7 @@ use bvh_build::MAX_DEPTH;
 use bvh_layout::Link;
 use geom::Aabb;
 
-/// A tree with the boxes and triangles of one moment, in any layout.
+/// A tree with the boxes and triangles of one moment, in any form.
 pub trait Tree: Copy + Sync {
     /// Stack of nodes still to visit.
     type Waiting: Default;

@@ -1,4 +1,4 @@
-//! Vector code for layout `fast` on the host, with the same bits as the reference in `cpu-ref`.
+//! Backend `cpu`: vector code and wide trees on the host, with the same bits as the reference in `cpu-ref`.
 //!
 //! The adopted binary tree is collapsed (Wald, Benthin, Boulos 2008). A subtree of at most eight triangles becomes a
 //! *block*, whose triangles are tested together. Above the blocks, each node has up to eight children, whose boxes are
@@ -25,15 +25,14 @@ mod tree;
 mod visit;
 mod walk;
 
-use backend::{Layout, Result};
-use cpu_ref::bvh2::Bvh2;
-use cpu_ref::{Accelerator, CpuBackend};
+use backend::{BackendName, Result};
+use cpu_ref::CpuBackend;
 use tree::Wide;
 
 pub use simd::Level;
 
-/// Opens the host as a backend, with a pool of `threads` threads, by default one per core. Layout `bvh2` uses the
-/// reference's code, `fast` the best vector instructions of the machine.
+/// Opens the host as a backend, with a pool of `threads` threads, by default one per core, and with the best vector
+/// instructions of the machine.
 ///
 /// # Errors
 /// See [`CpuBackend::new`].
@@ -46,10 +45,7 @@ pub fn open(threads: Option<usize>) -> Result<CpuBackend> {
 /// # Errors
 /// See [`CpuBackend::new`].
 pub fn open_at(level: Level, threads: Option<usize>) -> Result<CpuBackend> {
-    CpuBackend::with_trees(threads, move |layout| -> Box<dyn Accelerator> {
-        match layout {
-            Layout::Bvh2 => Box::new(Bvh2::default()),
-            Layout::Fast => Box::new(Wide::new(level)),
-        }
+    CpuBackend::with_trees(BackendName::Cpu, threads, move || {
+        Box::new(Wide::new(level))
     })
 }

@@ -1,11 +1,11 @@
-//! Memory layout of the trees of layout `fast`.
+//! The wide tree in memory.
 
 use crate::boxes::{EightBoxes, Sums};
 use crate::fit::triangle;
 use crate::moving::Moving;
 use crate::simd::{Level, Plain};
 use crate::trace::WideTracer;
-use backend::{BackendError, Intersector, Result};
+use backend::{BackendError, Intersector, Result, TreeFormat};
 use bvh_layout::{BlockTree, First, Ranges, Topology};
 use cpu_ref::bvh2::Bvh2;
 use cpu_ref::intersect::{Exact, MollerTrumbore, Record, TriangleTest, Watertight, Woop};
@@ -209,8 +209,8 @@ impl Accelerator for Wide {
         Ok(())
     }
 
-    fn wants_blocks(&self) -> bool {
-        true
+    fn format(&self) -> TreeFormat {
+        TreeFormat::WideBlocks
     }
 
     fn preprocess(&mut self, geometry: &Geometry<'_>, intersector: Intersector) -> Unhittable {

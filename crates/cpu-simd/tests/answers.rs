@@ -1,7 +1,7 @@
 //! Compares every instruction set of the machine with the reference: all properties, and hits of rays that are traced
 //! or prepared together.
 
-use backend::{Backend, Generation, Intersector, Layout, Method, QueryKind, Rays};
+use backend::{Backend, Generation, Intersector, QueryKind, Rays};
 use bvh_layout::{First, Topology};
 use conformance::stage::{ask, stand, tree_at};
 use conformance::{Cases, PROPERTIES, Reference, hold, nth_case, record};
@@ -156,10 +156,10 @@ fn trees(animation: &Animation) -> [Topology; 2] {
 fn ready(
     mut backend: CpuBackend,
     animation: &Arc<Animation>,
-    method: Method,
+    intersector: Intersector,
     tree: &Topology,
 ) -> CpuBackend {
-    backend.load(Arc::clone(animation), method).unwrap();
+    backend.load(Arc::clone(animation), intersector).unwrap();
     refit(&mut backend, animation, (tree, 1));
     backend
 }
@@ -197,16 +197,12 @@ fn check(
     light: Point,
 ) -> Result<(), TestCaseError> {
     let trees = trees(animation);
-    let [usual, fast] = Layout::ALL.map(|layout| Method {
-        intersector,
-        layout,
-    });
     let reference = CpuBackend::new(Some(1)).unwrap();
-    let mut reference = ready(reference, animation, usual, &trees[0]);
+    let mut reference = ready(reference, animation, intersector, &trees[0]);
     let expected = answers(&mut reference, rays[0], light);
     for (level, tree) in Level::all().into_iter().zip(trees.iter().cycle()) {
         let subject = open_at(level, Some(1)).unwrap();
-        let mut subject = ready(subject, animation, fast, tree);
+        let mut subject = ready(subject, animation, intersector, tree);
         for &rays in rays {
             let found = answers(&mut subject, rays, light);
             prop_assert!(found == expected, "{level:?} {intersector}");
@@ -278,16 +274,14 @@ fn a_tree_that_brings_its_blocks_is_adopted_as_one_that_does_not() {
     let animation = ball(1.0);
     let camera = Camera::look_at([3.0, 2.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 50.0, [40, 30]);
     let rays: Vec<Ray> = camera.unwrap().rays().collect();
-    let method = Method {
-        layout: Layout::Fast,
-        ..Method::default()
-    };
+    let intersector = Intersector::Watertight;
     let [good, bad] = trees(&animation);
     for (old, new) in [(&good, &bad), (&bad, &good)] {
         let blocks = (&[][..], First::Left);
         let with = new.clone().with_blocks(animation.triangles(), blocks);
         let [found, expected] = [&with, new].map(|new| {
-            let mut backend = ready(cpu_simd::open(Some(1)).unwrap(), &animation, method, old);
+            let backend = cpu_simd::open(Some(1)).unwrap();
+            let mut backend = ready(backend, &animation, intersector, old);
             refit(&mut backend, &animation, (new, 2));
             let boxes = backend.inspect().boxes().unwrap();
             (boxes, answers(&mut backend, Rays::List(&rays), [3.0; 3]))

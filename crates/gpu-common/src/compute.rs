@@ -6,8 +6,8 @@ use crate::traces::as_given;
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, LastUse, Options, Stage, Stale};
 use backend::{
-    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Method,
-    Opener, Palette, Query, Result, Snapshot, Ticket, TreeWriter,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Opener,
+    Palette, Query, Result, Snapshot, Ticket, TreeFormat, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
@@ -174,8 +174,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         Some(Box::new(move || Ok(Box::new(Self::with(open()?)))))
     }
 
-    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        let (engine, intersector) = (&mut self.engine, method.intersector);
+    fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
+        let engine = &mut self.engine;
         let traits = engine.pipelines.traits;
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
         let usual = usual.filter(|k| k.serves(intersector) && k.suits(traits));
@@ -237,8 +237,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         gpu.has_ended(sent, false)
     }
 
-    fn wants_treelets(&self) -> bool {
-        true
+    fn tree_format(&self) -> TreeFormat {
+        TreeFormat::Treelets
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {

@@ -10,7 +10,7 @@ use crate::memory::create_buffer;
 use crate::timeline::Timeline;
 use ash::ext::external_memory_host;
 use ash::{khr, vk};
-use backend::{BackendError, Result};
+use backend::{BackendError, BackendName, Result};
 use std::ffi::CStr;
 #[cfg(unix)]
 use std::os::fd::{FromRawFd, OwnedFd};
@@ -161,7 +161,7 @@ impl Gpu {
             return Ok(());
         }
         let what = format!("{what} by {}", name.to_string_lossy());
-        Err(BackendError::unsupported("vulkan", what))
+        Err(BackendError::unsupported(BackendName::Vulkan.name(), what))
     }
 
     /// Returns the first allowed memory type that is device-local, or the first allowed one.

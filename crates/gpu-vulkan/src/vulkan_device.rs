@@ -10,7 +10,7 @@ use crate::staging::{HostCopy, HostPoints, KeysRead, Staging, fill, has_ended};
 use crate::timeline::{Batch, Moment, Timeline, submit};
 use crate::transfer::{Transfer, load};
 use crate::validation::messages;
-use backend::{Arithmetic, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
+use backend::{Arithmetic, BackendName, Device, DeviceBytes, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
@@ -145,11 +145,11 @@ impl GpuDevice for VulkanDevice {
         let host = Host::new(options.validation)?;
         let list = all(&host)?;
         let gpu = Gpu::open(host, &list, options, false)?;
-        Self::over(&gpu, "vulkan")
+        Self::over(&gpu, BackendName::Vulkan.name())
     }
 
     fn beside(gpu: Arc<Gpu>) -> Result<Self> {
-        Self::over(&gpu, "vulkan")
+        Self::over(&gpu, BackendName::Vulkan.name())
     }
 
     fn device(&self) -> Device {

@@ -10,7 +10,7 @@ use crate::limits::{LEAST_OF_64_BITS, check_kernels};
 use crate::pipelines::Pipeline;
 use crate::slot::Slot;
 use crate::staging::{Staging, fill};
-use backend::{Arithmetic, Device, Result, Snapshot, Spares, Ticket};
+use backend::{Arithmetic, BackendName, Device, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{KeyFrame, Point};
 use gpu_common::{
@@ -88,7 +88,7 @@ impl GpuDevice for WgpuDevice {
     fn device(&self) -> Device {
         let info = &self.gpu.info;
         Device {
-            backend: "wgpu",
+            backend: BackendName::Wgpu.name(),
             adapter: info.name.clone(),
             driver: driver(info),
             kind: kind(info),

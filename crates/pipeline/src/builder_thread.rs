@@ -1,7 +1,8 @@
 //! The builder: a pool of threads, and a thread that runs one job at a time in the pool while frames are rendered.
 
 use crate::error::PipelineError;
-use crate::tree_builder::{Built, Forms, Job, TreeBuilder};
+use crate::tree_builder::{Built, Job, TreeBuilder};
+use backend::TreeFormat;
 use bvh_build::{BuildError, Cancel};
 use geom::{lock, own_pool, run_in};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -131,11 +132,11 @@ pub(crate) struct BuilderPool {
 }
 
 impl BuilderPool {
-    /// Creates a builder that runs on these threads and produces these forms.
-    pub(crate) fn new(threads: BuilderThreads, forms: Forms) -> Self {
+    /// Creates a builder that runs on these threads and produces trees of this format.
+    pub(crate) fn new(threads: BuilderThreads, format: TreeFormat) -> Self {
         Self {
             threads,
-            builder: Mutex::new(TreeBuilder::with_forms(forms)),
+            builder: Mutex::new(TreeBuilder::with_format(format)),
         }
     }
 
@@ -184,7 +185,7 @@ mod tests {
     fn builders_that_share_threads_take_no_more_of_them() {
         let threads = BuilderThreads::new(2).unwrap();
         let who = || rayon::broadcast(|_| std::thread::current().id());
-        let builder = || BuilderPool::new(threads.clone(), Forms::default());
+        let builder = || BuilderPool::new(threads.clone(), TreeFormat::Binary);
         let (one, other) = (builder(), builder());
         let own = threads.install(who);
         assert_eq!(

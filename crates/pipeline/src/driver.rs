@@ -13,11 +13,10 @@ use crate::error::PipelineError;
 use crate::frame::{Frame, FrameRecord};
 use crate::host_builder::HostBuilder;
 use crate::latency::LatencyPredictor;
-use crate::tree_builder::Forms;
 use adoption::AdoptionRule;
 use backend::{
-    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Method, Opener, Palette, Policy, Query,
-    Ticket,
+    Backend, BackendError, FRAMES_IN_FLIGHT, Generation, Intersector, Opener, Palette, Policy,
+    Query, Ticket,
 };
 use geom::{Animation, Point, Pose};
 use next_tree::Event;
@@ -31,8 +30,8 @@ pub use warm_up::{WarmUp, Warmed, warm_up};
 /// Options of a [`Driver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverOptions {
-    /// Tracing method of the backend.
-    pub method: Method,
+    /// Intersector of the backend.
+    pub intersector: Intersector,
     /// Policy that updates trees as vertices move.
     pub update: Policy,
     /// First and last time to render, in key frames. Predicted times stay within this range.
@@ -84,23 +83,19 @@ impl Driver {
     /// Loads `animation` into `backend`. The first frame builds the first tree. Other drivers may share `threads`.
     ///
     /// # Errors
-    /// The backend does not support the scene or the method.
+    /// The backend does not support the scene.
     pub fn new(
         mut backend: Box<dyn Backend>,
         animation: Arc<Animation>,
         options: DriverOptions,
         threads: BuilderThreads,
     ) -> Result<Self, PipelineError> {
-        backend.load(Arc::clone(&animation), options.method)?;
+        backend.load(Arc::clone(&animation), options.intersector)?;
         if options.update.builds_on_device() {
             backend.check_rebuild()?;
         }
-        let forms = Forms {
-            treelets: backend.wants_treelets(),
-            blocks: backend.wants_blocks(),
-        };
         Ok(Self {
-            builder: HostBuilder::new(&animation, threads, forms),
+            builder: HostBuilder::new(&animation, threads, backend.tree_format()),
             predictor: LatencyPredictor::new(options.time_range, options.update.lockstep()),
             backend,
             animation,

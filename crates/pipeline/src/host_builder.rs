@@ -1,8 +1,8 @@
 //! A driver's builder on the host: the memory that builds share, and the thread that runs them while frames are rendered.
 
 use crate::builder_thread::{BuildResult, BuilderPool, BuilderThread, BuilderThreads};
-use crate::tree_builder::{BuildInput, Built, Forms, Job, TreeBuilder};
-use backend::TreeWriter;
+use crate::tree_builder::{BuildInput, Built, Job, TreeBuilder};
+use backend::{TreeFormat, TreeWriter};
 use bvh_build::Cancel;
 use bvh_layout::{Spare, Topology};
 use geom::{Animation, Point, Pose};
@@ -21,8 +21,12 @@ pub(crate) struct HostBuilder {
 
 impl HostBuilder {
     /// Creates a builder that runs on `threads`. Does not start its own thread.
-    pub(crate) fn new(animation: &Arc<Animation>, threads: BuilderThreads, forms: Forms) -> Self {
-        let pool = Arc::new(BuilderPool::new(threads, forms));
+    pub(crate) fn new(
+        animation: &Arc<Animation>,
+        threads: BuilderThreads,
+        format: TreeFormat,
+    ) -> Self {
+        let pool = Arc::new(BuilderPool::new(threads, format));
         let thread = {
             let (pool, animation) = (Arc::clone(&pool), Arc::clone(animation));
             BuilderThread::new(move |job, cancel| {

@@ -172,7 +172,7 @@ mod tests {
     const SHATTER: Scene = ("shatter", 1_599_900, 15.01);
     const SMALL_SHATTER: Scene = ("shatter:70000", 69_924, 13.01);
 
-    /// Sums of `wall_ms` of `abvh render demo:SCENE --no-images --layout fast --update POLICY --stats FILE`, one run
+    /// Sums of `wall_ms` of `abvh render demo:SCENE --no-images --update POLICY --stats FILE`, one run
     /// each, commit efe1e7c. NVIDIA H100 80GB HBM3, driver 580, 16 cores, `vulkan`, 1920x1200. Last column:
     /// `device-rebuild`.
     const H100: [Measured; 12] = [

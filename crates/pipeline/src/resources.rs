@@ -1,7 +1,6 @@
 //! Divides cores between rendering and building, and estimates the memory of a run.
 
-use backend::Policy;
-use backend::{DeviceKind, Intersector, Method};
+use backend::{DeviceKind, Intersector, Policy};
 use geom::{Animation, Point};
 use serde::Serialize;
 
@@ -40,7 +39,7 @@ impl ExpectedMemory {
     pub fn of(
         animation: &Animation,
         device: DeviceKind,
-        (method, update): (Method, Policy),
+        (intersector, update): (Intersector, Policy),
         rays: usize,
     ) -> Self {
         let keys = keys_bytes(animation);
@@ -50,7 +49,7 @@ impl ExpectedMemory {
             DeviceKind::Cpu => candidate,
             DeviceKind::Gpu | DeviceKind::Software => 0,
         };
-        let on_device = || device_bytes(animation, (method, update), rays) + candidate;
+        let on_device = || device_bytes(animation, (intersector, update), rays) + candidate;
         Self {
             host_bytes: BASE_BYTES + keys + trees + on_host,
             device_bytes: (device != DeviceKind::Cpu).then(on_device),
@@ -79,7 +78,11 @@ pub fn trees_bytes(triangles: usize, rays: usize) -> u64 {
     trees.saturating_add((rays as u64).saturating_mul(RAY_BYTES))
 }
 
-fn device_bytes(animation: &Animation, (method, update): (Method, Policy), rays: usize) -> u64 {
+fn device_bytes(
+    animation: &Animation,
+    (intersector, update): (Intersector, Policy),
+    rays: usize,
+) -> u64 {
     const POINT: u64 = size_of::<Point>() as u64;
     let vertices = animation.vertex_count() as u64;
     let triangles = animation.triangle_count() as u64;
@@ -91,7 +94,7 @@ fn device_bytes(animation: &Animation, (method, update): (Method, Policy), rays:
         DEVICE_TREE_BYTES
     };
     // A hit, a shadow and, for `exact`, space for rays to settle.
-    let answers = match method.intersector {
+    let answers = match intersector {
         Intersector::Exact => rays as u64 * 40 + EXACT_BASE_BYTES,
         _ => rays as u64 * 20,
     };

@@ -6,7 +6,7 @@ mod job;
 mod pose_source;
 mod warm_up;
 
-use backend::Snapshot;
+use backend::{Snapshot, TreeFormat};
 use bvh_build::{
     BinaryTree, BlockSize, Boxes, BuildError, Builder, Cancel, MovedTree, SubtreeRebuilder,
     TreeCosts, sah_cost,
@@ -58,15 +58,6 @@ pub struct BuildMoments {
     pub ended: Instant,
 }
 
-/// Optional forms that a [`Topology`] contains, so that its adoption takes little time in a frame.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Forms {
-    /// [`Topology::treelets`].
-    pub(crate) treelets: bool,
-    /// [`Topology::blocks`].
-    pub(crate) blocks: bool,
-}
-
 /// Builds trees and converts them. Keeps its memory between builds.
 #[derive(Debug, Default)]
 pub(crate) struct TreeBuilder {
@@ -80,7 +71,8 @@ pub(crate) struct TreeBuilder {
     positions: Vec<Point>,
     boxes: Vec<Aabb>,
     spare: Spare,
-    forms: Forms,
+    /// The form that topologies contain, so that their adoption takes little time in a frame.
+    format: TreeFormat,
     degradation: DegradationMonitor,
     extrapolation: ExtrapolationMonitor,
     /// The last two observed positions.
@@ -88,15 +80,15 @@ pub(crate) struct TreeBuilder {
 }
 
 impl TreeBuilder {
-    /// Creates a builder whose topologies contain these forms.
-    pub(crate) fn with_forms(forms: Forms) -> Self {
+    /// Creates a builder whose topologies contain this form.
+    pub(crate) fn with_format(format: TreeFormat) -> Self {
         let mut builder = Builder::default();
-        if forms.blocks {
+        if format == TreeFormat::WideBlocks {
             builder.block_size = BlockSize::Eight;
         }
         Self {
             builder,
-            forms,
+            format,
             ..Self::default()
         }
     }
@@ -251,7 +243,7 @@ impl TreeBuilder {
             self.compute_boxes(source, vertices)?;
             return Ok(None);
         }
-        if strategy == BuildStrategy::Subtrees && !self.forms.blocks {
+        if strategy == BuildStrategy::Subtrees && self.format != TreeFormat::WideBlocks {
             return self.rebuild_subtrees_at(source, vertices, cancel).map(Some);
         }
         self.compute_boxes(source, vertices)?;
@@ -349,17 +341,16 @@ impl TreeBuilder {
         }
     }
 
-    /// Returns the new tree as a topology, in the requested forms, with lists of moving nodes.
+    /// Returns the new tree as a topology, in the requested format, with lists of moving nodes.
     fn convert(&mut self, animation: &Animation) -> Topology {
         let spare = std::mem::take(&mut self.spare);
-        let convert = if self.forms.treelets {
-            Converter::convert_with_treelets
-        } else {
-            Converter::convert
+        let convert = match self.format {
+            TreeFormat::Treelets => Converter::convert_with_treelets,
+            TreeFormat::Binary | TreeFormat::WideBlocks => Converter::convert,
         };
         let triangles = animation.triangle_count();
         let mut topology = convert(&mut self.converter, &self.tree, triangles, spare);
-        if self.forms.blocks {
+        if self.format == TreeFormat::WideBlocks {
             let first = (self.builder.toward).map_or(First::Larger, |_| First::Left);
             topology = topology.with_blocks(animation.triangles(), (&self.boxes, first));
         }

@@ -4,7 +4,7 @@ use crate::Subject;
 use crate::scenes::{
     SHADOWED, arrive, bits, camera, go, look, open, rays, report, see, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
 use std::sync::Arc;
 use std::thread;
@@ -249,8 +249,8 @@ pub(crate) fn paged_key_frames_take_memory_for_few(backend: &mut dyn Subject) {
     let scene = scene::open("demo:twist:3000", &options).unwrap();
     let paged = scene.animation;
     assert_eq!(paged.window(), Some(8));
-    let method = Method::default();
-    backend.load(Arc::clone(&paged), method).unwrap();
+    let intersector = Intersector::Watertight;
+    backend.load(Arc::clone(&paged), intersector).unwrap();
     let times: Vec<f64> = (0..46).map(|i| f64::from(i * 7919 % 230) * 0.1).collect();
     for (i, &time) in times.iter().enumerate() {
         paged.look_ahead(times[i..].iter().copied());

@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{SHADOWED, apart, camera, go, hits, open, report, stand, swarm, tree_at};
-use backend::{Backend, FrameReport, Generation, Method, QueryKind, Rays};
+use backend::{Backend, FrameReport, Generation, Intersector, QueryKind, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use cpu_ref::CpuBackend;
@@ -30,8 +30,8 @@ fn chain() -> Topology {
 
 pub(crate) fn a_submission_may_hold_any_number_of_stages(backend: &mut dyn Subject) {
     let animation = stack();
-    let method = Method::default();
-    backend.load(Arc::clone(&animation), method).unwrap();
+    let intersector = Intersector::Watertight;
+    backend.load(Arc::clone(&animation), intersector).unwrap();
     backend.adopt(&chain(), Generation(1)).unwrap();
     for _ in 0..9 {
         stand(backend, &animation, 0.0);
@@ -90,8 +90,8 @@ pub(crate) fn treelets_that_stand_still_are_passed_over_to_the_last_bit(backend:
         (&plain, true),
         (&listed, true),
     ] {
-        let method = Method::default();
-        backend.load(Arc::clone(&animation), method).unwrap();
+        let intersector = Intersector::Watertight;
+        backend.load(Arc::clone(&animation), intersector).unwrap();
         backend.adopt(tree, Generation(1)).unwrap();
         for time in [0.0, 0.7, 2.0, 1.0] {
             backend.interpolate(animation.pose(time)).unwrap();
@@ -151,8 +151,8 @@ fn refitted(
     backend: &mut dyn Backend,
     (animation, tree): &(Arc<Animation>, Topology),
 ) -> (FrameReport, Vec<Aabb>) {
-    let method = Method::default();
-    backend.load(Arc::clone(animation), method).unwrap();
+    let intersector = Intersector::Watertight;
+    backend.load(Arc::clone(animation), intersector).unwrap();
     backend.adopt(tree, Generation(1)).unwrap();
     stand(backend, animation, 0.7);
     (report(backend), backend.inspect().boxes().unwrap())

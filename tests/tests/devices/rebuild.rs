@@ -2,7 +2,7 @@
 
 use crate::Subject;
 use crate::scenes::{apart, numbers, report, stand, swarm, tree_at};
-use backend::{Backend, Generation, Method, check_tree};
+use backend::{Backend, Generation, Intersector, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
@@ -18,7 +18,7 @@ fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
 /// Makes a tree of the scene at `time` on the device, and checks that it is a valid topology. Returns it with its cost.
 fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
     let scene = Arc::clone(animation);
-    backend.load(scene, Method::default()).unwrap();
+    backend.load(scene, Intersector::Watertight).unwrap();
     backend.interpolate(animation.pose(time)).unwrap();
     backend.rebuild(Generation(1)).unwrap();
     let cost = report(backend).sah_cost;
@@ -36,7 +36,7 @@ pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
         let (tree, cost) = made(backend, &animation, time);
         let boxes = backend.inspect().boxes().unwrap();
         let scene = Arc::clone(&animation);
-        reference.load(scene, Method::default()).unwrap();
+        reference.load(scene, Intersector::Watertight).unwrap();
         reference.adopt(&tree, Generation(1)).unwrap();
         stand(&mut reference, &animation, time);
         let expected = report(&mut reference).sah_cost.unwrap_or(0.0);

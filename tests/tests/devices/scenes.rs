@@ -1,6 +1,8 @@
 //! Small scenes and helper functions for tests.
 
-use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Snapshot, Ticket};
+use backend::{
+    Backend, FrameReport, Generation, Hits, Intersector, QueryKind, Rays, Snapshot, Ticket,
+};
 use conformance::stage::{self, next_positions};
 use geom::{Animation, Camera, Point, Ray};
 use std::sync::Arc;
@@ -71,8 +73,8 @@ pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
 
 /// Loads the scene, with a tree of its first key frame.
 pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
-    let method = Method::default();
-    backend.load(Arc::clone(animation), method).unwrap();
+    let intersector = Intersector::Watertight;
+    backend.load(Arc::clone(animation), intersector).unwrap();
     let tree = tree_at(animation, 0.0);
     backend.adopt(&tree, Generation(1)).unwrap();
 }

@@ -4,7 +4,7 @@ use crate::Subject;
 use crate::scenes::{
     SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, see, swarm, tree_at,
 };
-use backend::{Generation, Intersector, Method, Rays};
+use backend::{Generation, Intersector, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use geom::{Animation, Point};
@@ -36,22 +36,22 @@ fn comb(animation: &Animation) -> Topology {
     record(animation.triangle_count(), &order, split)
 }
 
-fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, method: Method) {
-    backend.load(Arc::clone(animation), method).unwrap();
+fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, intersector: Intersector) {
+    backend.load(Arc::clone(animation), intersector).unwrap();
     let tree = tree_at(animation, 0.0);
     backend.adopt(&tree, Generation(1)).unwrap();
 }
 
 pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
-    for method in Intersector::ALL.map(Method::from) {
-        rays_together_find_the_same(backend, method);
+    for intersector in Intersector::ALL {
+        rays_together_find_the_same(backend, intersector);
     }
 }
 
-fn rays_together_find_the_same(backend: &mut dyn Subject, method: Method) {
+fn rays_together_find_the_same(backend: &mut dyn Subject, intersector: Intersector) {
     let (moving, still) = ([(0.0, 1), (0.3, 2), (1.0, 3)], [(0.0, 1), (0.0, 2)]);
     for (animation, moments) in [(swarm(4000), &moving[..]), (layers(), &still[..])] {
-        backend.load(Arc::clone(&animation), method).unwrap();
+        backend.load(Arc::clone(&animation), intersector).unwrap();
         for &(time, generation) in moments {
             let tree = match generation {
                 2 => comb(&animation),
@@ -74,8 +74,8 @@ const PIXELS: usize = 130 * 126;
 
 /// Triangles of a few pixels, every third one twice. Some are slivers, and some have zero area though rounding may give
 /// them some. Two cover half of the picture. For textbook intersectors all are smaller, because boxes are rasterized.
-fn dust_for(method: Method) -> Arc<Animation> {
-    match method.intersector {
+fn dust_for(intersector: Intersector) -> Arc<Animation> {
+    match intersector {
         Intersector::Watertight | Intersector::Exact => dust(0.02, 1.0),
         Intersector::MollerTrumbore | Intersector::Woop => dust(0.005, 0.1),
     }
@@ -140,8 +140,8 @@ fn sheets(count: u32) -> Arc<Animation> {
 }
 
 /// Returns whether the last picture was rasterized only, according to the visibility buffer.
-fn told_all(backend: &mut dyn Subject, method: Method) -> bool {
-    let numbers = match method.intersector {
+fn told_all(backend: &mut dyn Subject, intersector: Intersector) -> bool {
+    let numbers = match intersector {
         Intersector::Watertight => PIXELS,
         _ => 2 * PIXELS,
     };
@@ -149,18 +149,21 @@ fn told_all(backend: &mut dyn Subject, method: Method) -> bool {
 }
 
 pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
-    for method in Intersector::ALL.map(Method::from) {
-        triangles_find_their_rays(backend, method);
+    for intersector in Intersector::ALL {
+        triangles_find_their_rays(backend, intersector);
     }
 }
 
-fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
-    let dust = dust_for(method);
-    open_by(backend, &dust, method);
+fn triangles_find_their_rays(backend: &mut dyn Subject, intersector: Intersector) {
+    let dust = dust_for(intersector);
+    open_by(backend, &dust, intersector);
     let before = backend.device_bytes().unwrap().tree;
     for camera in cameras() {
         check_picture(backend, (&dust, 0.0), &camera);
-        assert!(told_all(backend, method), "{method:?}, {camera:?}");
+        assert!(
+            told_all(backend, intersector),
+            "{intersector:?}, {camera:?}"
+        );
     }
     // Tiles add no more memory to the tree than packets would, except for their list. The visibility buffer is
     // memory of frames.
@@ -172,7 +175,7 @@ fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
     assert!((16 * tiles..17 * (tiles + 4096)).contains(&(grown as usize)));
     // A refitted swarm that moves, with triangles that are inactive at times.
     let swarm = swarm(9000);
-    open_by(backend, &swarm, method);
+    open_by(backend, &swarm, intersector);
     let far = look([2.0, 8.0, 30.0], [0.0; 3], (50.0, SQUARE));
     for (time, camera) in [0.0, 0.3, 1.0].into_iter().zip([&far, &far, &cameras()[0]]) {
         check_picture(backend, (&swarm, time), camera);
@@ -180,36 +183,36 @@ fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
 }
 
 pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
-    for method in Intersector::ALL.map(Method::from) {
-        each_ray_goes_by_itself(backend, method);
+    for intersector in Intersector::ALL {
+        each_ray_goes_by_itself(backend, intersector);
     }
 }
 
-fn each_ray_goes_by_itself(backend: &mut dyn Subject, method: Method) {
+fn each_ray_goes_by_itself(backend: &mut dyn Subject, intersector: Intersector) {
     // The first three need more tests than traversal does, of large, medium and small triangles. The others have more
     // tiles than fit in memory, and more large triangles than the list holds.
     let tests = [sheets(4), panes(500, 0.4), panes(9000, 0.08)];
     let others = [splinters(800), sheets(5000)];
     for animation in tests.into_iter().chain(others) {
-        open_by(backend, &animation, method);
+        open_by(backend, &animation, intersector);
         check_picture(backend, (&animation, 0.0), &cameras()[0]);
         let triangles = animation.triangle_count();
         assert!(
-            !told_all(backend, method),
-            "{method:?}, {triangles} triangles"
+            !told_all(backend, intersector),
+            "{intersector:?}, {triangles} triangles"
         );
     }
     // Rasterization is retried after a while. This camera has fewer triangles to cover.
     let away = look([0.0, 0.0, 3.0], [0.0, 0.0, 9.0], (50.0, SQUARE));
     let mut tried = (0..1000).map(|_| {
         see(backend, Rays::Camera(&away), SHADOWED);
-        told_all(backend, method)
+        told_all(backend, intersector)
     });
     assert_eq!(tried.position(|told| told), Some(63));
     drop(tried);
     // In another scene it is used at once.
-    let dust = dust_for(method);
-    open_by(backend, &dust, method);
+    let dust = dust_for(intersector);
+    open_by(backend, &dust, intersector);
     check_picture(backend, (&dust, 0.0), &cameras()[0]);
-    assert!(told_all(backend, method));
+    assert!(told_all(backend, intersector));
 }

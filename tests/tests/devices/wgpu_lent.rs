@@ -3,7 +3,7 @@
 use crate::scenes::{SHADOWED, arrive, camera, go, open, rays, report, see, stand, swarm, tree_at};
 use abvh::own_device::OwnDevice;
 use abvh::{Device, Scene, Tracer};
-use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
+use backend::{Backend, BackendError, Generation, Hits, Intersector, Query, QueryKind, Rays};
 use geom::{Aabb, Animation, Camera, Ray};
 use gpu_common::Options;
 use gpu_wgpu::{WgpuBackend, from_device, required_features, required_limits, useful_features};
@@ -98,7 +98,7 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
 pub(crate) fn a_scene_too_large_is_refused_by_its_limit() {
     let own = own_device(required_limits(&swarm(10), 10));
     let mut backend = lent(&own).unwrap();
-    let refused = backend.load(swarm(25_000), Method::default());
+    let refused = backend.load(swarm(25_000), Intersector::Watertight);
     let said = refused.unwrap_err().to_string();
     let expected = format!(
         "the triangles' records (bytes of one buffer) needs {}, the limit is 1048576",
@@ -145,7 +145,11 @@ pub(crate) fn a_lent_device_keeps_its_handlers() {
     });
     let mut backend = lent(&own).unwrap();
     // One scene is refused and one fits. Neither calls the program's handlers.
-    assert!(backend.load(swarm(40_000), Method::default()).is_err());
+    assert!(
+        backend
+            .load(swarm(40_000), Intersector::Watertight)
+            .is_err()
+    );
     open(&mut backend, &animation);
     stand(&mut backend, &animation, 0.5);
     backend.request_positions().unwrap();
@@ -230,7 +234,9 @@ pub(crate) fn every_verb_after_a_loss_is_an_error_and_no_panic() {
     let list = rays(100);
     type Verb = fn(&mut WgpuBackend, &Arc<Animation>, &[Ray]) -> backend::Result<()>;
     let verbs: [(&str, Verb); 8] = [
-        ("load", |b, a, _| b.load(Arc::clone(a), Method::default())),
+        ("load", |b, a, _| {
+            b.load(Arc::clone(a), Intersector::Watertight)
+        }),
         ("adopt", |b, a, _| {
             b.adopt(&tree_at(a, 1.0), Generation(2))?;
             frame(b, a, None)

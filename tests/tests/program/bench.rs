@@ -30,7 +30,7 @@ fn warm_up(sandbox: &Sandbox, backend: &str) {
     };
     let rows = |seconds: &str| -> Vec<Value> {
         let what = format!("bench demo:collide:600 --backend {backend} --update {updates}");
-        let how = format!("--frames 4 --size 16x12 --layout bvh2 --warm-up {seconds}");
+        let how = format!("--frames 4 --size 16x12 --warm-up {seconds}");
         let json = sandbox.tells(&format!("{what} {how} --quiet"), "--json").1;
         list(&json["rows"]).to_vec()
     };
@@ -78,7 +78,7 @@ fn camera(sandbox: &Sandbox) {
 
 /// Checks that a tree with its records takes at most 160 bytes per triangle, wherever it is built.
 fn memory(sandbox: &Sandbox, backend: &str) {
-    let words = "--update refit,device-rebuild --layout fast --frames 3 --size 16x12 --quiet";
+    let words = "--update refit,device-rebuild --frames 3 --size 16x12 --quiet";
     let what = format!("bench demo:twist:20000 --backend {backend} {words}");
     let (_, json) = sandbox.tells(&what, "--json");
     let part = |row: usize, name: &str| {
@@ -142,9 +142,13 @@ fn file(sandbox: &Sandbox) {
 }
 
 fn random_rays(sandbox: &Sandbox) {
-    let words = "--frames 17 --update refit,auto --layout bvh2 --rays camera,random";
+    let words = "--frames 17 --update refit,auto --rays camera,random";
     let (run, json) = sandbox.tells(&format!("{SMALL} {words}"), "--json");
-    assert!(run.stdout.contains("bvh2, random rays"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("watertight, random rays"),
+        "{}",
+        run.stdout
+    );
     let rows = list(&json["rows"]);
     let kinds: Vec<_> = rows.iter().map(|r| r["rays"].as_str()).collect();
     let random = Some("random");
@@ -194,7 +198,7 @@ fn failed(sandbox: &Sandbox) {
 
 /// Tests a reference run that was not measured, an unknown adapter, and missing result files.
 fn refused(sandbox: &Sandbox) {
-    let says = ["vulkan", "cpu refit watertight fast"];
+    let says = ["vulkan", "cpu refit watertight"];
     sandbox.refuses(&format!("{SMALL} --frames 2 --against vulkan"), &says);
     let elsewhere = format!("{SMALL} --adapter nothing-like-it");
     sandbox.refuses(&elsewhere, &["nothing-like-it"]);

@@ -100,19 +100,16 @@ fn failed(sandbox: &Sandbox) {
     sandbox.write("bad.obj", "f 1 2 3");
     let words = "chart bad.obj demo:collide:300 --backend cpu --update refit --intersector woop,exact --frames 2";
     let run = sandbox.run(&format!("{words} --size 16x10 --rays 100 --out c --quiet"));
-    says(&run.stdout, "bad.obj cpu fast woop refit failed: ");
-    run.fails(1, &["4 of 8 points could not be measured"]);
+    says(&run.stdout, "bad.obj cpu woop refit failed: ");
+    run.fails(1, &["2 of 4 points could not be measured"]);
     let json = sandbox.json("c/points.json");
-    assert_eq!(list(&json["points"]).len(), 4);
+    assert_eq!(list(&json["points"]).len(), 2);
     let failures = list(&json["failures"]);
     let told = |f: &Value| f["scene"] == "bad.obj" && f["error"].is_string();
-    assert!(failures.len() == 4 && failures.iter().all(told), "{json}");
+    assert!(failures.len() == 2 && failures.iter().all(told), "{json}");
     let csv = sandbox.text("c/points.csv");
-    assert!(csv.lines().count() == 9, "{csv}");
-    says(
-        &sandbox.text("c/chart.html"),
-        "<li>bad.obj cpu bvh2 exact refit",
-    );
+    assert!(csv.lines().count() == 5, "{csv}");
+    says(&sandbox.text("c/chart.html"), "<li>bad.obj cpu exact refit");
 }
 
 /// Checks that robust intersectors have the host's counts. One device traces all methods in turn.
@@ -122,7 +119,7 @@ fn robust(sandbox: &Sandbox, backend: &str) {
     sandbox.does(&format!("{what} --backend {backend},cpu {words}"));
     let json = sandbox.json("c/points.json");
     let points = list(&json["points"]);
-    assert_eq!(points.len(), 16);
+    assert_eq!(points.len(), 8);
     let names = "rays_tested wrong wrong_shadow aimed t_error_ulp mixed_range";
     let counts = |p: &Value| -> Vec<Value> { names.split(' ').map(|n| p[n].clone()).collect() };
     let (ours, hosts) = points.split_at(8);
@@ -146,17 +143,16 @@ fn repeated(sandbox: &Sandbox) {
     assert_eq!(first, again);
 }
 
-/// Checks that a repeated method is drawn once per layout, and that its command measures it again.
+/// Checks that a repeated intersector is drawn once, and that its command measures it again.
 fn command(sandbox: &Sandbox) {
     let words = "--quiet --update async --intersector woop,woop";
     let points = draw(sandbox, 100, words).1;
-    let layouts: Vec<_> = points.iter().map(|p| &p["layout"]).collect();
-    assert!(layouts == ["bvh2", "fast"], "{layouts:?}");
+    assert_eq!(points.len(), 1);
     let command = points[0]["command"].as_str().unwrap();
     let words = command.strip_prefix("abvh ").unwrap();
     let (run, json) = sandbox.tells(&format!("{words} --quiet"), "--json");
     let row = &json["rows"][0];
-    for name in ["backend", "layout", "intersector", "update", "scene"] {
+    for name in ["backend", "intersector", "update", "scene"] {
         assert!(row[name] == points[0][name], "{name}: {row}");
     }
     let same = json["size"] == serde_json::json!([64, 40]) && row["frames"] == 2;
@@ -178,7 +174,7 @@ fn refused(sandbox: &Sandbox) {
 }
 
 fn sizes(sandbox: &Sandbox) {
-    let words = "bench demo:twist:300 demo:twist:1000 --backend cpu --update async,refit --layout bvh2 --frames 5 \
+    let words = "bench demo:twist:300 demo:twist:1000 --backend cpu --update async,refit --frames 5 \
                  --size 16x12 --builder-threads 1,2 --csv b.csv --quiet";
     sandbox.does(words);
     let csv = sandbox.text("b.csv");

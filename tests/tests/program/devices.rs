@@ -2,6 +2,7 @@
 
 use crate::files::array;
 use crate::sandbox::{Sandbox, list, says, trial};
+use backend::BackendName;
 use libtest_mimic::Trial;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ pub(crate) struct Subject(pub(crate) &'static str);
 /// All backends except the host's.
 pub(crate) const BACKENDS: [Subject; 2] = [Subject("vulkan"), Subject("wgpu")];
 pub(crate) const HOST: Subject = Subject("cpu");
+const REFERENCE: Subject = Subject("cpu-ref");
 
 /// Reasons why backends are absent, by name.
 static ABSENT: LazyLock<BTreeMap<&str, String>> = LazyLock::new(|| {
@@ -55,7 +57,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     if cfg!(target_os = "linux") {
         trials.push(trial("devices::without_a_loader", without_a_loader));
     }
-    let all = BACKENDS.into_iter().chain([HOST]);
+    let all = BACKENDS.into_iter().chain([HOST, REFERENCE]);
     trials.extend(all.map(|b| b.trial("devices::what_info_lists_can_be_had", as_listed)));
     trials
 }
@@ -72,7 +74,7 @@ fn info(sandbox: &Sandbox) {
     let info = sandbox.run("info --json").parsed();
     let says_why = info["auto"]["why"].is_string();
     assert!(info["schema"] == 1 && says_why, "{info}");
-    for name in ["cpu", "vulkan", "wgpu"] {
+    for name in BackendName::ALL.map(BackendName::name) {
         let backend = entry(&info["backends"], "backend", name);
         let adapters = list(&backend["adapters"]);
         let is_absent = backend["absent"].is_string();
@@ -98,7 +100,7 @@ fn info(sandbox: &Sandbox) {
     let nowhere = [("WAYLAND_DISPLAY", display), ("XDG_RUNTIME_DIR", folder)];
     let run = sandbox.run_where("info", &nowhere).succeeds();
     assert_eq!(run.stderr, "");
-    says(&run.stdout, "auto takes|woop|bvh2|adapter 0|[cpu]");
+    says(&run.stdout, "auto takes|woop|cpu-ref|adapter 0|[cpu]");
     let mut lines = run.stdout.lines();
     assert!(lines.all(|l| l.chars().count() <= 100), "{}", run.stdout);
 }
@@ -150,17 +152,16 @@ fn lacking(sandbox: &Sandbox, variables: &[(&str, &str)]) {
     array::<u32>(sandbox, "h/hits_0000.npz", "triangle");
 }
 
-/// Checks that the listed intersectors, layouts and first adapter can be used, and that unknown adapters are refused.
+/// Checks that the listed intersectors and the first adapter can be used, and that unknown adapters are refused.
 fn as_listed(sandbox: &Sandbox, backend: &str) {
     let info = sandbox.run("info --json").parsed();
     let lists = entry(&info["backends"], "backend", backend);
     let intersectors = ["moller-trumbore", "woop", "watertight", "exact"];
     assert_eq!(lists["intersectors"], json!(intersectors));
-    assert_eq!(lists["layouts"], json!(["bvh2", "fast"]));
     let adapter = lists["adapters"][0]["name"].as_str().unwrap();
     let render = format!("{RENDER} --backend {backend} --adapter");
-    for (intersector, layout) in intersectors.iter().zip(["bvh2", "fast", "bvh2", "fast"]) {
-        let how = format!("0 --intersector {intersector} --layout {layout}");
+    for intersector in intersectors {
+        let how = format!("0 --intersector {intersector}");
         let stdout = sandbox.does(&format!("{render} {how}")).stdout;
         assert!(stdout.contains(adapter), "{stdout}");
     }

@@ -48,8 +48,8 @@ fn memory_is_foreseen(sandbox: &Sandbox, backend: &str) {
     };
     for how in [
         // Without lockstep a tree may be under evaluation, whose boxes the estimate includes.
-        "--size 64x48 --layout bvh2 --update async --lockstep 1",
-        "--size 640x480 --layout fast --update rebuild",
+        "--size 64x48 --update async --lockstep 1",
+        "--size 640x480 --update rebuild",
     ] {
         let (_, stats) = sandbox.tells(&format!("{words} {how} --no-images"), "--stats");
         let expected = stats["expected_memory"][of].as_u64().unwrap();

@@ -32,8 +32,8 @@
 //! scaled by a power of two. Scaled coordinates below `2^-64` then count as 0. So coordinates of one scene should not
 //! differ by 18 orders of magnitude. The last bits of `t`, `u` and `v` may depend on the scale factor of the scene.
 //!
-//! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update) nor on [`Layout`](crate::Layout). So
-//! a run can be repeated with the same hits, also with another number of threads.
+//! No hit depends on the tree: neither on its age nor on [`Update`](crate::Update). So a run can be repeated with the
+//! same hits, also with another number of threads.
 //!
 //! ```
 //! use abvh::{Device, Intersector, Mesh, Query, Ray, Scene, Tracer};

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `Auto` | the first GPU that Vulkan lists, else the first that wgpu lists, else the host's cores |
 //! | `Cpu` | the host's cores |
+//! | `CpuRef` | the scalar reference on the host's cores, which is slow |
 //! | `Vulkan(adapter)` | compute shaders through Vulkan; feature `vulkan` |
 //! | `Wgpu(adapter)` | compute shaders through wgpu; feature `wgpu` |
 //! | `Own(device)` | compute shaders on a wgpu device that the program opened: see `own_device` |

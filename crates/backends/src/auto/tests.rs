@@ -3,18 +3,19 @@
 use super::*;
 use crate::adapters::named;
 use DeviceKind::{Cpu, Gpu, Software};
+use backend::BackendName;
 use std::cell::RefCell;
 
 /// A fake backend: its adapters, and the error of opening it, if any.
 #[derive(Clone)]
 struct Fake {
-    name: &'static str,
+    name: BackendName,
     offers: Result<Vec<(&'static str, DeviceKind)>, &'static str>,
     breaks: Option<fn() -> BackendError>,
-    covered_by: Option<&'static str>,
+    covered_by: Option<BackendName>,
 }
 
-fn fake(name: &'static str, offers: &[(&'static str, DeviceKind)]) -> Fake {
+fn fake(name: BackendName, offers: &[(&'static str, DeviceKind)]) -> Fake {
     Fake {
         name,
         offers: Ok(offers.to_vec()),
@@ -23,7 +24,7 @@ fn fake(name: &'static str, offers: &[(&'static str, DeviceKind)]) -> Fake {
     }
 }
 
-fn absent(name: &'static str) -> Fake {
+fn absent(name: BackendName) -> Fake {
     Fake {
         offers: Err("no loader"),
         ..fake(name, &[])
@@ -31,7 +32,7 @@ fn absent(name: &'static str) -> Fake {
 }
 
 /// A backend with one GPU that cannot be opened.
-fn broken(name: &'static str, breaks: fn() -> BackendError) -> Fake {
+fn broken(name: BackendName, breaks: fn() -> BackendError) -> Fake {
     Fake {
         breaks: Some(breaks),
         ..fake(name, &[CARD])
@@ -42,7 +43,7 @@ const CARD: (&str, DeviceKind) = ("card", Gpu);
 const SOFT: (&str, DeviceKind) = ("soft", Software);
 
 fn host() -> Fake {
-    fake("cpu", &[("host", Cpu)])
+    fake(BackendName::Cpu, &[("host", Cpu)])
 }
 
 fn too_small() -> BackendError {
@@ -96,7 +97,8 @@ fn choose(
         name: fake.name,
         place: "it stands where it stands",
         kinds: match fake.name {
-            "cpu" => &[Cpu],
+            BackendName::Cpu => &[Cpu],
+            BackendName::CpuRef => &[],
             _ => &[Gpu, Software],
         },
         covered_by: fake.covered_by,
@@ -124,29 +126,48 @@ fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() 
     let small = |name| broken(name, too_small);
     let two = Fake {
         offers: Ok(vec![("one", Gpu), ("two", Gpu)]),
-        ..broken("a", lost)
+        ..broken(BackendName::Vulkan, lost)
     };
-    let limit = "a on card: triangles needs 4000, the limit is 1000";
-    let (both, soft) = (fake("a", &[SOFT, CARD]), fake("a", &[SOFT]));
-    let next = || fake("b", &[CARD]);
-    let first = "list a, open a card";
-    let on_host = "list a, list cpu, open cpu host";
-    let after_two = "list a, open a one, open a two, list cpu, open cpu host";
-    let after_small = "list a, open a card, list b, open b card";
+    let limit = "vulkan on card: triangles needs 4000, the limit is 1000";
+    let (both, soft) = (
+        fake(BackendName::Vulkan, &[SOFT, CARD]),
+        fake(BackendName::Vulkan, &[SOFT]),
+    );
+    let next = || fake(BackendName::Wgpu, &[CARD]);
+    let first = "list vulkan, open vulkan card";
+    let on_host = "list vulkan, list cpu, open cpu host";
+    let after_two = "list vulkan, open vulkan one, open vulkan two, list cpu, open cpu host";
+    let after_small = "list vulkan, open vulkan card, list wgpu, open wgpu card";
     let is_gpu = "card is a GPU; it stands where it stands";
     let cases: [(&[Fake], &str, &[&str]); 7] = [
         (&[both, next(), host()], first, &[is_gpu]),
-        (&[soft, host()], on_host, &["a finds no GPU but only soft"]),
+        (
+            &[soft, host()],
+            on_host,
+            &["vulkan finds no GPU but only soft"],
+        ),
         // If a GPU fails, the next is tried.
-        (&[small("a"), next(), host()], after_small, &[limit]),
-        (&[small("a"), small("b"), host()], "", &[limit, "b on card"]),
+        (
+            &[small(BackendName::Vulkan), next(), host()],
+            after_small,
+            &[limit],
+        ),
+        (
+            &[small(BackendName::Vulkan), small(BackendName::Wgpu), host()],
+            "",
+            &[limit, "wgpu on card"],
+        ),
         (&[two, host()], after_two, &[]),
         (
-            &[absent("a"), host()],
+            &[absent(BackendName::Vulkan), host()],
             on_host,
-            &["a cannot run: no device: no loader"],
+            &["vulkan cannot run: no device: no loader"],
         ),
-        (&[absent("a")], "list a", &["refused: ", "no loader"]),
+        (
+            &[absent(BackendName::Vulkan)],
+            "list vulkan",
+            &["refused: ", "no loader"],
+        ),
     ];
     for (fakes, log, says) in cases {
         check(fakes, None, log, says);
@@ -154,41 +175,66 @@ fn the_best_device_that_opens_is_taken_and_nothing_is_touched_before_its_turn() 
 }
 
 #[test]
+fn the_reference_is_never_selected() {
+    let reference = fake(BackendName::CpuRef, &[("host", Cpu)]);
+    check(
+        &[reference.clone(), host()],
+        None,
+        "list cpu, open cpu host",
+        &[],
+    );
+    let (found, log) = choose(&[reference], None);
+    assert!(found.is_err() && log.is_empty(), "{log:?}");
+    let known = crate::known(BackendName::CpuRef).unwrap();
+    assert!(known.kinds.is_empty());
+}
+
+#[test]
 fn a_backend_that_would_find_no_more_is_not_even_listed() {
     let covered = Fake {
-        covered_by: Some("a"),
-        ..fake("b", &[CARD])
+        covered_by: Some(BackendName::Vulkan),
+        ..fake(BackendName::Wgpu, &[CARD])
     };
     let log = |first| choose(&[first, covered.clone(), host()], None).1;
-    for first in [fake("a", &[SOFT]), absent("a")] {
-        assert!(!log(first).contains(&"list b".to_owned()));
+    for first in [
+        fake(BackendName::Vulkan, &[SOFT]),
+        absent(BackendName::Vulkan),
+    ] {
+        assert!(!log(first).contains(&"list wgpu".to_owned()));
     }
     // It is listed if the other backend has a GPU but cannot use it.
-    assert!(log(broken("a", too_small)).contains(&"open b card".to_owned()));
+    assert!(log(broken(BackendName::Vulkan, too_small)).contains(&"open wgpu card".to_owned()));
 }
 
 #[test]
 fn who_names_an_adapter_gets_it_and_one_that_fits_several_or_none_is_refused() {
-    let fakes = [fake("a", &[SOFT, CARD]), host()];
+    let fakes = [fake(BackendName::Vulkan, &[SOFT, CARD]), host()];
     // Both backends have an adapter 0, and the host is preferred to software.
     for (asked, opened, says) in [
-        ("soft", "open a soft", "'soft' is soft"),
+        ("soft", "open vulkan soft", "'soft' is soft"),
         ("host", "open cpu host", "host"),
-        ("1", "open a card", "card"),
+        ("1", "open vulkan card", "card"),
         ("0", "open cpu host", "host"),
     ] {
         let (why, log) = choose(&fakes, Some(asked));
         assert_eq!(log.last().unwrap(), opened);
         assert!(why.unwrap().contains(says));
     }
-    let fakes = [fake("a", &[("card x", Gpu), ("card y", Gpu)]), host()];
+    let fakes = [
+        fake(BackendName::Vulkan, &[("card x", Gpu), ("card y", Gpu)]),
+        host(),
+    ];
     let cards = "0: card x; 1: card y";
     check(&fakes, Some("card"), "", &["refused: ", cards]);
-    let none =
-        "refused: no backend has an adapter 'voodoo'; there is a 0: card x; 1: card y, cpu 0: host";
+    let none = "refused: no backend has an adapter 'voodoo'; there is vulkan 0: card x; 1: card y, cpu 0: host";
     check(&fakes, Some("voodoo"), "", &[none]);
     let other = "no loader; no other backend has an adapter 'card'; there is cpu 0: host";
-    check(&[absent("a"), host()], Some("card"), "", &[other]);
+    check(
+        &[absent(BackendName::Vulkan), host()],
+        Some("card"),
+        "",
+        &[other],
+    );
 }
 
 #[test]
@@ -197,7 +243,7 @@ fn where_nothing_works_every_reason_is_told_and_the_last_failure_decides() {
         breaks: Some(breaks),
         ..host()
     };
-    let small = broken("a", too_small);
+    let small = broken(BackendName::Vulkan, too_small);
     // An adapter that exists but fails is not reported as missing.
     let only = "refused: triangles needs 4000, the limit is 1000";
     check(&[small.clone(), host(lost)], Some("card"), "", &[only]);

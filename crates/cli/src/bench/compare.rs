@@ -11,7 +11,7 @@ use std::path::Path;
 const WHOLE: [&str; 2] = ["device_ms", "wall_ms"];
 const STAGES: &str =
     "interpolate_ms preprocess_ms refit_ms trace_primary_ms trace_shadow_ms build_ms";
-/// Fields that identify a run.
+/// Fields that identify a run. Files of earlier versions have a layout.
 const NAMES: &str = "scene backend update predict intersector layout rays";
 /// Number of standard errors above which a change is not noise.
 const SIGMAS: f64 = 3.0;
@@ -116,6 +116,8 @@ fn read(file: &Path) -> Result<Vec<ComparedRun>, Stop> {
 
 fn name(row: &Value) -> String {
     let word = |key: &str| match &row[key] {
+        // The layout of all runs of this version, except those of `cpu-ref`.
+        Value::String(s) if key == "layout" && s == "fast" => None,
         Value::String(s) => Some(s.clone()),
         Value::Bool(false) => Some(format!("no {key}")),
         Value::Object(scene) if key == "scene" => Some(scene.get("name")?.as_str()?.to_owned()),
@@ -258,6 +260,13 @@ mod tests {
         for (file, update) in [("old.json", "refit"), ("new.json", "async")] {
             let only = format!("only in {file}: s cpu {update}\n");
             assert!(told.contains(&only), "{told}");
+        }
+        let mut laid = rows("refit", [9.0, 1.0, 2.0, 3.0]);
+        for (layout, runs) in [("fast", 1), ("bvh2", 0)] {
+            laid["rows"][0]["layout"] = layout.into();
+            let earlier = file("earlier.json", laid.clone());
+            let changes = compare(&earlier, &new).unwrap().changes;
+            assert_eq!(changes.len(), runs, "{layout}");
         }
         let none = file("else.json", json!({}));
         for (path, says) in [(none, "neither"), (dir.path().join("nowhere"), "nowhere")] {

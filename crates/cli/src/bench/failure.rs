@@ -14,7 +14,6 @@ pub(super) struct FailedRun {
     /// Whether trees would have been built for predicted positions.
     predict: bool,
     pub(super) intersector: &'static str,
-    pub(super) layout: &'static str,
     /// The kind of rays, unless they are a camera's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rays: Option<&'static str>,
@@ -30,7 +29,6 @@ impl FailedRun {
             backend,
             update,
             intersector,
-            layout,
         } = contender.names();
         let tracer = match contender {
             Contender::Ours(tracer) => Some(tracer),
@@ -42,7 +40,6 @@ impl FailedRun {
             update,
             predict: tracer.is_some_and(|tracer| tracer.predict),
             intersector,
-            layout,
             rays: rays.unless_camera(),
             builder_threads: tracer.and_then(|tracer| tracer.device.builder_threads),
             error: stop.to_string(),
@@ -52,13 +49,7 @@ impl FailedRun {
 
 impl fmt::Display for FailedRun {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let words = [
-            &*self.scene,
-            self.backend,
-            self.update,
-            self.intersector,
-            self.layout,
-        ];
+        let words = [&*self.scene, self.backend, self.update, self.intersector];
         let name = words.join(" ");
         let rays = self
             .rays

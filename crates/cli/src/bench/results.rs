@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Columns of the CSV, named as in the JSON. Times are medians in milliseconds, except for the first frame's time.
-const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,layout,rays,threads,\
+const COLUMNS: &str = "scene,triangles,moving,backend,adapter,update,predict,intersector,rays,threads,\
      builder_threads,frames,first_ms,interpolate_ms,preprocess_ms,rebuild_ms,refit_ms,trace_primary_ms,trace_shadow_ms,\
      device_ms,wall_ms,mrays_per_s,build_ms,convert_ms,trees,tree_age_frames,sah_ratio,device_bytes,differing,error";
 
@@ -85,12 +85,12 @@ fn cells(r: &MeasuredRow) -> Cells<'static> {
     let short = |value| show(value, |x| format!("{x:.2}"));
     let how = &r.setup;
     let update = format!("{}{}", how.update, unless_predicted(r, ", unpredicted"));
-    let method = format!("{} {}{}", how.intersector, how.layout, rays(r, ", "));
+    let intersector = format!("{}{}", how.intersector, rays(r, ", "));
     vec![
         ("scene", r.scene.clone()),
         ("backend", how.backend.to_owned()),
         ("update", update),
-        ("method", method),
+        ("intersector", intersector),
         ("moving", grouped(r.moving)),
         ("interp", time("interpolate_ms")),
         ("preproc", time("preprocess_ms")),
@@ -115,8 +115,13 @@ fn failed_cells(failure: &FailedRun, row: &MeasuredRow) -> Cells<'static> {
     let rays = failure
         .rays
         .map_or(String::new(), |r| format!(", {r} rays"));
-    let method = format!("{} {}{rays}", failure.intersector, failure.layout);
-    let names = [&*failure.scene, failure.backend, failure.update, &method];
+    let intersector = format!("{}{rays}", failure.intersector);
+    let names = [
+        &*failure.scene,
+        failure.backend,
+        failure.update,
+        &intersector,
+    ];
     let mut names = names.map(str::to_owned).into_iter();
     let columns = cells(row).into_iter().map(|(column, _)| column);
     columns
@@ -139,7 +144,7 @@ fn rays(r: &MeasuredRow, after: &str) -> String {
 /// Returns the name of a run within its scene.
 fn name(r: &MeasuredRow) -> String {
     let how = &r.setup;
-    let words = [how.backend, how.update, how.intersector, how.layout].join(" ");
+    let words = [how.backend, how.update, how.intersector].join(" ");
     let without = unless_predicted(r, " unpredicted");
     format!("{words}{without}{}", rays(r, " "))
 }

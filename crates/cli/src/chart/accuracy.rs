@@ -4,11 +4,11 @@
 //! trace more rays. Intervals are Wilson's, or follow the rule of three if no answer was wrong ([`Rate`]).
 
 use super::plan::HitMethod;
-use crate::devices::{BackendName, Opening};
+use crate::devices::Opening;
 use crate::measure::{Contender, LoadedScene};
 use crate::stop::Stop;
 use crate::tracer_settings::TracerSettings;
-use backend::{Hits, Intersector, Policy, QueryKind};
+use backend::{BackendName, Hits, Intersector, Policy, QueryKind};
 use conformance::oracle::Oracle;
 use fastrand::Rng;
 use geom::{Aabb, Animation, Hit, Moment, Point, Ray, is_active};
@@ -128,8 +128,11 @@ impl RaySampler<'_> {
             });
         }
         // Shadows are compared with those of `exact` on the host, over fresh trees.
-        let tracer =
-            TracerSettings::of(BackendName::Cpu, Intersector::Exact, Some(Policy::Rebuild));
+        let tracer = TracerSettings::of(
+            Some(BackendName::Cpu),
+            Intersector::Exact,
+            Some(Policy::Rebuild),
+        );
         let host = Contender::Ours(tracer);
         let mut reference = LoadedScene::load(&host, self.animation, Opening::default())?;
         for answered in all.iter_mut().filter(|answered| !answered.batch.is_aimed) {
@@ -388,7 +391,7 @@ mod tests {
 
     fn contender(backend: BackendName, intersector: Intersector) -> Contender {
         Contender::Ours(TracerSettings::of(
-            backend,
+            Some(backend),
             intersector,
             Some(Policy::Refit),
         ))

@@ -1,7 +1,7 @@
 //! Rays at closed meshes and in scenes of mixed range, for every method.
 
 use crate::stop::Stop;
-use backend::{Backend, Intersector, Method};
+use backend::{Backend, Intersector};
 use conformance::leaks::{self, Aim, LeakPlan, LeakRow, OFFSETS};
 use conformance::stress::{Family, Plan, StressTest};
 use output::plot::{FamilyCounts, Leaks};
@@ -36,10 +36,9 @@ pub(super) fn count(
     tests: &[StressTest],
     rays: usize,
 ) -> Result<HardCounts, Stop> {
-    let method = Method::from(intersector);
     let mut mixed_range = Vec::new();
     for test in tests {
-        let cell = test.ask(backend, method.intersector)?;
+        let cell = test.ask(backend, intersector)?;
         mixed_range.push(FamilyCounts {
             family: cell.family.name().to_owned(),
             rays: cell.wrong().of,
@@ -50,11 +49,11 @@ pub(super) fn count(
         seed: SEED,
         rays: ((rays / 4).clamp(LEAKS[0], LEAKS[1]) * OFFSETS.len()) as u64,
         offsets: OFFSETS.to_vec(),
-        method,
+        intersector,
     };
     let found = leaks::run(backend, &plan, &mut |_| {})?;
     let mut leaks: Vec<Leaks> = OFFSETS.map(|o| sum(&found.rows, o)).to_vec();
-    if method.intersector == Intersector::Exact {
+    if intersector == Intersector::Exact {
         // Its triangles include their edges, so two may share a hit. That is correct and not counted.
         for at in &mut leaks {
             (at.counted, at.double_hits) = (0, 0);

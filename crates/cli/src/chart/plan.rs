@@ -1,21 +1,20 @@
 //! The contenders that this machine can chart, and the command that measures one again.
 
 use super::ChartSettings;
-use crate::devices::{BackendName, BackendPresence, presences};
+use crate::devices::{BackendChoice, BackendPresence, backend_name, presences};
 use crate::frame_list::FrameChoice;
 use crate::measure::{Contender, Contenders, MeasuredRow};
 use crate::setup::Setup;
 use crate::stop::Stop;
-use crate::tracer_settings::{LayoutName, TracerSettings};
+use crate::tracer_settings::TracerSettings;
 use backend::{AdapterInfo, DeviceKind, Intersector};
-use clap::ValueEnum;
 use output::plot::Failure;
 use std::fmt;
 
 /// The part of a contender that decides its hits: a backend with an intersector, or a rival.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum HitMethod {
-    Ours(BackendName, Intersector),
+    Ours(BackendChoice, Intersector),
     Rival(&'static str),
 }
 
@@ -43,15 +42,9 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
     let measure = &settings.measure;
     let mut contenders = Contenders::default();
     for backend in backends(&measure.backend, &mut contenders.skipped) {
-        let layouts = [LayoutName::Bvh2, LayoutName::Fast];
-        let by = measure.intersector.iter();
-        for (&intersector, layout) in by.flat_map(|by| layouts.map(|layout| (by, layout))) {
-            let contender = |&update| {
-                Contender::Ours(TracerSettings {
-                    layout,
-                    ..TracerSettings::of(backend, intersector, update)
-                })
-            };
+        for &intersector in &measure.intersector {
+            let contender =
+                |&update| Contender::Ours(TracerSettings::of(backend, intersector, update));
             let all = measure.update.iter().map(contender);
             contenders.all.extend(all);
         }
@@ -66,15 +59,15 @@ pub(super) fn contenders(settings: &ChartSettings) -> Result<Contenders, Stop> {
 }
 
 /// Returns the backends to chart: those that were named, then those that `auto` finds, the host first.
-fn backends(requested: &[BackendName], skipped: &mut Vec<String>) -> Vec<BackendName> {
-    let (auto, mut found): (Vec<_>, Vec<_>) =
-        (requested.iter()).partition(|&&b| b == BackendName::Auto);
+fn backends(requested: &[BackendChoice], skipped: &mut Vec<String>) -> Vec<BackendChoice> {
+    let (auto, mut found): (Vec<_>, Vec<_>) = requested.iter().partition(|b| b.is_none());
     if !auto.is_empty() {
-        for presence in presences().rev() {
+        let measured = presences().filter(|p| !p.backend.is_reference());
+        for presence in measured.rev() {
             let name = presence.backend;
             match why_not(presence) {
                 Some(why) => skipped.push(format!("{name} is skipped: {why}")),
-                None => found.extend(BackendName::from_str(name, true)),
+                None => found.push(Some(name)),
             }
         }
     }
@@ -98,7 +91,6 @@ pub(super) fn failure(scene: &str, contender: &Contender, stop: &Stop) -> Failur
     Failure {
         scene: scene.to_owned(),
         backend: names.backend.to_owned(),
-        layout: names.layout.to_owned(),
         intersector: names.intersector.to_owned(),
         update: names.update.to_owned(),
         error: stop.to_string(),
@@ -131,7 +123,9 @@ pub(super) fn unique<T: Clone + ToString>(all: &[T]) -> Vec<T> {
 impl fmt::Display for HitMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Ours(backend, intersector) => write!(f, "{} {intersector}", backend.name()),
+            Self::Ours(backend, intersector) => {
+                write!(f, "{} {intersector}", backend_name(*backend))
+            }
             Self::Rival(rival) => f.write_str(rival),
         }
     }
@@ -162,14 +156,11 @@ pub(super) fn command(
     let Setup {
         backend,
         intersector,
-        layout,
         update,
         ..
     } = row.setup;
     let by = match contender {
-        Contender::Ours(_) => {
-            format!("--backend {backend} --intersector {intersector} --layout {layout}")
-        }
+        Contender::Ours(_) => format!("--backend {backend} --intersector {intersector}"),
         Contender::Rival(_) => format!("--rival {backend}"),
     };
     format!(
@@ -193,6 +184,7 @@ fn quoted(word: &str) -> String {
 mod tests {
     use super::*;
     use crate::command_line::{CommandSettings, parse};
+    use backend::BackendName;
 
     #[test]
     fn what_is_named_twice_is_done_once() {
@@ -203,7 +195,7 @@ mod tests {
         };
         let Contenders { all, skipped } = contenders(&settings).unwrap();
         let contenders: Vec<_> = all.iter().map(ToString::to_string).collect();
-        let methods = ["bvh2 woop", "fast woop", "bvh2 exact", "fast exact"];
+        let methods = ["woop", "exact"];
         let expected = methods.map(|m| ["refit", "async"].map(|u| format!("cpu {m} {u}")));
         assert_eq!(contenders, expected.concat());
         assert_eq!(unique(&settings.measure.scenes), ["a", "b"]);
@@ -225,16 +217,16 @@ mod tests {
                 absent: kinds.is_empty().then(|| "no loader".to_owned()),
                 adapters: kinds.iter().enumerate().map(adapter).collect(),
                 intersectors: Vec::new(),
-                layouts: Vec::new(),
             }
         };
+        use BackendName::{Vulkan, Wgpu};
         use DeviceKind::{Cpu, Gpu, Software};
         for (backend, kinds, why) in [
-            ("cpu", &[Cpu][..], None),
-            ("vulkan", &[Software, Gpu], None),
-            ("wgpu", &[Gpu], None),
-            ("wgpu", &[Software], Some("no GPU but 0: software")),
-            ("vulkan", &[], Some("no loader")),
+            (BackendName::Cpu, &[Cpu][..], None),
+            (Vulkan, &[Software, Gpu], None),
+            (Wgpu, &[Gpu], None),
+            (Wgpu, &[Software], Some("no GPU but 0: software")),
+            (Vulkan, &[], Some("no loader")),
         ] {
             let found = why_not(presence(backend, kinds));
             let told = found.as_deref().unwrap_or_default();

@@ -12,7 +12,7 @@ pub(super) struct Removed {
     replacement: &'static str,
 }
 
-const REMOVED: [Removed; 4] = [
+const REMOVED: [Removed; 5] = [
     Removed {
         option: "--update",
         value: Some("t-sah"),
@@ -27,6 +27,11 @@ const REMOVED: [Removed; 4] = [
         option: "--tolerance",
         value: None,
         replacement: "--intersector watertight (the default) or --intersector exact",
+    },
+    Removed {
+        option: "--layout",
+        value: None,
+        replacement: "--backend cpu-ref for the binary tree; other backends have one layout each",
     },
     Removed {
         option: "--law",

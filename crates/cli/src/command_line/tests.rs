@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::frame_list::FrameChoice;
-use crate::tracer_settings::LayoutName;
 use backend::{Intersector, Policy};
 use std::path::PathBuf;
 
@@ -60,14 +59,13 @@ fn each_command_has_defaults_of_its_own_and_takes_lists_and_negative_coordinates
         .camera;
     let words = "--size 9x9 --eye -1,2,-3 --up 0,0,1 --fov 50";
     assert_eq!(camera.words(), words);
-    let args = bench("bench demo:twist --update refit,async --frames 3 --layout fast --warm-up 0");
+    let args = bench("bench demo:twist --update refit,async --frames 3 --warm-up 0");
     assert_eq!(
         args.measure.update,
         [Policy::Refit, Policy::Async].map(Some)
     );
     assert_eq!(args.measure.scenes, ["demo:twist"]);
     assert_eq!(args.measure.frames, FrameChoice::Count(3));
-    assert_eq!(args.layout, [LayoutName::Fast]);
     assert_eq!(args.measure.warm_up, Some(0.0));
 }
 
@@ -119,6 +117,8 @@ render --update refit --lockstep 1 | --lockstep | --update async
 render --update rebuild --predict off | --predict | --update async
 render --update t-sah | t-sah | use --update refit
 bench --update refit,t-sah | t-sah | use --update refit
+render --layout fast | --layout was removed | --backend cpu-ref
+bench --layout=bvh2,fast | --layout was removed | --backend cpu-ref
 render --tolerance 3 | --tolerance was removed | use --intersector
 trace a.ply --tolerance=3 | --tolerance was removed | use --intersector
 render --update device-rebuild --builder-threads 2 | --builder-threads | trees that the host
@@ -152,7 +152,7 @@ fn what_cannot_be_or_would_do_nothing_is_refused_by_name() {
         let text = refused(parts.next().unwrap());
         assert!(parts.all(|part| text.contains(part)), "{row}: {text}");
     }
-    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 30);
+    assert_eq!(REFUSED.matches(" | ").count(), 26 + 2 * 32);
 }
 
 #[test]

@@ -108,7 +108,7 @@ impl OracleTest<'_> {
         let name = backend.device().backend;
         let begins = format!("{name}: ");
         for batch in batches {
-            let tally = batch.ask(backend, intersector.into())?;
+            let tally = batch.ask(backend, intersector)?;
             let (mesh, number) = (audit.name(&batch.spec), batch.spec.number);
             let rays = settings.oracle_rays;
             let rest = format!("--cases 0 --oracle-rays {rays} --oracle-batch {number}");

@@ -1,12 +1,13 @@
 //! Opens rivals by name, measures their frames, and compares their hits with ours.
 
 use super::timing::{TimedFrames, TimingPlan, trace_frame};
-use crate::devices::{BackendName, Opening};
+use crate::devices::Opening;
 use crate::setup::{self, Setup, Started};
 use crate::stop::Stop;
 use crate::tracer_settings::{TracerSettings, Workload};
 use backend::{
-    BackendError, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy, Query,
+    BackendError, BackendName, DeviceBytes, FrameReport, Generation, Hits, Intersector, Policy,
+    Query,
 };
 use geom::Animation;
 use output::FrameStats;
@@ -16,7 +17,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Name of a rival's intersector and layout in tables and files, because rivals use their own.
+/// Name of a rival's intersector in tables and files, because rivals use their own.
 pub(crate) const OWN: &str = "own";
 
 /// The device of a rival, and the threads if it runs on the host. By default, all cores and the first adapter.
@@ -149,7 +150,6 @@ impl RunningRival {
             lockstep: None,
             predict: None,
             intersector: OWN,
-            layout: OWN,
             auto: Vec::new(),
             memory: None,
         }
@@ -165,7 +165,7 @@ impl RunningRival {
     /// Ours are those of `watertight` on the host, with a fresh tree in each frame.
     pub(super) fn differing(&mut self, frames: &[Frame], query: Query<'_>) -> Result<f64, Stop> {
         let tracer = TracerSettings::of(
-            BackendName::Cpu,
+            Some(BackendName::Cpu),
             Intersector::Watertight,
             Some(Policy::Rebuild),
         );

@@ -3,6 +3,7 @@
 use super::RenderSettings;
 use super::files::FrameFiles;
 use super::statistics::RunPlan;
+use crate::devices::backend_name;
 use crate::frame_list::{self, EvenFrames, FrameChoice};
 use crate::machine::VERSION;
 use crate::scene_source::is_demo;
@@ -173,7 +174,7 @@ fn other_options(settings: &RenderSettings, key_times: usize) -> BTreeMap<String
     }
     // Other intersectors give the same hits on every backend.
     if !tracer.intersector.is_equal_across_backends() {
-        all.push(("backend", json!(tracer.device.backend.name())));
+        all.push(("backend", json!(backend_name(tracer.device.backend))));
         all.push(("adapter", json!(tracer.device.adapter)));
     }
     let owned = |(name, value): (&str, Value)| (name.to_owned(), value);

@@ -24,12 +24,11 @@ fn asked(c: &mut Check<'_>, rays: Rays<'_>, kind: QueryKind) -> Result<()> {
 /// Checks that triangle, `t`, `u` and `v` equal the reference's, bit for bit, and that triangles and hits are counted
 /// alike.
 pub(super) fn verify(c: &mut Check<'_>, time: f64, query: Query<'_>, found: &Traced) -> Result<()> {
-    let expected = c.reference.trace(c.case, c.method, time, query)?;
+    let expected = c.reference.trace(c.case, c.intersector, time, query)?;
     answers(c.case, time, query.rays, &found.hits, &expected.hits)?;
     same_counts(&found.report, &expected.report).with_context(|| format!("at time {time:?}"))?;
     // With `exact`, a backend may settle any number of rays. `watertight` settles only extreme rays.
-    let may_settle =
-        c.method.intersector == Intersector::Exact || has_extremes(c.case, time, query.rays);
+    let may_settle = c.intersector == Intersector::Exact || has_extremes(c.case, time, query.rays);
     let settled = found.report.settled;
     ensure!(may_settle || settled == 0, "{settled} rays are settled");
     Ok(())
@@ -59,7 +58,7 @@ pub(super) fn shadows(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Tests that rays generated from a camera have the same hits as the same rays in a list, for every method.
+/// Tests that rays generated from a camera have the same hits as the same rays in a list, for every intersector.
 pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     let (case, now, light) = (c.case, c.case.times[1], c.case.light);
     let list: Vec<Ray> = case.camera.rays().collect();
@@ -78,7 +77,7 @@ pub(super) fn camera_is_rays(c: &mut Check<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Tests that any-hit reports a hit exactly if closest-hit does, for every method.
+/// Tests that any-hit reports a hit exactly if closest-hit does, for every intersector.
 pub(super) fn any_is_closest(c: &mut Check<'_>) -> Result<()> {
     c.open(c.case.times[0])?;
     c.stand(c.case.times[1])?;
@@ -145,7 +144,7 @@ pub(super) fn leaks(c: &mut Check<'_>) -> Result<()> {
         seed: chance,
         rays: LEAK_RAYS,
         offsets: vec![leaks::OFFSETS[chance as usize % leaks::OFFSETS.len()]],
-        method: c.method,
+        intersector: c.intersector,
     };
     let found = leaks::run_over(c.subject, &plan, &BODIES[body..=body], &mut |_| {})?;
     match found.first.first() {

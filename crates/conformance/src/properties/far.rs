@@ -90,7 +90,7 @@ impl StaticScene {
     }
 
     fn ask(&self, c: &mut Check<'_>, queries: &[Query<'_>]) -> Result<Vec<Hits>> {
-        open(c.subject, &self.0, 0.0, c.method)?;
+        open(c.subject, &self.0, 0.0, c.intersector)?;
         stand(c.subject, &self.0, 0.0)?;
         let answer = |query: &Query<'_>| Ok(ask(c.subject, query.rays, query.kind)?.hits);
         queries.iter().map(answer).collect()

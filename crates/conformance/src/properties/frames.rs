@@ -128,7 +128,9 @@ impl State {
         let formula = vertices(&case.animation, self.time);
         lists("position of vertex", &positions, &formula, same_point)?;
         let plain = without_lists(&self.tree);
-        let expected = c.reference.by_tree(case, c.method, &plain, self.time)?;
+        let expected = c
+            .reference
+            .by_tree(case, c.intersector, &plain, self.time)?;
         let boxes = c.subject.inspect().boxes()?;
         lists("box of node", &boxes, &expected.boxes, PartialEq::eq)?;
         same_counts(&found.report, &expected.traced.report)?;

@@ -12,19 +12,19 @@ mod walk;
 use crate::stage::{self, open};
 use crate::{Case, Reference};
 use anyhow::Result;
-use backend::{Backend, Hits, Intersector, Layout, Method, QueryKind, Rays};
+use backend::{Backend, Hits, Intersector, QueryKind, Rays};
 
-/// Selects the methods with which a property is tested, one after the other.
-pub(crate) type Methods = fn(&Check<'_>) -> Vec<Method>;
+/// Selects the intersectors with which a property is tested, one after the other.
+pub(crate) type Intersectors = fn(&Check<'_>) -> Vec<Intersector>;
 
 /// A property of backends. `Err` describes how subject and reference disagree.
 #[derive(Clone, Copy)]
 pub struct Property {
     /// Name of the property, as a sentence with underscores.
     pub name: &'static str,
-    pub(crate) methods: Methods,
-    /// The name of `methods` in the table of properties.
-    method_set: &'static str,
+    pub(crate) intersectors: Intersectors,
+    /// The name of `intersectors` in the table of properties.
+    intersector_set: &'static str,
     /// Test of the property.
     pub(crate) check: fn(&mut Check<'_>) -> Result<()>,
 }
@@ -33,8 +33,11 @@ impl Property {
     /// Returns this property for the usual intersector alone, or `None` if it holds for `exact` only.
     #[must_use]
     pub fn by_usual_intersector(self) -> Option<Self> {
-        let methods: Methods = usual;
-        (self.method_set != "exact").then_some(Self { methods, ..self })
+        let intersectors: Intersectors = usual;
+        (self.intersector_set != "exact").then_some(Self {
+            intersectors,
+            ..self
+        })
     }
 }
 
@@ -43,14 +46,14 @@ pub(crate) struct Check<'a> {
     pub(crate) case: &'a Case,
     pub(crate) subject: &'a mut dyn Backend,
     pub(crate) reference: &'a mut Reference,
-    /// Method with which the subject traces.
-    pub(crate) method: Method,
+    /// Intersector with which the subject traces.
+    pub(crate) intersector: Intersector,
 }
 
 impl<'a> Check<'a> {
     /// Loads the case into the subject, with a tree built at `time`.
     fn open(&mut self, time: f64) -> backend::Result<()> {
-        open(self.subject, &self.case.animation, time, self.method)
+        open(self.subject, &self.case.animation, time, self.intersector)
     }
 
     /// Records everything up to the boxes at `time`.
@@ -78,62 +81,48 @@ impl<'a> Check<'a> {
     }
 }
 
-/// Returns every method.
-fn all(_: &Check<'_>) -> Vec<Method> {
-    by(|_| true)
+/// Returns every intersector.
+fn all(_: &Check<'_>) -> Vec<Intersector> {
+    Intersector::ALL.into()
 }
 
-/// Returns the methods of some intersectors.
-fn by(is_wanted: impl Fn(Intersector) -> bool) -> Vec<Method> {
-    let with = |intersector| {
-        Layout::ALL.map(|layout| Method {
-            intersector,
-            layout,
-        })
-    };
-    let wanted = Intersector::ALL.into_iter().filter(|&i| is_wanted(i));
-    wanted.flat_map(with).collect()
+/// Returns the default intersector.
+fn usual(_: &Check<'_>) -> Vec<Intersector> {
+    vec![Intersector::Watertight]
 }
 
-/// Returns the default intersector with every layout.
-fn usual(_: &Check<'_>) -> Vec<Method> {
-    by(|i| i == Method::default().intersector)
+/// Returns the exact intersector.
+fn exact(_: &Check<'_>) -> Vec<Intersector> {
+    vec![Intersector::Exact]
 }
 
-/// Returns the exact intersector with every layout.
-fn exact(_: &Check<'_>) -> Vec<Method> {
-    by(|i| i == Intersector::Exact)
+/// Returns the intersectors whose results are the same on every backend.
+fn robust(_: &Check<'_>) -> Vec<Intersector> {
+    let mut all = Intersector::ALL.to_vec();
+    all.retain(|i| i.is_equal_across_backends());
+    all
 }
 
-/// Returns the methods whose results are the same on every backend.
-fn robust(_: &Check<'_>) -> Vec<Method> {
-    by(Intersector::is_equal_across_backends)
+fn all_in_turn(c: &Check<'_>) -> Vec<Intersector> {
+    in_turn(c, &all(c))
 }
 
-fn all_in_turn(c: &Check<'_>) -> Vec<Method> {
-    in_turn(c, all(c))
+fn robust_in_turn(c: &Check<'_>) -> Vec<Intersector> {
+    in_turn(c, &robust(c))
 }
 
-fn robust_in_turn(c: &Check<'_>) -> Vec<Method> {
-    in_turn(c, robust(c))
+/// Returns one intersector, which rotates with the case number. A few cases test all intersectors.
+fn in_turn(c: &Check<'_>, all: &[Intersector]) -> Vec<Intersector> {
+    vec![all[c.case.number as usize % all.len()]]
 }
 
-/// Returns the methods with one intersector, which rotates with the case number. A few cases test all intersectors.
-fn in_turn(c: &Check<'_>, mut methods: Vec<Method>) -> Vec<Method> {
-    let mut intersectors: Vec<_> = methods.iter().map(|m| m.intersector).collect();
-    intersectors.dedup();
-    let turn = intersectors[c.case.number as usize % intersectors.len()];
-    methods.retain(|m| m.intersector == turn);
-    methods
-}
-
-/// Defines one property per line: its methods, its name and its test.
+/// Defines one property per line: its intersectors, its name and its test.
 macro_rules! properties {
-    ($($methods:ident $name:ident: $check:expr;)+) => {
+    ($($intersectors:ident $name:ident: $check:expr;)+) => {
         &[$(Property {
             name: stringify!($name),
-            methods: $methods,
-            method_set: stringify!($methods),
+            intersectors: $intersectors,
+            intersector_set: stringify!($intersectors),
             check: $check,
         },)+]
     };

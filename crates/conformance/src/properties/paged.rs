@@ -32,7 +32,7 @@ pub(super) fn positions(c: &mut Check<'_>) -> Result<()> {
     let paged = Animation::paged(Arc::new(source), KEYS, WINDOW, triangles())?;
     let paged = Arc::new(paged);
     let times = times(c.case.chance);
-    c.subject.load(Arc::clone(&paged), c.method)?;
+    c.subject.load(Arc::clone(&paged), c.intersector)?;
     let mut expected = Vec::new();
     for i in 0..FRAMES + AHEAD {
         if let Some(&time) = times.get(i) {

@@ -97,10 +97,10 @@ pub(super) fn reload(c: &mut Check<'_>) -> Result<()> {
     let first = once(c)?;
     let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let other = Arc::new(Animation::new(vec![corners], vec![[0, 1, 2]])?);
-    open(c.subject, &other, 0.0, c.method)?;
+    open(c.subject, &other, 0.0, c.intersector)?;
     answers(case, now, rays, &once(c)?, &first)?;
     // Requested positions and unfinished traces of the old scene must not appear in the new one.
-    open(c.subject, &other, 0.0, c.method)?;
+    open(c.subject, &other, 0.0, c.intersector)?;
     stand(c.subject, &other, 0.0)?;
     c.subject.request_positions()?;
     start(c.subject, rays, QueryKind::Closest)?;

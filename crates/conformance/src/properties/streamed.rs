@@ -37,7 +37,7 @@ pub(super) fn pushed(c: &mut Check<'_>) -> Result<()> {
         case: &case,
         subject: &mut *c.subject,
         reference: &mut *c.reference,
-        method: c.method,
+        intersector: c.intersector,
     };
     for Started { ticket, time, kind } in push_all(&mut c, &streamed, rng)? {
         let found = fetch(c.subject, ticket)?;
@@ -98,7 +98,7 @@ struct Started {
 fn push_all(c: &mut Check<'_>, streamed: &Arc<Animation>, rng: &mut Rng) -> Result<Vec<Started>> {
     let frames = c.case.animation.all_keys()?;
     let (rays, light) = (c.rays(), c.case.light);
-    open(c.subject, streamed, 0.0, c.method)?;
+    open(c.subject, streamed, 0.0, c.intersector)?;
     c.subject.keep(frames.len());
     stand(c.subject, streamed, 0.0)?;
     c.subject.submit()?;
@@ -184,7 +184,7 @@ fn play(
     prepare: impl Fn(Pose),
 ) -> Result<Vec<[Traced; 2]>> {
     let subject = &mut *c.subject;
-    open(subject, streamed, 0.0, c.method)?;
+    open(subject, streamed, 0.0, c.intersector)?;
     let play = |frame: &BoundFrame| {
         let time = streamed.push(frame.points.clone())?;
         prepare(streamed.pose(time));

@@ -9,11 +9,11 @@ use crate::properties::frames::COST_TOLERANCE;
 use crate::reference::FrameResults;
 use crate::stage::{Traced, ask, boxes_anew, fetch, start, tree_at};
 use anyhow::{Context, Result, bail, ensure};
-use backend::{Backend, BackendError, Generation, Hits, Layout, QueryKind, check_tree};
+use backend::{Backend, BackendError, Generation, Hits, QueryKind, check_tree};
 use bvh_layout::Topology;
 use std::sync::Arc;
 
-/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every method.
+/// Tests that a tree built at one time and refitted to another has the same hits as a fresh tree, for every intersector.
 pub(super) fn age(c: &mut Check<'_>) -> Result<()> {
     let (case, now) = (c.case, c.case.times[1]);
     c.open(now)?;
@@ -89,11 +89,9 @@ pub(super) fn brought(c: &mut Check<'_>) -> Result<()> {
         c.subject.adopt(tree, Generation(generation))?;
         boxes_anew(c.subject)?;
         answers(case, now, rays, &c.closest()?, &fresh)?;
-        if c.method.layout == Layout::Bvh2 {
-            let boxes = c.subject.inspect().boxes()?;
-            let right = c.reference.by_tree(case, c.method, tree, now)?.boxes;
-            lists("box of node", &boxes, &right, PartialEq::eq)?;
-        }
+        let boxes = c.subject.inspect().boxes()?;
+        let right = c.reference.by_tree(case, c.intersector, tree, now)?.boxes;
+        lists("box of node", &boxes, &right, PartialEq::eq)?;
     }
     Ok(())
 }
@@ -182,7 +180,7 @@ pub(super) fn wrong(c: &mut Check<'_>) -> Result<()> {
 }
 
 /// Records a tree built on the device from the current positions. Returns `false` if the backend cannot build one for
-/// this method.
+/// this intersector.
 fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
     match backend.rebuild(Generation(generation)) {
         Ok(()) => Ok(true),
@@ -195,7 +193,7 @@ fn rebuild(backend: &mut dyn Backend, generation: u64) -> Result<bool> {
 /// for this tree.
 pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
     let case = c.case;
-    c.subject.load(Arc::clone(&case.animation), c.method)?;
+    c.subject.load(Arc::clone(&case.animation), c.intersector)?;
     for (&time, generation) in case.times.iter().zip(1..) {
         c.interpolate(time)?;
         if !rebuild(c.subject, generation)? {
@@ -204,7 +202,7 @@ pub(super) fn whole(c: &mut Check<'_>) -> Result<()> {
         let seen = FrameResults::of(c.subject, case)?;
         let tree = c.subject.inspect().rebuilt()?;
         check_tree(&tree, &case.animation)?;
-        let expected = c.reference.by_tree(case, c.method, &tree, time)?;
+        let expected = c.reference.by_tree(case, c.intersector, &tree, time)?;
         same_counts(&seen.traced.report, &expected.traced.report)
             .and_then(|()| lists("box of node", &seen.boxes, &expected.boxes, PartialEq::eq))
             .with_context(|| format!("at time {time:?}"))?;

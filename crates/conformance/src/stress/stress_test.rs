@@ -5,7 +5,7 @@ use crate::oracle::{ExactHit, Oracle};
 use crate::stage::{Traced, ask, open, stand, triangles};
 use crate::stress::scenes::{StressScene, scenes};
 use crate::stress::{EventCount, Family, Measure, Plan, StressCell};
-use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::Hit;
 use rayon::prelude::*;
 
@@ -36,10 +36,9 @@ impl StressTest {
     /// # Errors
     /// The subject failed.
     pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<StressCell> {
-        let method = Method::from(intersector);
         let mut sum: Vec<EventCount> = Vec::new();
         for scene in &self.scenes {
-            let counts = scene.count(subject, method)?;
+            let counts = scene.count(subject, intersector)?;
             if sum.is_empty() {
                 sum = counts;
                 continue;
@@ -68,9 +67,13 @@ impl AnsweredScene {
     }
 
     /// Returns the count of each event, with its number of rays.
-    fn count(&self, subject: &mut dyn Backend, method: Method) -> Result<Vec<EventCount>> {
+    fn count(
+        &self,
+        subject: &mut dyn Backend,
+        intersector: Intersector,
+    ) -> Result<Vec<EventCount>> {
         let scene = &self.scene;
-        let found = scene.trace(subject, method)?.hits.closest;
+        let found = scene.trace(subject, intersector)?.hits.closest;
         let share = |measure, of: usize, is_so: &dyn Fn(usize) -> bool| EventCount {
             measure,
             count: (0..found.len()).filter(|&i| is_so(i)).count() as u64,
@@ -85,8 +88,8 @@ impl AnsweredScene {
         let leaks = |i: usize| inside[i] && !found[i].is_hit();
         counts.push(share(Measure::Leaks, of, &leaks));
         // Triangles of `exact` include their edges. Two that share an edge may both be hit there.
-        if method.intersector != Intersector::Exact {
-            let crossed = crossings(subject, method, &scene.animation, &scene.rays)?;
+        if intersector != Intersector::Exact {
+            let crossed = crossings(subject, intersector, &scene.animation, &scene.rays)?;
             let is_double = |i: usize| (crossed[i] % 2 == 1) != inside[i];
             counts.push(share(Measure::DoubleHits, found.len(), &is_double));
         }
@@ -96,8 +99,12 @@ impl AnsweredScene {
 
 impl StressScene {
     /// Returns the closest hits of the scene's rays.
-    pub(super) fn trace(&self, subject: &mut dyn Backend, method: Method) -> Result<Traced> {
-        open(subject, &self.animation, self.built, method)?;
+    pub(super) fn trace(
+        &self,
+        subject: &mut dyn Backend,
+        intersector: Intersector,
+    ) -> Result<Traced> {
+        open(subject, &self.animation, self.built, intersector)?;
         stand(subject, &self.animation, self.time)?;
         ask(subject, Rays::List(&self.rays), QueryKind::Closest)
     }

@@ -1,8 +1,8 @@
 //! The reference backend with one planted fault.
 
 use backend::{
-    Backend, Device, FrameReport, Generation, Hits, Inspect, Method, Query, QueryKind, Rays,
-    Result, Snapshot, Ticket,
+    Backend, Device, FrameReport, Generation, Hits, Inspect, Intersector, Query, QueryKind, Rays,
+    Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
 use conformance::stage::tree_over;
@@ -150,14 +150,18 @@ impl Backend for Faulty {
         self.inner.device()
     }
 
-    fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
+    fn load(&mut self, animation: Arc<Animation>, intersector: Intersector) -> Result<()> {
         self.seen = Seen {
             animation: Some(Arc::clone(&animation)),
             loads: self.seen.loads + 1,
             old_copy: self.seen.old_copy.take(),
             ..Seen::default()
         };
-        self.inner.load(animation, method)
+        self.inner.load(animation, intersector)
+    }
+
+    fn tree_format(&self) -> TreeFormat {
+        self.inner.tree_format()
     }
 
     fn bring(&mut self, tree: &Topology, _: Generation) -> Result<bool> {

@@ -1,15 +1,18 @@
-//! Colour, shape, fill and size of marks.
+//! Colour, shape and fill of marks.
 //!
 //! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which are distinct for all types of colour
 //! vision. They also differ in lightness, for print in black and white.
 
 use super::Point;
-use backend::{Intersector, Policy};
+use backend::{BackendName, Intersector, Policy};
 use plotters::style::RGBColor;
 use std::f64::consts::{PI, TAU};
 
 pub(crate) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
 pub(crate) const GREY: RGBColor = RGBColor(0x70, 0x70, 0x70);
+
+/// Radius in pixels of the circle with the area of a mark.
+pub(crate) const RADIUS: f64 = 6.0;
 
 /// Appearance of a mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +21,6 @@ pub(crate) struct Look {
     pub(crate) shape: MarkShape,
     /// Opacity of the colour in the interior, from 0 (white) to 1.
     pub(crate) fill: f64,
-    /// Radius in pixels of the circle with equal area.
-    pub(crate) radius: f64,
 }
 
 /// A regular polygon.
@@ -41,7 +42,6 @@ pub(crate) const PLAIN: Look = Look {
     colour: GREY,
     shape: CIRCLE,
     fill: 1.0,
-    radius: 6.0,
 };
 
 impl Look {
@@ -49,7 +49,7 @@ impl Look {
     pub(crate) fn outline(&self, (x, y): (i32, i32)) -> Vec<(i32, i32)> {
         let MarkShape { corners, turn } = self.shape;
         let n = f64::from(corners);
-        let radius = self.radius * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
+        let radius = RADIUS * (PI / (0.5 * n * (TAU / n).sin())).sqrt();
         let corner = |i| {
             let (sin, cos) = (TAU * (f64::from(i) / n + turn)).sin_cos();
             let [right, down] = [sin, -cos].map(|r| (radius * r).round() as i32);
@@ -65,12 +65,14 @@ impl Look {
     }
 }
 
-const BACKENDS: &[(&str, RGBColor)] = &[
-    ("cpu", RGBColor(0, 0, 0)),
-    ("vulkan", RGBColor(0xd5, 0x5e, 0x00)),
-    ("wgpu", RGBColor(0x56, 0xb4, 0xe9)),
+/// The colours of [`BackendName::ALL`], in that order.
+const COLOURS: [RGBColor; BackendName::ALL.len()] = [
+    RGBColor(0, 0, 0),
+    RGBColor(0xaa, 0xaa, 0xaa),
+    RGBColor(0x56, 0xb4, 0xe9),
+    RGBColor(0xd5, 0x5e, 0x00),
 ];
-/// Colours of names that are not in [`BACKENDS`], such as those of rivals.
+/// Colours of other names, such as those of rivals.
 const OTHERS: [RGBColor; 5] = [
     RGBColor(0x00, 0x9e, 0x73),
     RGBColor(0xcc, 0x79, 0xa7),
@@ -83,7 +85,6 @@ const SHAPES: [MarkShape; Intersector::ALL.len()] =
     [polygon(3, 0.0), polygon(4, 0.125), CIRCLE, polygon(4, 0.0)];
 /// The fills of [`Policy::ALL`], in that order.
 const FILLS: [f64; Policy::ALL.len()] = [0.0, 0.4, 1.0, 0.7];
-const LAYOUTS: &[(&str, f64)] = &[("fast", 7.5), ("bvh2", 5.0)];
 
 /// Pairs each name with its mark.
 fn pair<T: Copy, const N: usize>(
@@ -99,10 +100,14 @@ fn find<T: Copy>(list: &[(&str, T)], name: &str, other: T) -> T {
     found.map_or(other, |(_, stands)| *stands)
 }
 
-/// Returns the appearance for four names. An unknown name uses the corresponding value of [`PLAIN`].
-pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Look {
+/// Returns the appearance for three names. An unknown name uses the corresponding value of [`PLAIN`].
+pub(crate) fn of_names([backend, intersector, update]: [&str; 3]) -> Look {
     Look {
-        colour: find(BACKENDS, backend, colour_of_other(backend)),
+        colour: find(
+            &pair(BackendName::ALL.map(BackendName::name), COLOURS),
+            backend,
+            colour_of_other(backend),
+        ),
         shape: find(
             &pair(Intersector::ALL.map(Intersector::name), SHAPES),
             intersector,
@@ -113,7 +118,6 @@ pub(crate) fn of_names([backend, intersector, update, layout]: [&str; 4]) -> Loo
             update,
             PLAIN.fill,
         ),
-        radius: find(LAYOUTS, layout, PLAIN.radius),
     }
 }
 
@@ -130,8 +134,8 @@ pub(crate) fn of_point(point: &Point) -> Look {
     of_names(names_of(point))
 }
 
-fn names_of(p: &Point) -> [&str; 4] {
-    [&p.backend, &p.intersector, &p.update, &p.layout]
+fn names_of(p: &Point) -> [&str; 3] {
+    [&p.backend, &p.intersector, &p.update]
 }
 
 /// Returns each name once, in order of appearance.
@@ -160,14 +164,14 @@ impl LegendEntry {
     }
 }
 
-/// Returns the legend of colours, shapes, fills and sizes: each name once, in order of appearance.
+/// Returns the legend of colours, shapes and fills: each name once, in order of appearance.
 pub(crate) fn legend(points: &[Point]) -> Vec<LegendEntry> {
     let mut entries = Vec::new();
-    let headings = ["backend", "intersector", "update", "layout"];
+    let headings = ["backend", "intersector", "update"];
     for (part, heading) in headings.into_iter().enumerate() {
         entries.push(LegendEntry::heading(heading));
         for point in points {
-            let mut names = [""; 4];
+            let mut names = [""; 3];
             names[part] = names_of(point)[part];
             let entry = LegendEntry {
                 text: names[part].to_owned(),

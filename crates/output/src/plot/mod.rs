@@ -50,7 +50,6 @@ pub struct Chart {
 pub struct Failure {
     pub scene: String,
     pub backend: String,
-    pub layout: String,
     pub intersector: String,
     pub update: String,
     /// Reason for the failure.
@@ -59,7 +58,7 @@ pub struct Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let how = [&self.backend, &self.layout, &self.intersector, &self.update];
+        let how = [&self.backend, &self.intersector, &self.update];
         let how = how.map(String::as_str).join(" ");
         write!(f, "{} {how} failed: {}", self.scene, self.error)
     }
@@ -102,8 +101,6 @@ pub struct Scene {
 pub struct Point {
     /// Backend, shown by colour.
     pub backend: String,
-    /// Layout, shown by size.
-    pub layout: String,
     /// Intersector, shown by shape.
     pub intersector: String,
     /// Tree update policy, shown by fill.
@@ -185,7 +182,7 @@ pub struct Leaks {
 impl Point {
     /// Returns the properties that distinguish the point from others of its scene.
     pub(crate) fn name(&self) -> String {
-        let words = [&self.backend, &self.layout, &self.intersector, &self.update];
+        let words = [&self.backend, &self.intersector, &self.update];
         words.map(String::as_str).join(" ")
     }
 }

@@ -196,7 +196,7 @@ fn side_panel(
             marks.extend(worst.map(|rate| Mark {
                 at: [at as f64 + beside, rate.value],
                 bars: [[0.0; 2], [rate.low, rate.high]],
-                look: of_names([backend, intersector, "", ""]),
+                look: of_names([backend, intersector, ""]),
                 about: String::new(),
             }));
         }

@@ -1,7 +1,7 @@
 //! Panel with a pair of axes, marks and a legend, drawn by `plotters`.
 
 use super::Result;
-use super::look::{GREY, INK, LegendEntry, Look};
+use super::look::{GREY, INK, LegendEntry, Look, RADIUS};
 use plotters::backend::SVGBackend;
 use plotters::chart::ChartBuilder;
 use plotters::coord::Shift;
@@ -246,7 +246,7 @@ fn steps(front: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn draw_mark(area: &Area<'_>, at: (i32, i32), look: Look) -> Result<()> {
     let (inside, edge) = (look.inside().filled(), look.colour.stroke_width(2));
     if look.shape.corners == 0 {
-        let radius = look.radius.round() as u32;
+        let radius = RADIUS.round() as u32;
         area.draw(&Circle::new(at, radius, inside))?;
         area.draw(&Circle::new(at, radius, edge))?;
     } else {

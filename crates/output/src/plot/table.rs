@@ -50,7 +50,6 @@ fn failed_cells(head: &[(String, String)], failure: &Failure) -> Vec<(String, St
     let cell = |column: &str| match column {
         "scene" => failure.scene.clone(),
         "backend" => failure.backend.clone(),
-        "layout" => failure.layout.clone(),
         "intersector" => failure.intersector.clone(),
         "update" => failure.update.clone(),
         "error" => failure.error.clone(),
@@ -77,7 +76,6 @@ fn cells(chart: &Chart, point: &Point, is_on_front: bool) -> Vec<(String, String
         ("backend", point.backend.clone()),
         ("adapter", plain(adapter.map(|a| &a.adapter))),
         ("driver", plain(adapter.map(|a| &a.driver))),
-        ("layout", point.layout.clone()),
         ("intersector", point.intersector.clone()),
         ("update", point.update.clone()),
         ("samples", point.samples.to_string()),
@@ -147,7 +145,6 @@ pub fn row(p: &Point) -> Vec<(&'static str, String)> {
         ("scene", p.scene.clone()),
         ("backend", p.backend.clone()),
         ("intersector", p.intersector.clone()),
-        ("layout", p.layout.clone()),
         ("update", p.update.clone()),
         ("ms a frame", maybe(ms.median)),
         ("5 %", maybe(ms.p5)),

@@ -4,10 +4,9 @@ use super::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node};
 
-/// Names of backends, layouts, intersectors and updates with relative costs. Intersectors also have wrong answers per
+/// Names of backends, intersectors and updates with relative costs. Intersectors also have wrong answers per
 /// million rays.
 const BACKENDS: [(&str, f64); 3] = [("cpu", 60.0), ("vulkan", 1.1), ("wgpu", 1.5)];
-const LAYOUTS: [(&str, f64); 2] = [("bvh2", 1.0), ("fast", 0.62)];
 const INTERSECTORS: [(&str, f64, u64); 4] = [
     ("moller-trumbore", 1.0, 820),
     ("woop", 0.93, 2600),
@@ -27,15 +26,13 @@ fn invented(scenes: usize) -> Chart {
             size: [1280, 800],
             frames: 32,
         });
-        chart.points.extend((0..72).map(|way| {
-            let (backend, slow) = BACKENDS[way / 24];
-            let (layout, larger) = LAYOUTS[way / 12 % 2];
+        chart.points.extend((0..36).map(|way| {
+            let (backend, slow) = BACKENDS[way / 12];
             let (intersector, cost, wrong) = INTERSECTORS[way / 3 % 4];
             let (update, waits) = UPDATES[way % 3];
-            let ms = f64::from(slower) * slow * larger * cost * waits;
+            let ms = f64::from(slower) * slow * cost * waits;
             Point {
                 backend: backend.to_owned(),
-                layout: layout.to_owned(),
                 update: update.to_owned(),
                 intersector: intersector.to_owned(),
                 scene: scene.to_string(),
@@ -171,7 +168,7 @@ fn rates_have_their_intervals() {
 #[test]
 fn every_point_is_drawn_and_everything_is_named() {
     for scenes in [1, 3] {
-        assert_eq!(places(&checked(&invented(scenes))).len(), 72 * scenes);
+        assert_eq!(places(&checked(&invented(scenes))).len(), 36 * scenes);
     }
     let texts = texts(&checked(&invented(1)));
     for words in [
@@ -182,8 +179,8 @@ fn every_point_is_drawn_and_everything_is_named() {
         "wrong answers per million rays, 95 % interval",
         "none",
         "moller-trumbore",
-        "1 vulkan fast woop async",
-        "4 vulkan fast exact async",
+        "1 vulkan woop async",
+        "4 vulkan exact async",
         "fastest of its accuracy",
         "edges and vertices",
         "outlier",
@@ -229,7 +226,7 @@ fn the_front_is_the_same_in_every_file() {
     let names: Vec<_> = starred.map(|i| chart.points[i].name()).collect();
     // Each scene has its own front, even if it is slower than the others.
     let expected = ["moller-trumbore", "woop", "watertight", "exact"];
-    let expected = expected.map(|i| format!("vulkan fast {i} async"));
+    let expected = expected.map(|i| format!("vulkan {i} async"));
     assert_eq!(names, [expected.clone(), expected].concat());
     let texts = texts(&svg(&chart).unwrap());
     let is_named = |name: &String| texts.iter().any(|t| t.ends_with(name));
@@ -240,7 +237,7 @@ fn the_front_is_the_same_in_every_file() {
 #[test]
 fn columns_stay_where_they_are() {
     let (head, _) = records(&Chart::default());
-    let expected = "scene triangles backend adapter driver layout intersector update samples ms_median ms_p5 ms_p95 \
+    let expected = "scene triangles backend adapter driver intersector update samples ms_median ms_p5 ms_p95 \
         mrays_per_s rays_tested wrong wrong_per_million wrong_per_million_low wrong_per_million_high on_front \
         wrong_shadow aimed_rays aimed_wrong t_error_ulp_median t_error_ulp_p999 t_error_ulp_worst memory_bytes \
         cpu version date command schema error";
@@ -256,7 +253,7 @@ fn columns_stay_where_they_are() {
     ] {
         assert_eq!(cell(&chart, woop, name), expected);
     }
-    assert_eq!(row(&chart.points[woop])[11].1, "2,600 of 9,000");
+    assert_eq!(row(&chart.points[woop])[10].1, "2,600 of 9,000");
 }
 
 #[test]
@@ -265,7 +262,6 @@ fn a_failure_has_its_row_in_every_table() {
     chart.failures.push(Failure {
         scene: "grove".to_owned(),
         backend: "wgpu".to_owned(),
-        layout: "fast".to_owned(),
         intersector: "woop".to_owned(),
         update: "refit".to_owned(),
         error: "device <lost>".to_owned(),
@@ -283,7 +279,7 @@ fn a_failure_has_its_row_in_every_table() {
     }
     assert_eq!(cell(&chart, 0, "error"), "");
     let page = html(&chart).unwrap();
-    let item = "<li>grove wgpu fast woop refit failed: device &lt;lost&gt;</li>";
+    let item = "<li>grove wgpu woop refit failed: device &lt;lost&gt;</li>";
     assert!(page.contains(item), "{page}");
     let json: serde_json::Value = serde_json::from_str(&json(&chart).unwrap()).unwrap();
     assert_eq!(json["failures"][0]["error"], "device <lost>");
@@ -321,9 +317,8 @@ fn names_are_words_and_never_markup_and_long_ones_are_cut() {
         points.for_each(|p| p.scene.clone_from(&name));
         chart.points[0].backend.clone_from(&name);
         chart.points[1].intersector.clone_from(&name);
-        chart.points[2].layout.clone_from(&name);
-        chart.points[3].update.clone_from(&name);
-        assert_eq!(places(&checked(&chart)).len(), 72);
+        chart.points[2].update.clone_from(&name);
+        assert_eq!(places(&checked(&chart)).len(), 36);
         assert_eq!(cell(&chart, 0, "scene"), name);
         assert!(!html(&chart).unwrap().contains("<script"));
     }

@@ -51,7 +51,7 @@ pub(super) fn driver(
     (update, predict): Config,
 ) -> Result<Driver, PipelineError> {
     let options = DriverOptions {
-        method: Method::default(),
+        intersector: Intersector::Watertight,
         update,
         time_range: [0.0, animation.end()],
         predict,

@@ -58,10 +58,6 @@ fn of_groups(last: &BinaryTree, boxes: &[Aabb]) -> BinaryTree {
     built.map(|_| tree).unwrap()
 }
 
-fn forms([treelets, blocks]: [bool; 2]) -> Forms {
-    Forms { treelets, blocks }
-}
-
 /// A builder and its scene.
 struct Course {
     animation: Animation,
@@ -70,10 +66,10 @@ struct Course {
 
 impl Course {
     /// Creates a builder with a tree for the first key frame.
-    fn over(animation: Animation, forms: Forms) -> Self {
+    fn over(animation: Animation, format: TreeFormat) -> Self {
         let mut course = Self {
             animation,
-            builder: TreeBuilder::with_forms(forms),
+            builder: TreeBuilder::with_format(format),
         };
         course.build(0, None);
         course
@@ -116,7 +112,7 @@ impl Course {
 
 #[test]
 fn a_tree_is_made_of_groups_of_the_last_one_until_trees_hold() {
-    let mut course = Course::over(clumps(), Forms::default());
+    let mut course = Course::over(clumps(), TreeFormat::Binary);
     let [last, tree] = course.next(1.0);
     assert_eq!(tree, of_groups(&last, &course.boxes(1.0)));
     assert_ne!(tree, BinaryTree::over(&course.boxes(1.0)[..]));
@@ -139,7 +135,7 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
     let next = |warms_up: bool| {
         let mut course = Course {
             animation: clumps(),
-            builder: TreeBuilder::with_forms(forms([true, false])),
+            builder: TreeBuilder::with_format(TreeFormat::Treelets),
         };
         let warm_up = |course: &mut Course, time| {
             let (a, builder) = (&course.animation, &mut course.builder);
@@ -159,18 +155,21 @@ fn a_warm_up_changes_no_tree_to_come_and_finds_its_memory() {
 
 #[test]
 fn what_records_carry_changes_no_tree() {
-    let all = [[false; 2], [true; 2]].map(forms);
-    let [mut plain, mut carrying] = all.map(|forms| Course::over(clumps(), forms));
+    let over = |format| Course::over(clumps(), format);
+    let mut plain = over(TreeFormat::Binary);
+    let [mut treelets, mut blocks] = [TreeFormat::Treelets, TreeFormat::WideBlocks].map(over);
     for time in [1.0, 2.0, 2.0, 3.0] {
-        assert_eq!(plain.next(time), carrying.next(time));
-        let boxes = &carrying.builder.boxes;
-        assert_eq!(boxes[..], carrying.boxes(time)[..], "blocks are filled");
+        let expected = plain.next(time);
+        assert_eq!(treelets.next(time), expected);
+        assert_eq!(blocks.next(time), expected);
+        let boxes = &blocks.builder.boxes;
+        assert_eq!(boxes[..], blocks.boxes(time)[..], "blocks are filled");
     }
 }
 
 #[test]
 fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
-    let mut course = Course::over(clumps(), Forms::default());
+    let mut course = Course::over(clumps(), TreeFormat::Binary);
     let halves = [0.25, 0.75];
     let built = course.build(0, Some(halves));
     let in_use = &course.builder.in_use;
@@ -187,10 +186,10 @@ fn what_a_tree_costs_is_said_of_its_moment_whatever_it_was_built_for() {
 
 #[test]
 fn a_tree_that_nobody_weighs_does_not_count_as_faded() {
-    let mut course = Course::over(shuffled(), Forms::default());
+    let mut course = Course::over(shuffled(), TreeFormat::Binary);
     for _ in 0..3 {
         let found = course.rebuild(1.0, Some([0.625, 1.0]), false);
-        let own = Course::over(shuffled(), Forms::default()).build(1, None);
+        let own = Course::over(shuffled(), TreeFormat::Binary).build(1, None);
         assert_eq!(found.topology.words(), own.topology.words());
     }
 }
@@ -227,7 +226,7 @@ fn observed(course: &mut Course, times: [f64; 2], middle: f64) -> Built {
 
 /// Returns the last of several trees, each built for a known time.
 fn known(times: &[f64]) -> Topology {
-    let mut course = Course::over(shuffled(), Forms::default());
+    let mut course = Course::over(shuffled(), TreeFormat::Binary);
     let made = times.iter().map(|&t| course.rebuild(t, Some([t; 2]), true));
     made.last().unwrap().topology
 }
@@ -235,7 +234,7 @@ fn known(times: &[f64]) -> Topology {
 #[test]
 fn what_was_observed_is_followed_to_where_it_is_going() {
     let observed = |times, middle| {
-        let mut course = Course::over(shuffled(), Forms::default());
+        let mut course = Course::over(shuffled(), TreeFormat::Binary);
         observed(&mut course, times, middle).topology
     };
     // All these positions are exact in floating point.
@@ -247,7 +246,7 @@ fn what_was_observed_is_followed_to_where_it_is_going() {
 
 #[test]
 fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
-    let mut course = Course::over(shuffled(), Forms::default());
+    let mut course = Course::over(shuffled(), TreeFormat::Binary);
     // The motion reverses at time 1, so positions at 1.75 and 2 equal those at 0.25 and 0.
     let first = observed(&mut course, [0.25, 0.5], 0.75);
     assert!(!first.gave_up_extrapolation);
@@ -273,7 +272,7 @@ fn where_motion_turned_a_tree_is_built_for_what_was_seen_last() {
 
 #[test]
 fn a_tree_that_was_never_used_is_taken_back() {
-    let courses = [(); 2].map(|()| Course::over(shuffled(), Forms::default()));
+    let courses = [(); 2].map(|()| Course::over(shuffled(), TreeFormat::Binary));
     let [mut course, mut other] = courses;
     let used = course.builder.in_use.clone();
     course.rebuild(1.0, None, true);
@@ -287,8 +286,8 @@ fn a_tree_that_was_never_used_is_taken_back() {
 
 #[test]
 fn an_old_records_memory_is_used_again() {
-    for treelets in [false, true] {
-        let mut course = Course::over(shuffled(), forms([treelets, false]));
+    for format in [TreeFormat::Binary, TreeFormat::Treelets] {
+        let mut course = Course::over(shuffled(), format);
         let memory = |tree: &Topology| {
             let treelets = tree.treelets().map(|t| t.words().as_ptr());
             (tree.words().as_ptr(), treelets)
@@ -298,7 +297,7 @@ fn an_old_records_memory_is_used_again() {
         course.builder.reuse(first.into_spare());
         course.builder.reuse(Spare::default());
         assert_eq!(memory(&course.build(1, None).topology), before);
-        assert_eq!(before.1.is_some(), treelets);
+        assert_eq!(before.1.is_some(), format == TreeFormat::Treelets);
     }
 }
 
@@ -312,7 +311,7 @@ fn blocks_of_a_tree_that_faces_the_light_are_asked_in_its_order() {
     let vertices = (0..256).flat_map(corner).collect();
     let a = Animation::new(vec![vertices], apart(256)).unwrap();
     for (toward, first) in [(None, First::Larger), (Some([-9.0, 5.0, 1.0]), First::Left)] {
-        let mut builder = TreeBuilder::with_forms(forms([false, true]));
+        let mut builder = TreeBuilder::with_format(TreeFormat::WideBlocks);
         builder.order_toward(toward);
         let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
@@ -330,13 +329,13 @@ fn blocks_are_fuller_where_they_are_asked_for() {
     };
     let vertices = (0..3000).flat_map(corner).collect();
     let a = Animation::new(vec![vertices], apart(3000)).unwrap();
-    let blocks = |asked| {
-        let mut builder = TreeBuilder::with_forms(forms([false, asked]));
+    let blocks = |format| {
+        let mut builder = TreeBuilder::with_format(format);
         let input = BuildInput::of(Vertices::KeyFrames(a.pose(0.0)));
         let tree = builder.build(&a, input, &Cancel::new()).unwrap().topology;
         let with = (&builder.boxes[..], First::Larger);
         BlockTree::of(&tree, a.triangles(), with).blocks.len()
     };
-    let (asked, others) = (blocks(true), blocks(false));
-    assert!(20 * asked < 19 * others, "{asked} {others}");
+    let [full, others] = [TreeFormat::WideBlocks, TreeFormat::Binary].map(blocks);
+    assert!(20 * full < 19 * others, "{full} {others}");
 }

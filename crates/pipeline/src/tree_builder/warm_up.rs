@@ -1,6 +1,7 @@
 //! Warms the builder up: builds trees that are dropped, so that later builds find their memory allocated.
 
 use super::{BuildStrategy, PoseSource, TreeBuilder, Vertices};
+use backend::TreeFormat;
 use bvh_build::{BuildError, Cancel};
 use geom::{Animation, Pose};
 
@@ -16,7 +17,8 @@ impl TreeBuilder {
         pose: Pose,
         cancel: &Cancel,
     ) -> Result<(), BuildError> {
-        let groups = self.degradation.strategy() == BuildStrategy::Subtrees && !self.forms.blocks;
+        let groups = self.degradation.strategy() == BuildStrategy::Subtrees
+            && self.format != TreeFormat::WideBlocks;
         if !groups || !self.has_all_triangles_of(animation) {
             return Ok(());
         }

@@ -6,7 +6,7 @@ use crate::oracle::ExactHit;
 use crate::stage::{ask, is_extreme, triangles};
 use crate::stress::scenes::StressScene;
 use crate::stress::stress_test::AnsweredScene;
-use backend::{Backend, Intersector, Method, QueryKind, Rays, Result};
+use backend::{Backend, Intersector, QueryKind, Rays, Result};
 use geom::{Aabb, Hit, Ray, Triangle};
 use serde::Serialize;
 use std::ops::AddAssign;
@@ -51,10 +51,10 @@ impl AuditBatch {
     /// Traces all rays on a backend, for the closest hit and for any hit, and counts wrong answers.
     ///
     /// # Errors
-    /// The subject failed, or does not support the method.
-    pub fn ask(&self, subject: &mut dyn Backend, method: Method) -> Result<AuditCounts> {
+    /// The subject failed.
+    pub fn ask(&self, subject: &mut dyn Backend, intersector: Intersector) -> Result<AuditCounts> {
         let scene = &self.answered.scene;
-        let closest = scene.trace(subject, method)?;
+        let closest = scene.trace(subject, intersector)?;
         let any = ask(subject, Rays::List(&scene.rays), QueryKind::Any)?.hits;
         let mut tally = AuditCounts {
             settled: closest.report.settled,
@@ -65,7 +65,7 @@ impl AuditBatch {
         for (number, (expected, (hit, &any))) in self.answered.exact.iter().zip(found).enumerate() {
             let wrong = hit.triangle != self.answered.triangle(number);
             let wrong_any = (any == 1) != expected.is_some();
-            let right_t = |e: ExactHit| match method.intersector {
+            let right_t = |e: ExactHit| match intersector {
                 Intersector::Exact => {
                     [hit.t, hit.u, hit.v].map(f32::to_bits) == e.rounded.map(f32::to_bits)
                 }

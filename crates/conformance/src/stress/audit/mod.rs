@@ -111,7 +111,7 @@ fn moment(animation: Arc<Animation>, rng: &mut Rng) -> StressScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use backend::Method;
+    use backend::Intersector;
     use cpu_ref::CpuBackend;
 
     fn given() -> Vec<(String, Arc<Animation>)> {
@@ -151,7 +151,10 @@ mod tests {
         let mut cpu = CpuBackend::new(Some(2)).unwrap();
         let mut tally = AuditCounts::default();
         for spec in audit.specs() {
-            tally += audit.batch(&spec).ask(&mut cpu, Method::default()).unwrap();
+            tally += audit
+                .batch(&spec)
+                .ask(&mut cpu, Intersector::Watertight)
+                .unwrap();
         }
         assert!(tally.wrong > 100 && tally.wrong_any > 10, "{tally:?}");
         let wrong = &tally.first[0];

@@ -1,8 +1,8 @@
 //! A backend that only checks the contract, and vertices that block a builder.
 
 use backend::{
-    Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Method, Query,
-    Result, Snapshot, Ticket,
+    Arithmetic, Backend, Device, DeviceKind, FrameReport, Generation, Hits, Inspect, Intersector,
+    Query, Result, Snapshot, Ticket, TreeFormat,
 };
 use bvh_layout::Topology;
 use geom::{Aabb, Animation, Point, Pose};
@@ -135,9 +135,12 @@ impl Backend for Fake {
         };
         &DEVICE
     }
-    fn load(&mut self, animation: Arc<Animation>, _: Method) -> Result<()> {
+    fn load(&mut self, animation: Arc<Animation>, _: Intersector) -> Result<()> {
         self.animation = Some(animation);
         Ok(())
+    }
+    fn tree_format(&self) -> TreeFormat {
+        TreeFormat::Binary
     }
     fn adopt(&mut self, tree: &Topology, generation: Generation) -> Result<()> {
         assert!(generation > self.generation, "generations rise");
