@@ -1,13 +1,12 @@
 //! The logical device and its queues.
 
+use crate::allocator::Memory;
 use crate::errors::failed;
-use crate::external;
-use crate::host_memory::Import;
 use crate::instance::Host;
 use crate::limits::{Extras, Limits};
-use crate::memory::Memory;
-use crate::pipelines::PipelineCache;
+use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
+use crate::sharing::{self, Import};
 use ash::ext::pipeline_robustness;
 use ash::{khr, vk};
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
@@ -82,7 +81,7 @@ impl Gpu {
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical)?;
-        let sharing = external::extensions(&host, physical);
+        let sharing = sharing::extensions(&host, physical);
         let vk = create(&host, physical, &queues, (traces_rays, extras, &sharing))?;
         let memory = match Memory::new(&host, physical, &vk, traces_rays) {
             Ok(memory) => memory,

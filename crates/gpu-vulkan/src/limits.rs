@@ -4,8 +4,8 @@ use crate::instance::Host;
 use ash::ext::pipeline_robustness;
 use ash::vk;
 use backend::{BackendError, Result};
-use gpu_common::refuse_above;
-use shaders::{KERNELS, Kernel, storage_buffers};
+use gpu_common::{KernelLimit, check_kernels, refuse_above};
+use shaders::{Kernel, storage_buffers};
 
 /// Limits that a scene, a query or a kernel may exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,16 +63,23 @@ impl Limits {
     /// # Errors
     /// [`backend::BackendError::Limit`].
     pub(crate) fn admit_kernels(&self, asked: impl Fn(&Kernel) -> bool) -> Result<()> {
-        for kernel in KERNELS.iter().filter(|k| asked(k)) {
-            let about = |limit: &str| format!("kernel {} ({limit})", kernel.name);
-            let buffers = || about("maxPerStageDescriptorStorageBuffers");
-            let (need, most) = (storage_buffers(kernel.bindings), self.storage_buffers);
-            refuse_above(buffers, need.into(), most.into())?;
-            let threads = || about("maxComputeWorkGroupInvocations");
-            let (need, most) = (kernel.workgroup[0], self.workgroup);
-            refuse_above(threads, need.into(), most.into())?;
-        }
-        Ok(())
+        check_kernels(&self.of_kernels(), asked)
+    }
+
+    /// Returns the limits that a kernel may exceed.
+    pub(crate) fn of_kernels(&self) -> Vec<KernelLimit> {
+        vec![
+            KernelLimit {
+                name: "maxPerStageDescriptorStorageBuffers",
+                need: |kernel| storage_buffers(kernel.bindings),
+                most: self.storage_buffers,
+            },
+            KernelLimit {
+                name: "maxComputeWorkGroupInvocations",
+                need: |kernel| kernel.workgroup[0],
+                most: self.workgroup,
+            },
+        ]
     }
 
     /// Returns names and values, for display.

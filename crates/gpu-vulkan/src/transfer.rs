@@ -44,7 +44,7 @@ impl Transfer {
     /// timeline value at which the copy has finished. Never blocks.
     pub fn start(
         &mut self,
-        buffers: [&Buffer; 2],
+        buffers: [vk::Buffer; 2],
         parts: &[(Range<u64>, u64)],
         after: Option<Moment>,
     ) -> Result<u64> {
@@ -62,7 +62,7 @@ impl Transfer {
     /// at which all have finished. Never blocks.
     pub(crate) fn start_in_order(
         &mut self,
-        copies: &[([&Buffer; 2], Vec<vk::BufferCopy>)],
+        copies: &[([vk::Buffer; 2], Vec<vk::BufferCopy>)],
         after: &[Moment],
     ) -> Result<u64> {
         self.start_recorded(after, |commands| {
@@ -130,7 +130,11 @@ impl Drop for Transfer {
 }
 
 /// Uploads data in pieces through a staging buffer. Blocks until each piece has been copied.
-pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]) -> Result<()> {
+pub(crate) fn load(
+    gpu: &Arc<Gpu>,
+    transfer: &mut Transfer,
+    all: &[(&[u8], &Buffer)],
+) -> Result<()> {
     const BYTES: usize = 32 << 20;
     let largest = all.iter().map(|(data, _)| data.len()).max().unwrap_or(0);
     let bytes = largest.min(BYTES) as u64;
@@ -140,8 +144,8 @@ pub(crate) fn load(gpu: &Arc<Gpu>, road: &mut Transfer, all: &[(&[u8], &Buffer)]
         for (i, piece) in data.chunks(most).enumerate() {
             window.write(0, piece);
             let part = (0..piece.len() as u64, (i * most) as u64);
-            road.start([&window, to], &[part], None)?;
-            road.wait()?;
+            transfer.start([window.vk, to.vk], &[part], None)?;
+            transfer.wait()?;
         }
     }
     Ok(())

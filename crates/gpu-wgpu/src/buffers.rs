@@ -1,46 +1,17 @@
 //! Creating, filling, copying and mapping buffers.
 
-use crate::gpu::Gpu;
-use crate::limits::span;
+use crate::gpu::{Gpu, READBACK, make, unmap};
 use backend::{BackendError, Result};
 use bytemuck::Pod;
 use geom::Point;
-use gpu_common::refuse_above;
 use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
-use wgpu::{Buffer, BufferUsages, BufferView, CommandEncoder, MapMode, SubmissionIndex};
+use wgpu::{Buffer, BufferView, CommandEncoder, MapMode, SubmissionIndex};
 
 /// Bytes per copy command, so that a large readback does not slow down kernels that run at the same time.
 const PIECE: u64 = 512 << 10;
-
-/// Usage of a buffer that kernels read and write.
-pub(crate) const STORAGE: BufferUsages = BufferUsages::STORAGE
-    .union(BufferUsages::COPY_SRC)
-    .union(BufferUsages::COPY_DST);
-/// Usage of a buffer that the host maps to read.
-pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsages::COPY_DST);
-/// Usage of a buffer that the host writes at creation and whenever it is mapped again.
-pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
-
-/// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
-pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
-    let size = bytes.max(16).next_multiple_of(16);
-    let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
-        true => (bytes, span(&gpu.limits)),
-        false => (size, gpu.limits.max_buffer_size),
-    };
-    refuse_above(|| format!("{what} (bytes of one buffer)"), need, limit)?;
-    let desc = wgpu::BufferDescriptor {
-        label: Some(what),
-        size,
-        usage,
-        mapped_at_creation: usage.contains(BufferUsages::MAP_WRITE),
-    };
-    gpu.count_buffer();
-    gpu.guard(what, size, || gpu.device.create_buffer(&desc))
-}
 
 /// Writes at a byte offset, before all later submissions.
 pub(crate) fn write<T: Pod>(gpu: &Gpu, to: &Buffer, at: u64, data: &[T]) -> Result<()> {
@@ -173,20 +144,12 @@ impl Mapping {
     }
 }
 
-/// Unmaps a buffer. Returns `false` if the buffer was lost with its device.
-#[must_use]
-pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
-    let refused = device.push_error_scope(wgpu::ErrorFilter::Validation);
-    buffer.unmap();
-    pollster::block_on(refused.pop()).is_none()
-}
-
 pub(crate) fn unreadable(e: wgpu::MapRangeError) -> BackendError {
     BackendError::DeviceLost(format!("a buffer cannot be read: {e}"))
 }
 
 /// A copy of positions or other bytes to the host.
-pub struct HostCopy {
+pub(crate) struct HostCopy {
     pub(crate) buffer: Buffer,
     pub(crate) mapping: Mapping,
     /// Index of the submission; `None` for positions, which are part of their frame's submission.

@@ -1,7 +1,7 @@
 //! Timestamps: a query set, and the stage that starts at each timestamp.
 
-use crate::buffers::make;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, make};
+use crate::limits::WITHIN_PASSES;
 use backend::Result;
 use gpu_common::Stage;
 use wgpu::{
@@ -13,9 +13,6 @@ use wgpu::{
 const MARKS: usize = 32;
 /// Bytes of all timestamps.
 pub(crate) const BYTES: u64 = MARKS as u64 * 8;
-
-/// Feature with which several stages of one pass are timed separately.
-pub(crate) const WITHIN_PASSES: Features = Features::TIMESTAMP_QUERY_INSIDE_PASSES;
 
 /// Timestamps of one submission, and the stage that starts at each.
 pub(crate) struct Marks {

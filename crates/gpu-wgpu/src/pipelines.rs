@@ -1,19 +1,18 @@
-//! Compute pipelines, with layouts derived from the kernels' bindings, and the cache of compiled kernels.
+//! Compute pipelines, with layouts derived from the kernels' bindings.
 #![expect(
     unsafe_code,
-    reason = "wgpu asks for trust in kernels and caches that it does not check itself"
+    reason = "wgpu asks for trust in kernels that it does not check itself"
 )]
 
 use crate::gpu::Gpu;
+use crate::pipeline_cache::PipelineCache;
 use backend::Result;
-use gpu_common::cache_file::CacheFile;
 use gpu_common::{KernelCode, compile_door};
 use shaders::{Binding, Code, Kernel, Kind, Params};
 use std::num::NonZeroU64;
-use std::path::Path;
 use wgpu::{
-    AdapterInfo, BindGroupLayout, BufferBindingType, ComputePipeline, Features, ShaderModule,
-    ShaderModuleDescriptor, ShaderRuntimeChecks, ShaderSource,
+    BindGroupLayout, BufferBindingType, ComputePipeline, ShaderModule, ShaderModuleDescriptor,
+    ShaderRuntimeChecks, ShaderSource,
 };
 
 /// A compiled kernel.
@@ -138,45 +137,4 @@ fn trusted(device: &wgpu::Device, kernel: &Kernel, code: Code) -> ShaderModule {
     // SAFETY: kernels stay within their buffers, whose sizes follow from a checked tree and a checked animation. Their
     // loops pop a finite stack, and no integer divisor can be zero.
     unsafe { device.create_shader_module_trusted(wgsl(kernel, code), checks) }
-}
-
-/// wgpu's pipeline cache and its file.
-pub(crate) struct PipelineCache {
-    wgpu: wgpu::PipelineCache,
-    file: CacheFile,
-}
-
-impl PipelineCache {
-    /// Loads the cache of this adapter and driver from a folder. Returns `None` without a folder, or if the device has
-    /// no pipeline cache.
-    pub(crate) fn open(
-        device: &wgpu::Device,
-        info: &AdapterInfo,
-        folder: Option<&Path>,
-    ) -> Option<Self> {
-        if !device.features().contains(Features::PIPELINE_CACHE) {
-            return None;
-        }
-        let mut file = CacheFile::new(folder?, &wgpu::util::pipeline_cache_key(info)?);
-        let data = file.load();
-        let desc = wgpu::PipelineCacheDescriptor {
-            label: Some("abvh"),
-            data: data.as_deref(),
-            fallback: true,
-        };
-        // SAFETY: the file's digest shows that wgpu wrote the data for this adapter; wgpu ignores data of another
-        // driver.
-        let wgpu = unsafe { device.create_pipeline_cache(&desc) };
-        Some(Self { wgpu, file })
-    }
-
-    pub(crate) fn wgpu(&self) -> &wgpu::PipelineCache {
-        &self.wgpu
-    }
-
-    /// Stores new entries.
-    pub(crate) fn store(&self) {
-        let data = self.wgpu.get_data();
-        data.iter().for_each(|data| self.file.store(data));
-    }
 }

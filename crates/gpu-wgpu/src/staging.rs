@@ -3,12 +3,12 @@
 //! wgpu's queue would allocate new memory for each write and fill it on this thread. Positions are still written by the
 //! queue: they are contiguous, and several threads were not faster.
 
-use crate::buffers::{Mapping, STAGING, copy_part, make, unmap, unreadable, write};
-use crate::gpu::Gpu;
+use crate::buffers::{Mapping, copy_part, unreadable, write};
+use crate::gpu::{Gpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
 use geom::{in_parallel, set_each};
-use gpu_common::with_slack;
+use gpu_common::{Staging, with_slack};
 use rayon::prelude::*;
 use wgpu::{Buffer, MapMode, WriteOnly};
 
@@ -23,27 +23,36 @@ const FEW: usize = 1 << 20;
 
 /// Buffers that the device reads or has read, with the mappings that make them writable again.
 #[derive(Default)]
-pub(crate) struct Staging(Vec<(Buffer, Mapping)>);
+pub(crate) struct StagingPool(Vec<(Buffer, Mapping)>);
 
-/// Writes the parts one after another. Returns `false` if they do not fit.
-pub(crate) fn fill(to: &mut Buffer, parts: &[&[u32]]) -> bool {
-    let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
-    if bytes as u64 > to.size() {
-        return false;
-    }
-    let Ok(mut view) = to.get_mapped_range_mut(..) else {
-        return false;
-    };
-    let mut rest = view.slice(..);
-    for part in parts {
-        let to = rest.split_off(..size_of_val(*part));
-        to.expect("there is room")
-            .copy_from_slice(bytemuck::cast_slice(part));
-    }
-    true
+/// A mapped buffer from which a tree is uploaded.
+pub struct StagingBuffer {
+    pub(crate) buffer: Buffer,
+    /// Bytes that were written.
+    pub(crate) filled: u64,
 }
 
-impl Staging {
+impl Staging for StagingBuffer {
+    fn fill(&mut self, parts: &[&[u32]]) -> bool {
+        let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
+        if bytes as u64 > self.buffer.size() {
+            return false;
+        }
+        let Ok(mut view) = self.buffer.get_mapped_range_mut(..) else {
+            return false;
+        };
+        let mut rest = view.slice(..);
+        for part in parts {
+            let to = rest.split_off(..size_of_val(*part));
+            to.expect("the parts fit")
+                .copy_from_slice(bytemuck::cast_slice(part));
+        }
+        self.filled = bytes as u64;
+        true
+    }
+}
+
+impl StagingPool {
     /// Returns a mapped buffer of at least `bytes`.
     pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
@@ -63,18 +72,19 @@ impl Staging {
         }
     }
 
-    /// Copies the first `bytes` bytes to a position in a buffer, before all later submissions.
+    /// Copies everything that was written to a position in a buffer, before all later submissions.
     pub(crate) fn send(
         &mut self,
         gpu: &Gpu,
-        (buffer, bytes): (Buffer, u64),
+        from: StagingBuffer,
         to: (&Buffer, u64),
     ) -> Result<()> {
+        let StagingBuffer { buffer, filled } = from;
         if !unmap(&gpu.device, &buffer) {
             return Err(gpu.faults.lose("what was written is gone".into()));
         }
         let mut encoder = gpu.encoder("an upload")?;
-        copy_part(gpu, &mut encoder, (&buffer, 0), to, bytes)?;
+        copy_part(gpu, &mut encoder, (&buffer, 0), to, filled)?;
         let mapping = Mapping::on_submit(&encoder, &buffer, MapMode::Write);
         gpu.submit([encoder])?;
         self.0.push((buffer, mapping));
@@ -104,7 +114,11 @@ impl Staging {
             let rows = most.min(count - begin);
             fill_rows(&piece, rows, |i| row(begin + i))?;
             let [filled, at] = [rows, begin].map(|rows| (rows * size_of::<T>()) as u64);
-            self.send(gpu, (piece, filled), (to, at))?;
+            let piece = StagingBuffer {
+                buffer: piece,
+                filled,
+            };
+            self.send(gpu, piece, (to, at))?;
         }
         Ok(())
     }

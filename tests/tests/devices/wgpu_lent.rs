@@ -80,7 +80,7 @@ pub(crate) fn a_lent_device_without_features_gives_the_same_hits() {
             checks_kernels,
             ..Options::default()
         };
-        let mut own = WgpuBackend::new(&options).unwrap();
+        let mut own = gpu_wgpu::open(&options).unwrap();
         assert!(
             answers(&mut own, &animation, &camera) == found,
             "{options:?}"
