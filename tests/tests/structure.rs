@@ -10,14 +10,13 @@ use std::process::Command;
 const EDGES: &str = "
 geom:
 host:
-exact: geom
 bvh-build: geom
 bvh-layout: bvh-build geom
 backend: bvh-layout geom
 shading: backend geom
 scene: geom host
 shaders: backend bvh-build bvh-layout geom
-cpu-ref: backend bvh-build bvh-layout exact geom
+cpu-ref: backend bvh-build bvh-layout geom
 cpu-simd: backend bvh-build bvh-layout cpu-ref geom
 gpu-common: backend bvh-layout geom host shaders
 gpu-vulkan: backend geom gpu-common host shaders

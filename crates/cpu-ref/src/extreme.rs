@@ -5,7 +5,7 @@
 use crate::Geometry;
 use crate::intersect::Asked;
 use crate::traverse::{Below, Tree};
-use exact::{Crossing, Line};
+use geom::exact::{ExactDistance, Line};
 use geom::{Aabb, Hit, Point, Ray, Triangle, is_active, is_degenerate, normal_signs, side_of};
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
@@ -24,7 +24,7 @@ pub enum Rule {
 #[inline(never)]
 pub fn closest<N: Tree>(asked: &Asked<'_, N>, rule: Rule) -> Option<Hit> {
     let line = line(asked)?;
-    let mut best: Option<(Crossing, u32)> = None;
+    let mut best: Option<(ExactDistance, u32)> = None;
     let mut bound = f64::from(asked.ray.t_max);
     visit(asked, &mut bound, |triangle, bound| {
         let Some(crossing) = rule.meet(&asked.geometry, &line, triangle) else {
@@ -53,7 +53,7 @@ impl Rule {
         geometry: &Geometry<'_>,
         line: &Line,
         triangle: u32,
-    ) -> Option<Crossing> {
+    ) -> Option<ExactDistance> {
         let corners = geometry.corners(triangle);
         if !is_active(&corners) || is_degenerate(&corners) {
             return None;
@@ -67,7 +67,7 @@ impl Rule {
         }
     }
 
-    fn order(self, a: &Crossing, b: &Crossing) -> Ordering {
+    fn order(self, a: &ExactDistance, b: &ExactDistance) -> Ordering {
         match self {
             Self::Closed => a.order(b),
             Self::Moved => a.t().total_cmp(&b.t()),

@@ -1,4 +1,4 @@
-//! Basic types of every crate: boxes, rays, hits, poses, cameras, animations.
+//! Basic types of every crate: boxes, rays, hits, poses, cameras, animations, exact predicates.
 //!
 //! Contains plain data and the few formulas whose rounding is specified, so that every backend reproduces them bit for
 //! bit. Contains no code for trees, devices or files.
@@ -6,6 +6,7 @@
 mod aabb;
 mod animation;
 mod camera;
+pub mod exact;
 mod key_frames;
 mod key_window;
 mod live_keys;

@@ -8,8 +8,8 @@ use super::{Asked, Search, TriangleTest};
 use crate::extreme::Rule;
 use crate::scale::{LEAST, Limits, PreparedRay};
 use crate::traverse::{Leaf, Stack, Tree};
-use exact::{Crossing, RoundedHit};
 use geom::Hit;
+use geom::exact::{ExactDistance, RoundedHit};
 use glam::Vec4;
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
@@ -183,8 +183,8 @@ impl Exact {
 /// Returns the crossing with the least exact `t`, then the least triangle index.
 fn first<N: Tree>(
     asked: &Asked<'_, N>,
-    crossings: impl Iterator<Item = (usize, Crossing)>,
-) -> Option<(usize, Crossing)> {
+    crossings: impl Iterator<Item = (usize, ExactDistance)>,
+) -> Option<(usize, ExactDistance)> {
     let triangle = |place: usize| asked.tree.triangle(place);
     crossings.reduce(|a, b| {
         let order = a.1.order(&b.1).then(triangle(a.0).cmp(&triangle(b.0)));
@@ -193,7 +193,7 @@ fn first<N: Tree>(
 }
 
 /// Returns the exact crossing with the triangle in a place.
-fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<Crossing> {
+fn meet<N: Tree>(asked: &Asked<'_, N>, place: usize) -> Option<ExactDistance> {
     let triangle = asked.tree.triangle(place)?;
     Rule::Closed.meet(&asked.geometry, &asked.line(), triangle)
 }

@@ -42,7 +42,7 @@ use crate::Geometry;
 use crate::extreme::Rule;
 use crate::scale::{PreparedRay, Scale};
 use crate::traverse::{Stack, Tree, meet_leaf};
-use ::exact::Line;
+use geom::exact::Line;
 use geom::{Hit, Ray, Triangle};
 use std::sync::atomic::AtomicU64;
 

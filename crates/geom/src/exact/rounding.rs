@@ -1,11 +1,11 @@
 //! Distances and weights in double precision, where error bounds prove how they round.
 
-use crate::{Line, RoundedHit};
-use geom::{Point, Triangle};
+use super::{Line, RoundedHit};
+use crate::{Point, Triangle};
 
 /// A number and a bound of its absolute error.
 #[derive(Clone, Copy)]
-struct Bounded {
+struct WithError {
     value: f64,
     error: f64,
 }
@@ -13,57 +13,64 @@ struct Bounded {
 /// Relative bound of a few roundings: eight units of `2^-53`.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// Implements [`Line::rounded_surely`].
-///
-/// Corners are sheared along the direction's largest component, as in the watertight test but without a division:
-/// `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to its distance.
-pub(crate) fn rounded_surely(line: &Line, corners: &Triangle) -> Option<RoundedHit> {
-    // A power of two within the normal range: `shift` is a scene's scale exponent, or the difference of two.
-    let scale = f64::from_bits(((1023 - line.shift) as u64) << 52);
-    let axes = axes_along(line.ray.direction);
-    let direction = axes.map(|k| f64::from(line.ray.direction[k]));
-    let origin = axes.map(|k| f64::from(line.ray.origin[k]));
-    let seen = corners.map(|corner| {
-        let at = |i: usize| f64::from(corner[axes[i]]) * scale - origin[i];
-        [at(0), at(1), at(2)]
-    });
-    let [a, b, c] = seen.map(|p| [0, 1].map(|i| sheared(p, direction, i)));
-    let [u, v, w] = [edge(c, b), edge(a, c), edge(b, a)];
-    let sum = Bounded {
-        value: u.value + v.value + w.value,
-        error: 2.0 * (u.error + v.error + w.error),
-    };
-    let depth = |i: usize| seen[i][2];
-    let deepest = depth(0).abs().max(depth(1).abs()).max(depth(2).abs());
-    let numerator = Bounded {
-        value: u.value * depth(0) + v.value * depth(1) + w.value * depth(2),
-        error: sum.error * deepest,
-    };
-    let denominator = Bounded {
-        value: sum.value * direction[2],
-        error: sum.error * direction[2].abs(),
-    };
-    Some(RoundedHit {
-        t: quotient(numerator, denominator)?,
-        u: quotient(v, sum)?,
-        v: quotient(w, sum)?,
-    })
+impl Line {
+    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
+    /// rounded once.
+    ///
+    /// Returns `None` if double precision cannot decide all three roundings.
+    pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
+        // Corners are sheared along the direction's largest component, as in the watertight test but without a division:
+        // `x * dz - dx * z`. Errors are then relative to the triangle's size along the other axes, not to its distance.
+        //
+        // The scale is a power of two within the normal range: `shift` is a scene's scale exponent, or the difference of two.
+        let scale = f64::from_bits(((1023 - self.shift) as u64) << 52);
+        let axes = axes_along(self.ray.direction);
+        let direction = axes.map(|k| f64::from(self.ray.direction[k]));
+        let origin = axes.map(|k| f64::from(self.ray.origin[k]));
+        let seen = corners.map(|corner| {
+            let at = |i: usize| f64::from(corner[axes[i]]) * scale - origin[i];
+            [at(0), at(1), at(2)]
+        });
+        let [a, b, c] = seen.map(|p| [0, 1].map(|i| sheared(p, direction, i)));
+        let [u, v, w] = [edge(c, b), edge(a, c), edge(b, a)];
+        let sum = WithError {
+            value: u.value + v.value + w.value,
+            error: 2.0 * (u.error + v.error + w.error),
+        };
+        let depth = |i: usize| seen[i][2];
+        let deepest = depth(0).abs().max(depth(1).abs()).max(depth(2).abs());
+        let numerator = WithError {
+            value: u.value * depth(0) + v.value * depth(1) + w.value * depth(2),
+            error: sum.error * deepest,
+        };
+        let denominator = WithError {
+            value: sum.value * direction[2],
+            error: sum.error * direction[2].abs(),
+        };
+        Some(RoundedHit {
+            t: quotient(numerator, denominator)?,
+            u: quotient(v, sum)?,
+            v: quotient(w, sum)?,
+        })
+    }
 }
 
 /// Returns the three axes, the axis of the largest component last.
 fn axes_along(direction: Point) -> [usize; 3] {
     let [x, y, z] = direction.map(f32::abs);
-    match () {
-        () if x >= y && x >= z => [1, 2, 0],
-        () if y >= z => [2, 0, 1],
-        () => [0, 1, 2],
+    if x >= y && x >= z {
+        [1, 2, 0]
+    } else if y >= z {
+        [2, 0, 1]
+    } else {
+        [0, 1, 2]
     }
 }
 
 /// Returns `x * dz - dx * z`. Differences, products and the final difference are rounded once each.
-fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> Bounded {
+fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> WithError {
     let (x, z) = (p[i] * direction[2], direction[i] * p[2]);
-    Bounded {
+    WithError {
         value: x - z,
         error: 0.5 * ROUNDING * (x.abs() + z.abs()),
     }
@@ -71,20 +78,20 @@ fn sheared(p: [f64; 3], direction: [f64; 3], i: usize) -> Bounded {
 
 /// Returns the edge function `px * qy - py * qx`. Its error includes eight more roundings, for the sums and products
 /// that follow.
-fn edge(p: [Bounded; 2], q: [Bounded; 2]) -> Bounded {
-    let product = |a: Bounded, b: Bounded| Bounded {
+fn edge(p: [WithError; 2], q: [WithError; 2]) -> WithError {
+    let product = |a: WithError, b: WithError| WithError {
         value: a.value * b.value,
         error: a.error * b.value.abs() + a.value.abs() * b.error + a.error * b.error,
     };
     let (l, r) = (product(p[0], q[1]), product(p[1], q[0]));
-    Bounded {
+    WithError {
         value: l.value - r.value,
         error: 1.01 * (l.error + r.error) + 2.0 * ROUNDING * (l.value.abs() + r.value.abs()),
     }
 }
 
 /// Returns the float to which all possible quotients round, or `None` if there are several.
-fn quotient(n: Bounded, d: Bounded) -> Option<f32> {
+fn quotient(n: WithError, d: WithError) -> Option<f32> {
     let q = n.value / d.value;
     let least = d.value.abs() - d.error;
     let error = (n.error + q.abs() * d.error) / least * 1.01 + ROUNDING * q.abs();
@@ -96,7 +103,7 @@ fn quotient(n: Bounded, d: Bounded) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geom::Ray;
+    use crate::Ray;
     use proptest::prelude::*;
 
     #[test]

@@ -5,14 +5,14 @@
 //! `f32` is an integer multiple of a power of two. So each decision is the sign of a sum of products of integers of any
 //! length, without rounding, overflow or underflow.
 
-use geom::{Point, Ray, Triangle};
+use crate::{Point, Ray, Triangle};
 use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::{Float, Signed, ToPrimitive, Zero};
 use std::cmp::Ordering;
 
-mod surely;
+mod rounding;
 
-type Vector = [BigInt; 3];
+type IntegerVector = [BigInt; 3];
 
 /// A ray to intersect with triangles that are scaled by a power of two.
 #[derive(Clone, Copy, Debug)]
@@ -34,9 +34,9 @@ pub struct RoundedHit {
     pub v: f32,
 }
 
-/// Exact intersection of a line and a triangle: `t = n / d * 2^e`.
+/// Exact distance to the intersection of a line and a triangle: `t = n / d * 2^e`.
 #[derive(Clone, Debug)]
-pub struct Crossing {
+pub struct ExactDistance {
     n: BigInt,
     /// Positive.
     d: BigInt,
@@ -46,12 +46,12 @@ pub struct Crossing {
 impl Line {
     /// Returns the intersection with the closed triangle, or `None` if the ray misses it or is in its plane.
     ///
-    /// The rounded [`t`](Crossing::t) is within the ray's open interval. So a ray that continues from a reported `t`
+    /// The rounded [`t`](ExactDistance::t) is within the ray's open interval. So a ray that continues from a reported `t`
     /// never hits the same triangle again. The ray must be [valid](Ray::is_valid) and the corners finite.
-    pub fn meet(&self, corners: &Triangle) -> Option<Crossing> {
-        let crossing = self.cross(corners, passes_within)?;
-        let t = crossing.t();
-        (self.ray.t_min < t && t < self.ray.t_max).then_some(crossing)
+    pub fn meet(&self, corners: &Triangle) -> Option<ExactDistance> {
+        let distance = self.cross(corners, passes_within)?;
+        let t = distance.t();
+        (self.ray.t_min < t && t < self.ray.t_max).then_some(distance)
     }
 
     /// Returns the intersection of a perturbed line with the triangle, at any `t`.
@@ -60,15 +60,15 @@ impl Line {
     /// closed surface is counted like a line through the interior of a triangle.
     ///
     /// The ray's origin is moved by `(e, e^2, e^3)` (simulation of simplicity: Edelsbrunner, Mücke 1990).
-    pub fn meet_moved(&self, corners: &Triangle) -> Option<Crossing> {
+    pub fn meet_moved(&self, corners: &Triangle) -> Option<ExactDistance> {
         self.cross(corners, moved_passes_within)
     }
 
     fn cross(
         &self,
         corners: &Triangle,
-        within: impl Fn(&Vector, [&Vector; 3]) -> bool,
-    ) -> Option<Crossing> {
+        within: impl Fn(&IntegerVector, [&IntegerVector; 3]) -> bool,
+    ) -> Option<ExactDistance> {
         if surely_misses(self, corners) {
             return None;
         }
@@ -79,13 +79,13 @@ impl Line {
         let normal = cross(&minus(&b, &a), &minus(&c, &a));
         let (n, d) = (dot(&a, &normal), dot(&direction, &normal));
         let (n, d) = if d.is_negative() { (-n, -d) } else { (n, d) };
-        (!d.is_zero()).then_some(Crossing { n, d, e })
+        (!d.is_zero()).then_some(ExactDistance { n, d, e })
     }
 
     /// Returns the direction and the corners relative to the origin, both as integers, and an exponent `e`.
     ///
     /// A quotient of positions over directions is scaled by `2^e`.
-    fn integers(&self, corners: &Triangle) -> (Vector, [Vector; 3], i32) {
+    fn integers(&self, corners: &Triangle) -> (IntegerVector, [IntegerVector; 3], i32) {
         let direction_unit = unit(&[self.ray.direction]);
         let direction = whole(self.ray.direction, direction_unit);
         let position_unit = unit(corners).min(unit(&[self.ray.origin]) + self.shift);
@@ -93,14 +93,6 @@ impl Line {
         let corners = corners.map(|p| minus(&whole(p, position_unit), &origin));
         let e = position_unit - self.shift - direction_unit;
         (direction, corners, e)
-    }
-
-    /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
-    /// rounded once.
-    ///
-    /// Returns `None` if double precision cannot decide all three roundings.
-    pub fn rounded_surely(&self, corners: &Triangle) -> Option<RoundedHit> {
-        surely::rounded_surely(self, corners)
     }
 
     /// Returns the distance and the weights where the line intersects a triangle that it [meets](Self::meet), each
@@ -148,14 +140,14 @@ fn surely_misses(line: &Line, corners: &Triangle) -> bool {
 }
 
 /// Returns whether the line from zero along `direction` intersects the closed triangle.
-fn passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
+fn passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
     let signs = sides(direction, [a, b, c]).map(|side| side.sign());
     !(signs.contains(&Sign::Plus) && signs.contains(&Sign::Minus))
 }
 
 /// Returns whether the line intersects the triangle after an infinitesimal move.
-fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
-    let side = |p: &Vector, q: &Vector| match dot(direction, &cross(p, q)).sign() {
+fn moved_passes_within(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> bool {
+    let side = |p: &IntegerVector, q: &IntegerVector| match dot(direction, &cross(p, q)).sign() {
         Sign::NoSign => {
             let by_move = cross(direction, &minus(q, p));
             let mut signs = by_move.iter().map(BigInt::sign);
@@ -168,7 +160,7 @@ fn moved_passes_within(direction: &Vector, [a, b, c]: [&Vector; 3]) -> bool {
 }
 
 /// Returns the side on which the line passes each edge: from `b` to `c`, from `c` to `a`, and from `a` to `b`.
-fn sides(direction: &Vector, [a, b, c]: [&Vector; 3]) -> [BigInt; 3] {
+fn sides(direction: &IntegerVector, [a, b, c]: [&IntegerVector; 3]) -> [BigInt; 3] {
     [(c, b), (a, c), (b, a)].map(|(p, q)| dot(direction, &cross(p, q)))
 }
 
@@ -189,13 +181,13 @@ fn rounded(n: &BigInt, d: &BigUint, e: i32) -> f32 {
     (bits * (half as f64).exp2() * ((e - half) as f64).exp2()) as f32
 }
 
-impl Crossing {
+impl ExactDistance {
     /// Returns `t`, rounded once, or infinity on overflow. Zero is always positive.
     pub fn t(&self) -> f32 {
         rounded(&self.n, self.d.magnitude(), self.e) + 0.0
     }
 
-    /// Compares two intersections by their order along the same line.
+    /// Compares the distances of two intersections with the same line.
     pub fn order(&self, other: &Self) -> Ordering {
         let least = self.e.min(other.e);
         let times = |one: &Self, d: &BigInt| (&one.n * d) << (one.e - least).unsigned_abs();
@@ -212,22 +204,22 @@ fn unit(points: &[Point]) -> i32 {
 }
 
 /// Returns a point in multiples of `2^unit`. `unit` must be at most the [`unit`] of the point.
-fn whole(point: Point, unit: i32) -> Vector {
+fn whole(point: Point, unit: i32) -> IntegerVector {
     point.map(|x| {
         let (m, e, sign) = x.integer_decode();
         BigInt::from(i64::from(sign) * m as i64) << (i32::from(e) - unit).unsigned_abs()
     })
 }
 
-fn minus(a: &Vector, b: &Vector) -> Vector {
+fn minus(a: &IntegerVector, b: &IntegerVector) -> IntegerVector {
     std::array::from_fn(|i| &a[i] - &b[i])
 }
 
-fn dot(a: &Vector, b: &Vector) -> BigInt {
+fn dot(a: &IntegerVector, b: &IntegerVector) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
-fn cross(a: &Vector, b: &Vector) -> Vector {
+fn cross(a: &IntegerVector, b: &IntegerVector) -> IntegerVector {
     std::array::from_fn(|i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         &a[j] * &b[k] - &a[k] * &b[j]
