@@ -4,7 +4,7 @@ mod trace;
 
 use crate::traces::as_given;
 use crate::tree::TreeBuffers;
-use crate::{Engine, GpuDevice, LastUse, Pending, Stage, Stale, check_kernels};
+use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
 use backend::{
     Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
     Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
@@ -228,7 +228,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let (gpu, current) = (&mut self.engine.gpu, self.tree.as_mut());
         let current = current.expect("a scene was loaded");
         let arrival = current.send(gpu, tree, generation)?;
-        gpu.has_finished(Pending::Use(LastUse { arrival, ticket: 0 }))
+        gpu.has_finished(PendingWork::Use(LastUse { arrival, ticket: 0 }))
     }
 
     fn wants_treelets(&self) -> bool {

@@ -112,7 +112,7 @@ pub enum Upload<'a, S> {
 
 /// Work whose end can be polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pending {
+pub enum PendingWork {
     /// A submission.
     Submission(Ticket),
     /// The copy of positions that a submission requested.
@@ -125,14 +125,14 @@ pub enum Pending {
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// It has finished.
-    Finished(Finished),
+    Finished(SubmissionOutput),
     /// The program dropped the command buffer that contains it, so it never runs.
     Dropped,
 }
 
 /// Output of a finished submission.
 #[derive(Clone, Debug, Default)]
-pub struct Finished {
+pub struct SubmissionOutput {
     /// Counts written by its kernels.
     pub counts: Counts,
     /// For each timestamp, the stage that runs from it to the next; `None` for work that is not timed.
@@ -265,7 +265,7 @@ pub trait GpuDevice: Send + Sized + 'static {
     fn submit(&mut self, recording: &mut RecordingOf<Self>, ticket: Ticket) -> Result<()>;
 
     /// Returns whether work has finished, or will never run. Never blocks.
-    fn has_finished(&self, work: Pending) -> Result<bool>;
+    fn has_finished(&self, work: PendingWork) -> Result<bool>;
 
     /// Blocks until the last use of a buffer, or with `None` all work, has finished. A use in a command buffer that the
     /// program has not submitted is not waited for.
@@ -289,7 +289,7 @@ pub(crate) fn has_ended<D: GpuDevice>(gpu: &D, last: LastUse, may_wait: bool) ->
     if may_wait {
         gpu.wait(Some(last))?;
     }
-    gpu.has_finished(Pending::Use(last))
+    gpu.has_finished(PendingWork::Use(last))
 }
 
 /// Reads the first `count` elements of a buffer.

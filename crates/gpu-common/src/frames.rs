@@ -2,7 +2,7 @@
 
 use crate::clock::StageSet;
 use crate::recorder::Recorder;
-use crate::{Clock, Finished, GpuDevice, Outcome, Pending, Trace};
+use crate::{Clock, GpuDevice, Outcome, PendingWork, SubmissionOutput, Trace};
 use backend::{BackendError, FRAMES_IN_FLIGHT, FrameReport, Result, StageTimes, Ticket};
 use shaders::{Extents, RasterBackoff, TreeStats};
 use std::collections::VecDeque;
@@ -24,7 +24,7 @@ pub struct Frames<D: GpuDevice> {
     /// Number of further submissions that contain a trace for which a submission is remembered.
     kept: usize,
     /// Remembered submissions, oldest first.
-    ledger: VecDeque<Submission<D>>,
+    ledger: VecDeque<SubmissionRecord<D>>,
     /// Latest results of `preprocess` and `refit`.
     tree_stats: TreeStats,
     /// Latest results of traces by rasterization.
@@ -34,7 +34,7 @@ pub struct Frames<D: GpuDevice> {
     clock: Clock,
 }
 
-struct Submission<D: GpuDevice> {
+struct SubmissionRecord<D: GpuDevice> {
     ticket: Ticket,
     traces: Vec<Trace<D>>,
     /// Whether it has traces that were not released.
@@ -171,7 +171,7 @@ impl<D: GpuDevice> Frames<D> {
         self.submitted = ticket;
         let mut traces = std::mem::take(&mut self.pending);
         traces.append(&mut self.refused);
-        self.ledger.push_back(Submission {
+        self.ledger.push_back(SubmissionRecord {
             ticket,
             is_traced: !traces.is_empty(),
             is_released: false,
@@ -200,7 +200,7 @@ impl<D: GpuDevice> Frames<D> {
         for ticket in self.under_way().collect::<Vec<_>>() {
             // An error is returned again when the program waits for the submission.
             let has_finished = gpu
-                .has_finished(Pending::Submission(ticket))
+                .has_finished(PendingWork::Submission(ticket))
                 .unwrap_or(false);
             if has_finished && let Ok(false) = self.finish_one(gpu, ticket) {
                 self.submission_mut(ticket).report = Some(FrameReport::default());
@@ -210,7 +210,7 @@ impl<D: GpuDevice> Frames<D> {
         dropped
     }
 
-    fn submission_mut(&mut self, ticket: Ticket) -> &mut Submission<D> {
+    fn submission_mut(&mut self, ticket: Ticket) -> &mut SubmissionRecord<D> {
         let mut ledger = self.ledger.iter_mut();
         let found = ledger.find(|s| s.ticket == ticket);
         found.expect("unfinished submissions are remembered")
@@ -255,7 +255,7 @@ impl<D: GpuDevice> Frames<D> {
     fn finish_one(&mut self, gpu: &mut D, ticket: Ticket) -> Result<bool> {
         let outcome = gpu.finish(ticket)?;
         self.replaced.retain(|(last, _)| *last > ticket);
-        let Outcome::Finished(Finished {
+        let Outcome::Finished(SubmissionOutput {
             counts,
             marks,
             ticks,
@@ -300,7 +300,7 @@ impl<D: GpuDevice> Frames<D> {
         let submission = found.expect("this ticket was never given, or was given too long ago");
         match submission.report {
             Some(_) => Ok(true),
-            None => gpu.has_finished(Pending::Submission(ticket)),
+            None => gpu.has_finished(PendingWork::Submission(ticket)),
         }
     }
 

@@ -35,15 +35,15 @@ pub use buffers::{refuse_above, without};
 pub use clock::{Clock, Stage};
 pub use compute::ComputeBackend;
 pub use device::{
-    BufferSize, DeviceInfo, Finished, GpuDevice, KernelLimit, LentBuffers, LentRays, MemoryReport,
-    Options, Outcome, Pending, PointsCopy, RecordingOf, Staging, Upload, Validation, check_kernels,
-    read_parts,
+    BufferSize, DeviceInfo, GpuDevice, KernelLimit, LentBuffers, LentRays, MemoryReport, Options,
+    Outcome, PendingWork, PointsCopy, RecordingOf, Staging, SubmissionOutput, Upload, Validation,
+    check_kernels, read_parts,
 };
 pub use engine::{Engine, Stale};
 pub use frames::Frames;
 pub use pipelines::{KernelCode, Pipelines, compile_door, device_door};
 pub use pool::{LastUse, Pool, with_slack};
 pub use recorder::Recorder;
-pub use recording::{BoundBuffer, Command, Dispatch, PositionsCopy, Recording};
+pub use recording::{BoundBuffer, Dispatch, PositionsCopy, RecordedCommand, Recording};
 pub use scene::SceneBuffers;
 pub use traces::{Trace, are_given};

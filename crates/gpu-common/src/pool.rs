@@ -22,9 +22,9 @@ pub struct LastUse {
 }
 
 /// Buffers of one kind with their last uses.
-pub struct Pool<B>(Vec<Spare<B>>);
+pub struct Pool<B>(Vec<PooledBuffer<B>>);
 
-struct Spare<B> {
+struct PooledBuffer<B> {
     buffer: B,
     size: BufferSize,
     last: LastUse,
@@ -39,7 +39,7 @@ impl<B> Default for Pool<B> {
 impl<B> Pool<B> {
     /// Adds a buffer.
     pub fn put(&mut self, buffer: B, size: BufferSize, last: LastUse) {
-        self.0.push(Spare { buffer, size, last });
+        self.0.push(PooledBuffer { buffer, size, last });
     }
 
     /// Returns a buffer of at least `bytes` that was used before. Returns `None` if the pool has no unused buffer, or if
@@ -62,7 +62,7 @@ impl<B> Pool<B> {
         &mut self,
         most: usize,
         has_ended: impl Fn(LastUse, bool) -> Result<bool>,
-    ) -> Result<Option<Spare<B>>> {
+    ) -> Result<Option<PooledBuffer<B>>> {
         for i in 0..self.0.len() {
             if has_ended(self.0[i].last, false)? {
                 return Ok(Some(self.0.remove(i)));

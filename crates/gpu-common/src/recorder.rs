@@ -3,7 +3,7 @@
 use crate::clock::StageSet;
 use crate::recording::is_of_submission;
 use crate::{
-    Command, DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordingOf, Stage,
+    DeviceInfo, Dispatch, GpuDevice, Pipelines, PositionsCopy, RecordedCommand, RecordingOf, Stage,
 };
 use backend::{BackendError, Result, Ticket};
 use shaders::work::Work;
@@ -81,7 +81,7 @@ impl<D: GpuDevice> Recorder<D> {
         work.iter().try_for_each(|w| groups(w).map(|_| ()))?;
         let commands = &mut self.recording.commands;
         if stage == Some(Stage::Preprocess) && self.stages.contains(Stage::Preprocess) {
-            commands.push(Command::ClearCounts(LEAF_COUNTS));
+            commands.push(RecordedCommand::ClearCounts(LEAF_COUNTS));
         }
         for work in work {
             let buffers = &mut self.recording.buffers;
@@ -89,7 +89,7 @@ impl<D: GpuDevice> Recorder<D> {
             let names = work.kernel.bindings.iter().map(|b| b.name);
             let names = names.filter(|name| !is_of_submission(*name));
             buffers.extend(names.map(|name| D::bind(find(name))));
-            commands.push(Command::Dispatch(Dispatch {
+            commands.push(RecordedCommand::Dispatch(Dispatch {
                 work: *work,
                 pipeline: Arc::clone(pipelines.get(work.kernel)),
                 buffers: first..buffers.len(),
@@ -107,7 +107,7 @@ impl<D: GpuDevice> Recorder<D> {
     pub fn record_native(&mut self, stage: Stage, command: Option<D::Native>) {
         self.close();
         let commands = &mut self.recording.commands;
-        commands.extend(command.map(Command::Native));
+        commands.extend(command.map(RecordedCommand::Native));
         self.end(stage);
     }
 
@@ -120,14 +120,16 @@ impl<D: GpuDevice> Recorder<D> {
 
     fn end(&mut self, stage: Stage) {
         self.stages.insert(stage);
-        self.recording.commands.push(Command::EndStage(stage));
+        self.recording
+            .commands
+            .push(RecordedCommand::EndStage(stage));
     }
 
     /// Records that the positions recorded so far are copied to the host.
     pub(crate) fn split(&mut self) {
         if self.splits {
             self.close();
-            self.recording.commands.push(Command::Split);
+            self.recording.commands.push(RecordedCommand::Split);
         }
     }
 

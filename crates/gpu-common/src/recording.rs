@@ -13,10 +13,10 @@ use std::sync::Arc;
 /// Every recording begins with counts of 0.
 pub struct Recording<P, B, N> {
     /// Commands in order.
-    pub commands: Vec<Command<P, N>>,
+    pub commands: Vec<RecordedCommand<P, N>>,
     /// Buffers of all dispatches. See [`Dispatch::buffers`].
     pub buffers: Vec<B>,
-    /// Positions to copy to the host, and their bytes. The copy waits only for the commands before [`Command::Split`].
+    /// Positions to copy to the host, and their bytes. The copy waits only for the commands before [`RecordedCommand::Split`].
     pub positions: Option<PositionsCopy<B>>,
     /// Number of the upload that must have finished before the commands run; 0 for no upload.
     pub after_upload: u64,
@@ -34,7 +34,7 @@ pub struct PositionsCopy<B> {
 }
 
 /// A command of a [`Recording`].
-pub enum Command<P, N> {
+pub enum RecordedCommand<P, N> {
     /// Runs a kernel.
     Dispatch(Dispatch<P>),
     /// Ends a stage. The commands since the previous end are timed as this stage.

@@ -1,6 +1,6 @@
 //! Copies of positions for the builder.
 
-use crate::{GpuDevice, Pending};
+use crate::{GpuDevice, PendingWork};
 use backend::{Result, Snapshot, Ticket};
 use std::collections::VecDeque;
 
@@ -32,7 +32,7 @@ impl Snapshots {
     ) -> Result<(usize, Option<Ticket>)> {
         let mut busy_until = [None; 2];
         for (i, (ticket, position)) in self.under_way.iter().enumerate() {
-            if !gpu.has_finished(Pending::Positions(*ticket))? {
+            if !gpu.has_finished(PendingWork::Positions(*ticket))? {
                 busy_until[*position] = Some(i);
             }
         }
@@ -61,7 +61,7 @@ impl Snapshots {
         let Some(&(ticket, _)) = self.under_way.front() else {
             return Ok(None);
         };
-        if !gpu.has_finished(Pending::Positions(ticket))? {
+        if !gpu.has_finished(PendingWork::Positions(ticket))? {
             return Ok(None);
         }
         self.under_way.pop_front();

@@ -1,7 +1,7 @@
 //! The devices that Vulkan offers on this machine.
 
 use crate::instance::Host;
-use crate::limits::Limits;
+use crate::limits::DeviceLimits;
 use crate::queues::Queues;
 use ash::vk;
 use backend::{AdapterInfo, DeviceKind, Result};
@@ -36,7 +36,7 @@ fn describe(host: &Host, index: usize, device: vk::PhysicalDevice) -> AdapterInf
         s.map_or_else(|_| String::new(), |s| s.to_string_lossy().into_owned())
     };
     let (name, info) = (driver.driver_name_as_c_str(), driver.driver_info_as_c_str());
-    let mut limits = Limits::of(host, device).named();
+    let mut limits = DeviceLimits::of(host, device).named();
     if let Ok(queues) = Queues::find(host, device) {
         limits.extend(queues.named());
     }

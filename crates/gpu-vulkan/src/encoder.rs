@@ -2,13 +2,13 @@
 
 use crate::commands::{ALL, BUILDS, COPIES, Commands, HOST, KERNELS, RAYS};
 use crate::gpu::Gpu;
-use crate::marks::Marks;
+use crate::marks::Timestamps;
 use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pages::Pages;
 use crate::pipelines::{Layouts, Pipeline};
 use ash::vk;
 use backend::Result;
-use gpu_common::{BoundBuffer, Command, Dispatch, Finished, Recording, Stage};
+use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording, Stage, SubmissionOutput};
 use shaders::{BufferName, Counts, Params};
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,14 +17,14 @@ use std::sync::Arc;
 pub(crate) type VulkanRecording = Recording<Pipeline, BufferRange, NativeCommand>;
 
 /// A function that records Vulkan's own commands. It keeps its resources alive only until it was called.
-pub type NativeCommand = Box<dyn FnOnce(&mut Encoder) -> Result<()> + Send>;
+pub type NativeCommand = Box<dyn FnOnce(&mut RecordingEncoder) -> Result<()> + Send>;
 
 /// Resources of one submission at a time: command buffers, parameters, timestamps and counts.
-pub struct Encoder {
+pub struct RecordingEncoder {
     /// Recorded command buffers.
     pub commands: Commands,
     pages: Pages,
-    marks: Marks,
+    marks: Timestamps,
     /// Whether kernels were recorded since the last barrier.
     launched: bool,
     counts: Buffer,
@@ -43,12 +43,12 @@ struct BoundSet {
 
 const COUNTS: u64 = size_of::<Counts>() as u64;
 
-impl Encoder {
+impl RecordingEncoder {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Ok(Self {
             commands: Commands::new(gpu, gpu.families[0])?,
             pages: Pages::new(gpu),
-            marks: Marks::new(gpu),
+            marks: Timestamps::new(gpu),
             launched: false,
             counts: Buffer::new(gpu, "counts", COUNTS, BufferUse::Device)?,
             counts_back: Buffer::new(gpu, "counts", COUNTS, BufferUse::Readback)?,
@@ -64,19 +64,19 @@ impl Encoder {
         let mut last = None;
         for command in commands.drain(..) {
             match command {
-                Command::Dispatch(dispatch) => {
+                RecordedCommand::Dispatch(dispatch) => {
                     last = Some(self.dispatch(recording, &dispatch, last)?);
                 }
-                Command::EndStage(stage) => self.end_stage(stage)?,
-                Command::ClearCounts(bytes) => {
+                RecordedCommand::EndStage(stage) => self.end_stage(stage)?,
+                RecordedCommand::ClearCounts(bytes) => {
                     self.commands.barrier(KERNELS, COPIES);
                     self.fill_counts(bytes);
                 }
-                Command::Split => {
+                RecordedCommand::Split => {
                     self.commands.end()?;
                     self.commands.begin()?;
                 }
-                Command::Native(record) => record(self)?,
+                RecordedCommand::Native(record) => record(self)?,
             }
         }
         // The vector keeps its capacity.
@@ -215,8 +215,8 @@ impl Encoder {
     }
 
     /// Returns the output of the finished submission.
-    pub(crate) fn finished(&self) -> Result<Finished> {
-        Ok(Finished {
+    pub(crate) fn finished(&self) -> Result<SubmissionOutput> {
+        Ok(SubmissionOutput {
             counts: self.counts_back.read::<Counts>(1)[0],
             marks: self.marks.stages.clone(),
             ticks: self.marks.read()?,

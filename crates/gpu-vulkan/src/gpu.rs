@@ -3,7 +3,7 @@
 use crate::allocator::Memory;
 use crate::errors::failed;
 use crate::instance::Host;
-use crate::limits::{Extras, Limits};
+use crate::limits::{DeviceLimits, Extras};
 use crate::pipeline_cache::PipelineCache;
 use crate::queues::{QueueIndex, QueueSet, Queues};
 use crate::sharing::{self, Import};
@@ -26,7 +26,7 @@ pub struct Gpu {
     pub families: Vec<u32>,
     /// Description of the adapter.
     pub adapter: AdapterInfo,
-    pub(crate) limits: Limits,
+    pub(crate) limits: DeviceLimits,
     /// Valid bits of a timestamp; 0 without a clock.
     pub(crate) timestamp_bits: u32,
     pub(crate) extras: Extras,
@@ -77,7 +77,7 @@ impl Gpu {
     ) -> Result<Arc<Self>> {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
-        let limits = Limits::of(&host, physical);
+        let limits = DeviceLimits::of(&host, physical);
         limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical)?;

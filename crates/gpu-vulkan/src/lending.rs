@@ -3,7 +3,7 @@
 use crate::external::ExternalMemory;
 use crate::lent::{POINT, Signal};
 use crate::memory::{Buffer, BufferUse};
-use crate::timeline::{Batch, Timeline, submit};
+use crate::timeline::{QueueBatch, Timeline, submit};
 use crate::vulkan_device::VulkanDevice;
 use backend::{BackendError, Result};
 use geom::Point;
@@ -127,7 +127,7 @@ impl VulkanDevice {
             .signals
             .iter()
             .filter(|signal| !signal.is_submitted);
-        let batches = open.map(|signal| Batch {
+        let batches = open.map(|signal| QueueBatch {
             commands: None,
             after: &after,
             done: signal.timeline.at(signal.value),

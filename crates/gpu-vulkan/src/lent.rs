@@ -1,7 +1,7 @@
 //! Resources lent by the device's owner: positions, rays, memory for hits, and timeline semaphores.
 
 use crate::memory::Buffer;
-use crate::timeline::{Moment, Timeline};
+use crate::timeline::{SemaphoreValue, Timeline};
 use crate::transfer::Transfer;
 use ash::vk;
 use backend::Result;
@@ -14,12 +14,12 @@ pub(crate) const POINT: u64 = size_of::<Point>() as u64;
 
 /// The resources that were lent last.
 #[derive(Default)]
-pub(crate) struct Lent {
+pub(crate) struct LentResources {
     pub(crate) points: LentPoints,
     /// Rays of the next query.
     pub(crate) buffers: LentBuffers<Buffer>,
     /// Moments that must be reached before lent memory is read or written.
-    pub(crate) waits: Vec<Moment>,
+    pub(crate) waits: Vec<SemaphoreValue>,
     /// Signals that are not known to have been reached.
     pub(crate) signals: Vec<Signal>,
 }
@@ -50,7 +50,7 @@ impl LentPoints {
     }
 }
 
-impl Lent {
+impl LentResources {
     /// Returns the parts of `runs` that come from the host.
     pub(crate) fn others(&self, runs: &[Range<usize>]) -> Vec<Range<usize>> {
         without(runs, &self.points.runs)

@@ -43,7 +43,7 @@ mod validation;
 mod vulkan_device;
 
 pub use adapters::{adapters, all};
-pub use encoder::{Encoder, NativeCommand};
+pub use encoder::{NativeCommand, RecordingEncoder};
 pub use gpu_common::LentRays;
 pub use pipelines::{Layouts, descriptor_type, with_module};
 pub use vulkan_device::{VulkanBackend, VulkanDevice, open};

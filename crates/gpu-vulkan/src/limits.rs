@@ -9,7 +9,7 @@ use shaders::{Kernel, storage_buffers};
 
 /// Limits that a scene, a query or a kernel may exceed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Limits {
+pub(crate) struct DeviceLimits {
     /// `maxStorageBufferRange`, bytes.
     pub(crate) storage_range: u64,
     /// `maxMemoryAllocationSize`, bytes.
@@ -25,7 +25,7 @@ pub(crate) struct Limits {
     pub(crate) tick_ns: f64,
 }
 
-impl Limits {
+impl DeviceLimits {
     pub(crate) fn of(host: &Host, device: vk::PhysicalDevice) -> Self {
         let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
         let mut p = vk::PhysicalDeviceProperties2::default().push_next(&mut p11);
@@ -155,7 +155,7 @@ fn subgroups(host: &Host, device: vk::PhysicalDevice) -> Option<u32> {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: DeviceLimits = DeviceLimits {
         storage_range: 1 << 27,
         allocation: 1 << 30,
         groups: 65535,
@@ -172,7 +172,7 @@ mod tests {
         let expected =
             "hits (bytes, maxStorageBufferRange) needs 134217744, the limit is 134217728";
         assert_eq!(refused.to_string(), expected);
-        let generous = Limits {
+        let generous = DeviceLimits {
             storage_range: u64::from(u32::MAX),
             ..LIMITS
         };
@@ -186,7 +186,7 @@ mod tests {
     fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
         let always = |k: &Kernel| !k.makes_trees() && !k.refits_treelets();
         assert_eq!(LIMITS.admit_kernels(always), Ok(()));
-        let poor = Limits {
+        let poor = DeviceLimits {
             storage_buffers: 3,
             ..LIMITS
         };

@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 /// A compiled kernel.
 pub struct Pipeline {
-    pub(crate) kernel: &'static Kernel,
     pub(crate) vk: vk::Pipeline,
     pub(crate) layouts: Layouts,
     gpu: Arc<Gpu>,
@@ -25,7 +24,6 @@ impl Pipeline {
             compile(gpu, kernel, module, layouts.pipeline)
         })?;
         Ok(Self {
-            kernel,
             vk,
             layouts,
             gpu: Arc::clone(gpu),

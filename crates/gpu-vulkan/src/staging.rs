@@ -39,11 +39,11 @@ impl Staging for StagingBuffer {
 }
 
 /// Progress of uploads and submissions.
-pub(crate) type Done<'a> = (&'a Transfer, &'a Timeline);
+pub(crate) type QueueProgress<'a> = (&'a Transfer, &'a Timeline);
 
 /// Returns whether the last use of a buffer has finished. Waits for it first if `may_wait` is set.
 pub(crate) fn has_ended(
-    (uploads, submissions): Done<'_>,
+    (uploads, submissions): QueueProgress<'_>,
     last: LastUse,
     may_wait: bool,
 ) -> Result<bool> {
@@ -70,7 +70,7 @@ impl StagingPool {
     pub(crate) fn take(
         &mut self,
         gpu: &Arc<Gpu>,
-        done: Done<'_>,
+        done: QueueProgress<'_>,
         bytes: u64,
     ) -> Result<StagingBuffer> {
         let has_ended = |last, may_wait| has_ended(done, last, may_wait);
@@ -98,7 +98,7 @@ impl StagingPool {
 }
 
 /// Positions or other bytes that the readback queue copies to the host.
-pub(crate) struct HostCopy {
+pub(crate) struct ReadbackCopy {
     pub(crate) buffer: Buffer,
     /// Timeline value of the copy.
     pub(crate) done_at: u64,

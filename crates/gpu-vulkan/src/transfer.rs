@@ -3,7 +3,7 @@
 use crate::commands::{COPIES, Commands, HOST};
 use crate::gpu::{Gpu, Queue};
 use crate::memory::{Buffer, BufferUse};
-use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use ash::vk;
 use backend::Result;
 use std::ops::Range;
@@ -19,12 +19,12 @@ pub struct Transfer {
     pub(crate) queue: Arc<Queue>,
     /// Value of the copy that started last.
     pub last: u64,
-    lanes: Vec<Lane>,
+    lanes: Vec<TransferCommands>,
     gpu: Arc<Gpu>,
 }
 
 /// A command buffer, and the timeline value at which it can be reused.
-struct Lane {
+struct TransferCommands {
     commands: Commands,
     busy_until: u64,
 }
@@ -46,7 +46,7 @@ impl Transfer {
         &mut self,
         buffers: [vk::Buffer; 2],
         parts: &[(Range<u64>, u64)],
-        after: Option<Moment>,
+        after: Option<SemaphoreValue>,
     ) -> Result<u64> {
         let regions = parts.iter().flat_map(|(bytes, at)| pieces(bytes, *at));
         let regions: Vec<_> = regions.collect();
@@ -63,7 +63,7 @@ impl Transfer {
     pub(crate) fn start_in_order(
         &mut self,
         copies: &[([vk::Buffer; 2], Vec<vk::BufferCopy>)],
-        after: &[Moment],
+        after: &[SemaphoreValue],
     ) -> Result<u64> {
         self.start_recorded(after, |commands| {
             for (buffers, regions) in copies {
@@ -73,7 +73,11 @@ impl Transfer {
         })
     }
 
-    fn start_recorded(&mut self, after: &[Moment], record: impl FnOnce(&Commands)) -> Result<u64> {
+    fn start_recorded(
+        &mut self,
+        after: &[SemaphoreValue],
+        record: impl FnOnce(&Commands),
+    ) -> Result<u64> {
         let lane = self.free_lane()?;
         let commands = &mut self.lanes[lane].commands;
         commands.reset()?;
@@ -82,7 +86,7 @@ impl Transfer {
         commands.barrier(COPIES, HOST);
         commands.end()?;
         let value = self.last + 1;
-        let batch = Batch {
+        let batch = QueueBatch {
             commands: Some(commands.vk()),
             after,
             done: self.done.at(value),
@@ -99,7 +103,7 @@ impl Transfer {
                 return Ok(i);
             }
         }
-        self.lanes.push(Lane {
+        self.lanes.push(TransferCommands {
             commands: Commands::new(&self.gpu, self.queue.family)?,
             busy_until: 0,
         });

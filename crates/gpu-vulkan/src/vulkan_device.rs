@@ -1,16 +1,16 @@
 //! The implementation of [`GpuDevice`] for Vulkan.
 
 use crate::adapters::all;
-use crate::encoder::{Encoder, NativeCommand, VulkanRecording};
+use crate::encoder::{NativeCommand, RecordingEncoder, VulkanRecording};
 use crate::gpu::{Gpu, Queue};
 use crate::instance::Host;
-use crate::lent::Lent;
+use crate::lent::LentResources;
 use crate::memory::{Buffer, BufferRange, BufferUse};
 use crate::pipelines::Pipeline;
 use crate::staging::{
-    HostCopy, HostPoints, KeysRead, StagingBuffer, StagingPool, bytes_of, has_ended,
+    HostPoints, KeysRead, ReadbackCopy, StagingBuffer, StagingPool, bytes_of, has_ended,
 };
-use crate::timeline::{Batch, Moment, Timeline, submit};
+use crate::timeline::{QueueBatch, SemaphoreValue, Timeline, submit};
 use crate::transfer::{Transfer, load};
 use crate::validation::messages;
 use ash::vk;
@@ -19,7 +19,7 @@ use bytemuck::Pod;
 use geom::{KeyFrame, PointBuffer};
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    MemoryReport, Options, Outcome, Pending, Pool, Staging, Upload, read_parts,
+    MemoryReport, Options, Outcome, PendingWork, Pool, Staging, Upload, read_parts,
 };
 use shaders::{BufferName, Packets};
 use std::collections::VecDeque;
@@ -56,7 +56,7 @@ pub struct VulkanDevice {
     /// Copies to the host.
     pub readback: Transfer,
     /// One for each unfinished submission.
-    encoders: Vec<Encoder>,
+    encoders: Vec<RecordingEncoder>,
     /// Host-visible buffers for reads of device buffers.
     views: Vec<Buffer>,
     tree_staging: StagingPool,
@@ -66,10 +66,10 @@ pub struct VulkanDevice {
     pub(crate) outgrown: Pool<Buffer>,
     spares: Spares<HostPoints>,
     /// Copies of positions that were not taken, by the submission that requested them.
-    copies: VecDeque<(Ticket, HostCopy)>,
+    copies: VecDeque<(Ticket, ReadbackCopy)>,
     /// Value of `upload` for results that were written to lent memory, if the next submission must wait for it; else 0.
     answers_at: u64,
-    pub(crate) lent: Lent,
+    pub(crate) lent: LentResources,
     /// The logical device and its memory.
     pub gpu: Arc<Gpu>,
 }
@@ -87,7 +87,7 @@ impl VulkanDevice {
             upload: Transfer::new(gpu, queues.upload)?,
             readback: Transfer::new(gpu, queues.readback)?,
             encoders: (0..FRAMES_IN_FLIGHT)
-                .map(|_| Encoder::new(gpu))
+                .map(|_| RecordingEncoder::new(gpu))
                 .collect::<Result<_>>()?,
             views: Vec::new(),
             tree_staging: StagingPool::new("the tree's record"),
@@ -97,7 +97,7 @@ impl VulkanDevice {
             spares: Spares::default(),
             copies: VecDeque::new(),
             answers_at: 0,
-            lent: Lent::default(),
+            lent: LentResources::default(),
             gpu: Arc::clone(gpu),
         })
     }
@@ -110,12 +110,12 @@ impl VulkanDevice {
     }
 
     /// Returns the encoder of a submission.
-    fn encoder(&mut self, ticket: Ticket) -> &mut Encoder {
+    fn encoder(&mut self, ticket: Ticket) -> &mut RecordingEncoder {
         let count = self.encoders.len();
         &mut self.encoders[ticket.0 as usize % count]
     }
 
-    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<ReadbackCopy> {
         let size = bytes.end - bytes.start;
         let buffer = match self.views.iter().position(|view| view.bytes >= size) {
             Some(i) => self.views.swap_remove(i),
@@ -127,7 +127,7 @@ impl VulkanDevice {
         };
         let buffers = [from.vk, buffer.vk];
         let done_at = self.readback.start(buffers, &[(bytes, 0)], None)?;
-        Ok(HostCopy { buffer, done_at })
+        Ok(ReadbackCopy { buffer, done_at })
     }
 
     /// Starts the upload of runs of a key frame, from the host and from external memory.
@@ -147,7 +147,7 @@ impl VulkanDevice {
         Ok(self.copy_points(Some(to))?.unwrap_or(sent))
     }
 
-    /// Copies lent positions: see [`Lent::copy_points`].
+    /// Copies lent positions: see [`LentResources::copy_points`].
     pub(crate) fn copy_points(&mut self, key: Option<&Buffer>) -> Result<Option<u64>> {
         self.lent
             .copy_points(&mut self.upload, &mut self.outgrown, key)
@@ -178,7 +178,7 @@ impl VulkanDevice {
         Ok(())
     }
 
-    fn copy_of(&self, ticket: Ticket) -> Option<&HostCopy> {
+    fn copy_of(&self, ticket: Ticket) -> Option<&ReadbackCopy> {
         let found = self.copies.iter().find(|(of, _)| *of == ticket);
         found.map(|(_, copy)| copy)
     }
@@ -191,10 +191,10 @@ impl VulkanDevice {
         let unread = recording.overwrites.and_then(|ticket| self.copy_of(ticket));
         let unread = unread.map(|copy| self.readback.done.at(copy.done_at));
         let after = arrival.into_iter().chain(unread);
-        let after: Vec<Moment> = after.chain(self.lent.waits.iter().copied()).collect();
+        let after: Vec<SemaphoreValue> = after.chain(self.lent.waits.iter().copied()).collect();
         let (done, first_part) = (self.done.at(ticket.0), self.first_part.at(ticket.0));
         let parts = self.encoder(ticket).commands.all();
-        let batch = |(i, &commands)| Batch {
+        let batch = |(i, &commands)| QueueBatch {
             commands: Some(commands),
             after: if i == 0 { &after } else { &[] },
             done: if i + 1 == parts.len() {
@@ -369,21 +369,21 @@ impl GpuDevice for VulkanDevice {
             let (buffers, all) = ([positions.from.vk, buffer.vk], [(0..positions.bytes, 0)]);
             let done_at = self.readback.start(buffers, &all, Some(ready))?;
             self.copies
-                .push_back((ticket, HostCopy { buffer, done_at }));
+                .push_back((ticket, ReadbackCopy { buffer, done_at }));
         }
         Ok(())
     }
 
-    fn has_finished(&self, work: Pending) -> Result<bool> {
+    fn has_finished(&self, work: PendingWork) -> Result<bool> {
         match work {
-            Pending::Submission(ticket) => self.done.has_reached(ticket.0),
-            Pending::Positions(ticket) => {
+            PendingWork::Submission(ticket) => self.done.has_reached(ticket.0),
+            PendingWork::Positions(ticket) => {
                 let copy = self.copy_of(ticket);
                 copy.map_or(Ok(true), |copy| {
                     self.readback.done.has_reached(copy.done_at)
                 })
             }
-            Pending::Use(last) => has_ended((&self.upload, &self.done), last, false),
+            PendingWork::Use(last) => has_ended((&self.upload, &self.done), last, false),
         }
     }
 
@@ -424,7 +424,7 @@ impl GpuDevice for VulkanDevice {
         self.key_staging.free = Pool::default();
         self.outgrown = Pool::default();
         self.keys_read = KeysRead::default();
-        (self.spares, self.lent) = (Spares::default(), Lent::default());
+        (self.spares, self.lent) = (Spares::default(), LentResources::default());
         self.views.clear();
         self.copies.clear();
         self.answers_at = 0;

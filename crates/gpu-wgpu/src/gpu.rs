@@ -3,7 +3,7 @@
 use crate::adapters::{enumerate, instance, kind, takes_spirv};
 use crate::faults::Faults;
 use crate::limits::{check, generous, span, useful_features};
-use crate::pipeline_cache::PipelineCache;
+use crate::pipeline_cache::AdapterPipelineCache;
 use backend::{AdapterInfo, BackendError, DeviceKind, Result};
 use geom::lock;
 use gpu_common::{Options, Validation, device_door, refuse_above};
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 use wgpu::{Buffer, BufferUsages, ErrorFilter, Features, PollType, SubmissionIndex};
 
 /// A device with its queue, limits and features.
-pub(crate) struct Gpu {
+pub(crate) struct OpenGpu {
     pub(crate) queue: wgpu::Queue,
     pub(crate) info: wgpu::AdapterInfo,
     pub(crate) limits: wgpu::Limits,
@@ -30,14 +30,14 @@ pub(crate) struct Gpu {
     /// Number of buffers that were created, or lent by a program in place of others.
     buffers_made: AtomicU64,
     /// Cache of compiled kernels, if they are stored.
-    pub(crate) cache: Option<PipelineCache>,
+    pub(crate) cache: Option<AdapterPipelineCache>,
     /// Used only to check whether the device is lost.
     probe: Option<Mutex<wgpu::Buffer>>,
     /// Dropped last.
     pub(crate) device: OpenDevice,
 }
 
-impl Gpu {
+impl OpenGpu {
     /// Opens an adapter.
     pub(crate) fn open(options: &Options) -> Result<Self> {
         let is_validated = options.validation != Validation::Off;
@@ -60,7 +60,7 @@ impl Gpu {
             .map_err(|e| BackendError::NoDevice(format!("the device cannot be opened: {e}")))?;
         let mut gpu = Self::lent(device, queue, adapter.get_info())?;
         (gpu.checks_kernels, gpu.is_validated) = (options.checks_kernels, is_validated);
-        gpu.cache = PipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
+        gpu.cache = AdapterPipelineCache::open(&gpu.device, &gpu.info, options.cache.as_deref());
         gpu.listen();
         Ok(gpu)
     }
@@ -223,7 +223,7 @@ pub(crate) const READBACK: BufferUsages = BufferUsages::MAP_READ.union(BufferUsa
 pub(crate) const STAGING: BufferUsages = BufferUsages::MAP_WRITE.union(BufferUsages::COPY_SRC);
 
 /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound.
-pub(crate) fn make(gpu: &Gpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
+pub(crate) fn make(gpu: &OpenGpu, what: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
     let size = bytes.max(16).next_multiple_of(16);
     let (need, limit) = match usage.contains(BufferUsages::STORAGE) {
         true => (bytes, span(&gpu.limits)),
@@ -248,7 +248,7 @@ pub(crate) fn unmap(device: &wgpu::Device, buffer: &Buffer) -> bool {
     pollster::block_on(refused.pop()).is_none()
 }
 
-impl Drop for Gpu {
+impl Drop for OpenGpu {
     fn drop(&mut self) {
         // An error means that the device is lost; there is nothing to wait for.
         let _ = self.wait_idle();

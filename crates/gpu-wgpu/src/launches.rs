@@ -1,11 +1,11 @@
 //! Dispatches with their bind groups, and pages of parameters.
 
 use crate::buffers::write;
-use crate::gpu::{Gpu, make};
+use crate::gpu::{OpenGpu, make};
 use crate::limits::params_stride;
 use crate::pipelines::Pipeline;
 use backend::Result;
-use gpu_common::{BoundBuffer, Command, Dispatch, Recording};
+use gpu_common::{BoundBuffer, Dispatch, RecordedCommand, Recording};
 use shaders::{BufferName, Kind, Params};
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -48,7 +48,7 @@ impl Launch {
 }
 
 impl Launches {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &OpenGpu) -> Self {
         Self {
             pages: Vec::new(),
             groups: BindGroups::default(),
@@ -72,7 +72,7 @@ impl Launches {
     /// [place](shaders::work::Work::place).
     pub(crate) fn make(
         &mut self,
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         counts: &[Buffer],
         recording: &WgpuRecording,
     ) -> Result<Vec<Launch>> {
@@ -80,7 +80,7 @@ impl Launches {
         self.rows.clear();
         let commands = recording.commands.iter();
         let dispatches = commands.filter_map(|command| match command {
-            Command::Dispatch(dispatch) => Some(dispatch),
+            RecordedCommand::Dispatch(dispatch) => Some(dispatch),
             _ => None,
         });
         dispatches
@@ -136,7 +136,7 @@ impl Launches {
     }
 
     /// Writes all parameters of the recording to the device.
-    pub(crate) fn write(&self, gpu: &Gpu) -> Result<()> {
+    pub(crate) fn write(&self, gpu: &OpenGpu) -> Result<()> {
         let rows = self.rows.chunks(ROWS * self.stride);
         let mut pages = self.pages.iter().zip(rows);
         pages.try_for_each(|(page, rows)| write(gpu, page, 0, rows))
@@ -161,7 +161,7 @@ struct BindGroups {
 
 impl BindGroups {
     /// Drops all bind groups if a buffer was created since the last call.
-    fn refresh(&mut self, gpu: &Gpu) {
+    fn refresh(&mut self, gpu: &OpenGpu) {
         let now = gpu.buffers_made();
         if self.buffers_made != now {
             self.made.clear();
@@ -170,7 +170,12 @@ impl BindGroups {
     }
 
     /// Returns the bind group of a kernel with its buffers, in the order of its bindings.
-    fn get(&mut self, gpu: &Gpu, pipeline: &Pipeline, buffers: Vec<Buffer>) -> Result<BindGroup> {
+    fn get(
+        &mut self,
+        gpu: &OpenGpu,
+        pipeline: &Pipeline,
+        buffers: Vec<Buffer>,
+    ) -> Result<BindGroup> {
         let mut bindings = pipeline.kernel.bindings.iter();
         let is_lent = bindings.any(|b| b.name == BufferName::Lent);
         let key = (pipeline.kernel.name, buffers);
@@ -187,7 +192,7 @@ impl BindGroups {
 }
 
 /// Binds a kernel to its buffers, in the order of its bindings.
-fn bind(gpu: &Gpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
+fn bind(gpu: &OpenGpu, pipeline: &Pipeline, buffers: &[Buffer]) -> Result<BindGroup> {
     let bindings = pipeline.kernel.bindings.iter().zip(buffers);
     let entries: Vec<_> = bindings
         .map(|(b, buffer)| wgpu::BindGroupEntry {

@@ -1,6 +1,6 @@
 //! Submissions recorded into a command encoder that the program submits itself.
 
-use crate::gpu::Gpu;
+use crate::gpu::OpenGpu;
 use backend::{Result, Ticket};
 use std::collections::VecDeque;
 use wgpu::{CommandEncoder, SubmissionIndex};
@@ -21,7 +21,7 @@ impl LentEncoder {
     }
 
     /// Waits for a submission in an encoder, if it is known to be in the queue.
-    pub(crate) fn wait(&mut self, gpu: &Gpu, ticket: Ticket) -> Result<()> {
+    pub(crate) fn wait(&mut self, gpu: &OpenGpu, ticket: Ticket) -> Result<()> {
         let of = self.under_way.iter_mut().find(|(of, _)| *of == ticket);
         match of.and_then(|(_, place)| place.take()) {
             Some(place) => gpu.wait_for(place),

@@ -1,7 +1,7 @@
 //! Positions in buffers of the program, which are copied from buffer to buffer.
 
 use crate::buffers::copy_part;
-use crate::gpu::Gpu;
+use crate::gpu::OpenGpu;
 use backend::Result;
 use geom::Point;
 use gpu_common::{PointsCopy, without};
@@ -73,7 +73,7 @@ impl DevicePoints {
     }
 
     /// Encodes the copy commands.
-    pub(crate) fn encode(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder) -> Result<()> {
+    pub(crate) fn encode(&mut self, gpu: &OpenGpu, encoder: &mut CommandEncoder) -> Result<()> {
         self.commands.drain(..).try_for_each(|copy| {
             let (from, to) = ((&copy.from.0, copy.from.1), (&copy.to.0, copy.to.1));
             copy_part(gpu, encoder, from, to, copy.bytes)

@@ -9,12 +9,12 @@ use std::path::Path;
 use wgpu::{AdapterInfo, Features};
 
 /// wgpu's pipeline cache and its file.
-pub(crate) struct PipelineCache {
+pub(crate) struct AdapterPipelineCache {
     wgpu: wgpu::PipelineCache,
     file: CacheFile,
 }
 
-impl PipelineCache {
+impl AdapterPipelineCache {
     /// Loads the cache of this adapter and driver from a folder. Returns `None` without a folder, or if the device has
     /// no pipeline cache.
     pub(crate) fn open(

@@ -4,8 +4,8 @@
     reason = "wgpu asks for trust in kernels that it does not check itself"
 )]
 
-use crate::gpu::Gpu;
-use crate::pipeline_cache::PipelineCache;
+use crate::gpu::OpenGpu;
+use crate::pipeline_cache::AdapterPipelineCache;
 use backend::Result;
 use gpu_common::{KernelCode, compile_door};
 use shaders::{Binding, Code, Kernel, Kind, Params};
@@ -23,7 +23,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(gpu: &Gpu, (kernel, code): KernelCode) -> Result<Self> {
+    pub(crate) fn new(gpu: &OpenGpu, (kernel, code): KernelCode) -> Result<Self> {
         let module = load(gpu, kernel, code)?;
         gpu.guard(kernel.name, 0, || {
             let layout = bind_group_layout(gpu, kernel);
@@ -36,7 +36,7 @@ impl Pipeline {
     }
 }
 
-fn bind_group_layout(gpu: &Gpu, kernel: &Kernel) -> BindGroupLayout {
+fn bind_group_layout(gpu: &OpenGpu, kernel: &Kernel) -> BindGroupLayout {
     let entries: Vec<_> = kernel.bindings.iter().map(entry).collect();
     let desc = wgpu::BindGroupLayoutDescriptor {
         label: Some(kernel.name),
@@ -64,7 +64,7 @@ fn entry(binding: &Binding) -> wgpu::BindGroupLayoutEntry {
 }
 
 fn compute_pipeline(
-    gpu: &Gpu,
+    gpu: &OpenGpu,
     kernel: &Kernel,
     module: &wgpu::ShaderModule,
     layout: &BindGroupLayout,
@@ -84,14 +84,14 @@ fn compute_pipeline(
             constants: &[],
             zero_initialize_workgroup_memory: false,
         },
-        cache: gpu.cache.as_ref().map(PipelineCache::wgpu),
+        cache: gpu.cache.as_ref().map(AdapterPipelineCache::wgpu),
     };
     let _door = compile_door();
     gpu.device.create_compute_pipeline(&desc)
 }
 
 /// Loads a kernel in the form that the device accepts.
-fn load(gpu: &Gpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
+fn load(gpu: &OpenGpu, kernel: &Kernel, code: Code) -> Result<ShaderModule> {
     let load = || match (gpu.checks_kernels, gpu.takes_spirv()) {
         (true, _) => gpu.device.create_shader_module(wgsl(kernel, code)),
         (_, true) => pass_through(&gpu.device, kernel, code),

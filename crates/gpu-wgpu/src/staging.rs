@@ -4,7 +4,7 @@
 //! queue: they are contiguous, and several threads were not faster.
 
 use crate::buffers::{Mapping, copy_part, unreadable, write};
-use crate::gpu::{Gpu, STAGING, make, unmap};
+use crate::gpu::{OpenGpu, STAGING, make, unmap};
 use backend::Result;
 use bytemuck::Pod;
 use geom::{in_parallel, set_each};
@@ -23,16 +23,16 @@ const FEW: usize = 1 << 20;
 
 /// Buffers that the device reads or has read, with the mappings that make them writable again.
 #[derive(Default)]
-pub(crate) struct StagingPool(Vec<(Buffer, Mapping)>);
+pub(crate) struct MappedPool(Vec<(Buffer, Mapping)>);
 
 /// A mapped buffer from which a tree is uploaded.
-pub struct StagingBuffer {
+pub struct MappedStaging {
     pub(crate) buffer: Buffer,
     /// Bytes that were written.
     pub(crate) filled: u64,
 }
 
-impl Staging for StagingBuffer {
+impl Staging for MappedStaging {
     fn fill(&mut self, parts: &[&[u32]]) -> bool {
         let bytes: usize = parts.iter().map(|part| size_of_val(*part)).sum();
         if bytes as u64 > self.buffer.size() {
@@ -52,9 +52,9 @@ impl Staging for StagingBuffer {
     }
 }
 
-impl StagingPool {
+impl MappedPool {
     /// Returns a mapped buffer of at least `bytes`.
-    pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> Result<Buffer> {
+    pub(crate) fn take(&mut self, gpu: &OpenGpu, bytes: u64) -> Result<Buffer> {
         gpu.poll()?;
         let mut best: Option<(u64, usize)> = None;
         for (i, (buffer, mapping)) in self.0.iter().enumerate() {
@@ -75,11 +75,11 @@ impl StagingPool {
     /// Copies everything that was written to a position in a buffer, before all later submissions.
     pub(crate) fn send(
         &mut self,
-        gpu: &Gpu,
-        from: StagingBuffer,
+        gpu: &OpenGpu,
+        from: MappedStaging,
         to: (&Buffer, u64),
     ) -> Result<()> {
-        let StagingBuffer { buffer, filled } = from;
+        let MappedStaging { buffer, filled } = from;
         if !unmap(&gpu.device, &buffer) {
             return Err(gpu.faults.lose("what was written is gone".into()));
         }
@@ -94,7 +94,7 @@ impl StagingPool {
     /// Writes the first rows of a buffer on several threads, before all later submissions.
     pub(crate) fn write<T: Pod + Send>(
         &mut self,
-        gpu: &Gpu,
+        gpu: &OpenGpu,
         to: &Buffer,
         count: usize,
         row: impl Fn(usize) -> T + Sync,
@@ -114,7 +114,7 @@ impl StagingPool {
             let rows = most.min(count - begin);
             fill_rows(&piece, rows, |i| row(begin + i))?;
             let [filled, at] = [rows, begin].map(|rows| (rows * size_of::<T>()) as u64);
-            let piece = StagingBuffer {
+            let piece = MappedStaging {
                 buffer: piece,
                 filled,
             };

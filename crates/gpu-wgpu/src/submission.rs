@@ -1,11 +1,11 @@
 //! Encodes recordings, with parameters, counts and timestamps.
 
 use crate::buffers::{Mapping, unreadable, write};
-use crate::gpu::{Gpu, READBACK, STORAGE, make, unmap};
+use crate::gpu::{OpenGpu, READBACK, STORAGE, make, unmap};
 use crate::launches::{Launch, Launches, WgpuRecording};
-use crate::marks::{self, Marks};
+use crate::marks::{self, PassTimestamps};
 use backend::{BackendError, Result, Ticket};
-use gpu_common::{Command, Finished, Outcome, Stage};
+use gpu_common::{Outcome, RecordedCommand, Stage, SubmissionOutput};
 use shaders::Counts;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(crate) struct SubmissionEncoder {
     counts: Vec<Buffer>,
     /// Number of counts buffers that this submission uses.
     places: usize,
-    marks: Option<Marks>,
+    marks: Option<PassTimestamps>,
     /// Report: timestamps, counts and the stamp, on the way to the host.
     back: Buffer,
     /// Contains the ticket of a submission in a program's encoder, which copies it to the report.
@@ -42,7 +42,7 @@ pub(crate) struct SubmissionEncoder {
     /// Mapping of the report, once the recording was encoded, with the index of its submission unless the program
     /// submits it.
     pub(crate) sent: Option<(Option<SubmissionIndex>, Mapping)>,
-    gpu: Arc<Gpu>,
+    gpu: Arc<OpenGpu>,
 }
 
 /// A stage and its launches.
@@ -52,12 +52,12 @@ struct TimedLaunches {
 }
 
 impl SubmissionEncoder {
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+    pub(crate) fn new(gpu: &Arc<OpenGpu>) -> Result<Self> {
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         Ok(Self {
             counts: vec![make(gpu, "counts", COUNTS, STORAGE)?],
             places: 1,
-            marks: Marks::new(gpu)?,
+            marks: PassTimestamps::new(gpu)?,
             back: make(gpu, "a report", STAMP + size_of::<u64>() as u64, READBACK)?,
             stamp: make(gpu, "a stamp", size_of::<u64>() as u64, usage)?,
             stamped: 0,
@@ -94,17 +94,17 @@ impl SubmissionEncoder {
         let (mut next, mut waiting) = (0, 0..0);
         for command in recording.commands.drain(..) {
             match command {
-                Command::Dispatch(_) => {
+                RecordedCommand::Dispatch(_) => {
                     next += 1;
                     waiting.end = next;
                 }
-                Command::ClearCounts(bytes) => {
+                RecordedCommand::ClearCounts(bytes) => {
                     self.passes(encoder, &launches)?;
                     self.gpu.guard("recording", 0, || {
                         encoder.clear_buffer(&self.counts[0], 0, Some(bytes));
                     })?;
                 }
-                Command::EndStage(stage) => {
+                RecordedCommand::EndStage(stage) => {
                     // Geometry and rays have separate passes, because a timestamp within a pass would lengthen the
                     // stage before it.
                     if stage == Stage::TracePrimary {
@@ -116,8 +116,8 @@ impl SubmissionEncoder {
                     });
                     waiting = next..next;
                 }
-                Command::Split => (),
-                Command::Native(never) => match never {},
+                RecordedCommand::Split => (),
+                RecordedCommand::Native(never) => match never {},
             }
         }
         self.passes(encoder, &launches)?;
@@ -210,7 +210,7 @@ impl SubmissionEncoder {
             marks.stages.clear();
         }
         let places = recording.commands.iter().map(|command| match command {
-            Command::Dispatch(dispatch) => dispatch.work.place + 1,
+            RecordedCommand::Dispatch(dispatch) => dispatch.work.place + 1,
             _ => 1,
         });
         self.places = places.max().unwrap_or(1).min(PLACES);
@@ -271,7 +271,7 @@ impl SubmissionEncoder {
             return Err(BackendError::Misuse(why.into()));
         }
         let marks = self.marks.as_ref().map(|marks| marks.stages.clone());
-        Ok(Outcome::Finished(Finished {
+        Ok(Outcome::Finished(SubmissionOutput {
             counts,
             ticks: marks.is_some().then_some(ticks),
             marks: marks.unwrap_or_default(),
@@ -280,7 +280,7 @@ impl SubmissionEncoder {
 
     /// Returns the bytes of device memory.
     pub(crate) fn bytes(&self) -> u64 {
-        let marks = self.marks.as_ref().map_or(0, Marks::bytes);
+        let marks = self.marks.as_ref().map_or(0, PassTimestamps::bytes);
         COUNTS * self.counts.len() as u64 + self.launches.bytes() + marks
     }
 

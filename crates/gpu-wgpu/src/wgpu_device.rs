@@ -1,22 +1,22 @@
 //! The implementation of [`GpuDevice`] for wgpu.
 
 use crate::adapters::{driver, kind};
-use crate::buffers::{Arrived, HostCopy, Mapping, unreadable, upload, write};
+use crate::buffers::{Arrived, MappedCopy, Mapping, unreadable, upload, write};
 use crate::faults::layer_messages;
-use crate::gpu::{Gpu, STORAGE, make, unmap};
+use crate::gpu::{OpenGpu, STORAGE, make, unmap};
 use crate::launches::WgpuRecording;
 use crate::lent_encoder::LentEncoder;
 use crate::lent_points::DevicePoints;
 use crate::limits::{LEAST_OF_64_BITS, kernel_limits};
 use crate::pipelines::Pipeline;
-use crate::staging::{StagingBuffer, StagingPool};
+use crate::staging::{MappedPool, MappedStaging};
 use crate::submission::SubmissionEncoder;
 use backend::{Arithmetic, Device, FRAMES_IN_FLIGHT, Result, Snapshot, Spares, Ticket};
 use bytemuck::Pod;
 use geom::{Point, PointBuffer};
 use gpu_common::{
     BufferSize, Clock, ComputeBackend, DeviceInfo, GpuDevice, KernelCode, LastUse, LentBuffers,
-    LentRays, MemoryReport, Options, Outcome, Pending, Upload, read_parts,
+    LentRays, MemoryReport, Options, Outcome, PendingWork, Upload, read_parts,
 };
 use shaders::{BufferName, Params};
 use std::collections::VecDeque;
@@ -34,7 +34,7 @@ pub type WgpuBackend = ComputeBackend<WgpuDevice>;
 /// [`BackendError::NoDevice`](backend::BackendError::NoDevice) with the reason, or
 /// [`BackendError::Limit`](backend::BackendError::Limit) if a limit is too low for any scene.
 pub fn open(options: &Options) -> Result<WgpuBackend> {
-    let gpu = Gpu::open(options)?;
+    let gpu = OpenGpu::open(options)?;
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
 }
 
@@ -50,29 +50,29 @@ pub fn from_device(
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
 ) -> Result<WgpuBackend> {
-    let gpu = Gpu::lent(device, queue, info)?;
+    let gpu = OpenGpu::lent(device, queue, info)?;
     ComputeBackend::over(WgpuDevice::over(Arc::new(gpu))?)
 }
 
 /// A wgpu device with its one queue. Writes and copies run in order with submissions.
 pub struct WgpuDevice {
-    pub(crate) scene: SceneState,
+    pub(crate) scene: DeviceScene,
     /// One for each unfinished submission.
     submissions: Vec<SubmissionEncoder>,
     /// Parameters that the program's shaders read last, and their buffer.
     pub(crate) module: Option<(Params, Buffer)>,
-    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) gpu: Arc<OpenGpu>,
 }
 
 /// State that is dropped with a scene.
 #[derive(Default)]
-pub(crate) struct SceneState {
+pub(crate) struct DeviceScene {
     /// Host-visible buffers for reads of device buffers.
     views: Vec<Buffer>,
-    staging: StagingPool,
+    staging: MappedPool,
     spares: Spares<Arrived>,
     /// Copies of positions that were not taken, by the submission that requested them.
-    copies: VecDeque<(Ticket, HostCopy)>,
+    copies: VecDeque<(Ticket, MappedCopy)>,
     pub(crate) points: DevicePoints,
     pub(crate) lent: LentBuffers<Buffer>,
     /// The rays lent last.
@@ -81,10 +81,10 @@ pub(crate) struct SceneState {
 }
 
 impl WgpuDevice {
-    fn over(gpu: Arc<Gpu>) -> Result<Self> {
+    fn over(gpu: Arc<OpenGpu>) -> Result<Self> {
         let submissions = (0..FRAMES_IN_FLIGHT).map(|_| SubmissionEncoder::new(&gpu));
         Ok(Self {
-            scene: SceneState::default(),
+            scene: DeviceScene::default(),
             submissions: submissions.collect::<Result<_>>()?,
             module: None,
             gpu,
@@ -104,7 +104,7 @@ impl WgpuDevice {
         recording: &mut WgpuRecording,
         ticket: Ticket,
         stamp: Option<Ticket>,
-    ) -> Result<(Mapping, Option<HostCopy>)> {
+    ) -> Result<(Mapping, Option<MappedCopy>)> {
         let place = self.place(ticket);
         let (gpu, submission) = (&self.gpu, &mut self.submissions[place]);
         self.scene.points.encode(gpu, encoder)?;
@@ -114,24 +114,24 @@ impl WgpuDevice {
             let spare = spare.and_then(|s| s.unmapped(&gpu.device));
             let to = ("vertices for the builder", spare);
             let from = (&positions.from, 0..positions.bytes);
-            HostCopy::record(gpu, encoder, from, to)
+            MappedCopy::record(gpu, encoder, from, to)
         });
         let copy = copy.transpose()?;
         Ok((submission.report(encoder), copy))
     }
 
-    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<HostCopy> {
+    fn begin_read(&mut self, from: &Buffer, bytes: Range<u64>) -> Result<MappedCopy> {
         let (gpu, views) = (&self.gpu, &mut self.scene.views);
         let (what, size) = ("a view for the host", bytes.end - bytes.start);
         let fits = views.iter().position(|view| view.size() >= size);
         let spare = fits.map(|i| views.swap_remove(i));
         let mut encoder = gpu.encoder(what)?;
-        let copy = HostCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
+        let copy = MappedCopy::record(gpu, &mut encoder, (from, bytes), (what, spare))?;
         let place = Some(gpu.submit([encoder])?);
-        Ok(HostCopy { place, ..copy })
+        Ok(MappedCopy { place, ..copy })
     }
 
-    fn end_read(&mut self, read: HostCopy, bytes: usize, each: impl FnOnce(&[u8])) -> Result<()> {
+    fn end_read(&mut self, read: MappedCopy, bytes: usize, each: impl FnOnce(&[u8])) -> Result<()> {
         if let Some(place) = read.place {
             self.gpu.wait_for(place)?;
         }
@@ -150,7 +150,7 @@ impl GpuDevice for WgpuDevice {
     type Binding = Buffer;
     type Pipeline = Pipeline;
     type Native = Infallible;
-    type Staging = StagingBuffer;
+    type Staging = MappedStaging;
 
     fn another(&self) -> impl FnOnce() -> Result<Self> + Send + use<> {
         let gpu = Arc::clone(&self.gpu);
@@ -245,16 +245,16 @@ impl GpuDevice for WgpuDevice {
         Ok(())
     }
 
-    fn staging(&mut self, bytes: u64) -> Result<StagingBuffer> {
+    fn staging(&mut self, bytes: u64) -> Result<MappedStaging> {
         let buffer = self.scene.staging.take(&self.gpu, bytes)?;
-        Ok(StagingBuffer { buffer, filled: 0 })
+        Ok(MappedStaging { buffer, filled: 0 })
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
         Ok(vec![[0.0; 3]; points].into())
     }
 
-    fn send(&mut self, upload: Upload<'_, StagingBuffer>, to: &Buffer) -> Result<u64> {
+    fn send(&mut self, upload: Upload<'_, MappedStaging>, to: &Buffer) -> Result<u64> {
         let scene = &mut self.scene;
         match upload {
             Upload::Staged(from) => scene.staging.send(&self.gpu, from, (to, 0))?,
@@ -291,19 +291,19 @@ impl GpuDevice for WgpuDevice {
         Ok(())
     }
 
-    fn has_finished(&self, work: Pending) -> Result<bool> {
+    fn has_finished(&self, work: PendingWork) -> Result<bool> {
         match work {
-            Pending::Submission(ticket) => {
+            PendingWork::Submission(ticket) => {
                 self.gpu.poll()?;
                 self.submissions[self.place(ticket)].has_finished()
             }
-            Pending::Positions(ticket) => {
+            PendingWork::Positions(ticket) => {
                 self.gpu.poll()?;
                 let copy = self.scene.copies.iter().find(|(of, _)| *of == ticket);
                 copy.map_or(Ok(true), |(_, copy)| copy.mapping.poll(&self.gpu))
             }
             // Queue writes run before the program submits its encoder.
-            Pending::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
+            PendingWork::Use(last) => Ok(self.scene.encoder.is_past(last.ticket)),
         }
     }
 
@@ -349,7 +349,7 @@ impl GpuDevice for WgpuDevice {
 
     fn unload(&mut self) -> Result<()> {
         self.gpu.wait_idle()?;
-        self.scene = SceneState::default();
+        self.scene = DeviceScene::default();
         self.submissions
             .iter_mut()
             .for_each(SubmissionEncoder::forget);
