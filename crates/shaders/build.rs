@@ -80,10 +80,11 @@ fn compile(out: &Path, sources: &Sources, entry: &EntryPoint) -> Result<String> 
 }
 
 fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<String> {
-    let slots = variant.serves(entry)?;
-    let values = slots.iter().map(|(_, values)| values.join("+"));
-    let name: Vec<_> = [entry.name.clone()].into_iter().chain(values).collect();
-    let name = name.join(".");
+    let intersectors = &variant.intersectors;
+    let mut name = entry.name.clone();
+    if !intersectors.is_empty() {
+        name = format!("{name}.{}", intersectors.join("+"));
+    }
     let (code, module) = code(out, &name, &variant.text).with_context(|| name.clone())?;
     let fused = variant.fused.as_ref().map(|text| {
         let (code, _) = self::code(out, &format!("{name}.fused"), text)?;
@@ -99,9 +100,9 @@ fn compile_variant(out: &Path, entry: &EntryPoint, variant: &Variant) -> Result<
         "bindings of {name} are not numbered from 0 on without gaps"
     );
     let bindings: String = bindings.into_values().collect();
-    let (entry, slots) = (&entry.name, format!("{slots:?}").replace('[', "&["));
+    let entry = &entry.name;
     Ok(format!(
-        "Kernel {{ name: {name:?}, entry: {entry:?}, slots: {slots}, code: {code}, \
+        "Kernel {{ name: {name:?}, entry: {entry:?}, intersectors: &{intersectors:?}, code: {code}, \
          fused: {fused}, workgroup: {workgroup:?}, \
          shared_bytes: {shared}, bindings: &[{bindings}] }},\n"
     ))

@@ -6,22 +6,22 @@ use crate::traces::as_given;
 use crate::tree::TreeBuffers;
 use crate::{Engine, GpuDevice, LastUse, PendingWork, Stage, Stale, check_kernels};
 use backend::{
-    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Layout,
-    Method, Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
+    Backend, Device, DeviceBytes, FrameReport, Generation, Hits, Inspect, Intersector, Method,
+    Opener, Palette, Query, Rays, Result, Snapshot, Ticket, TreeWriter,
 };
 use bvh_layout::Topology;
 use geom::{Animation, PointBuffer, Pose, Range};
-use shaders::rebuild::{self, instead_of};
+use shaders::rebuild;
 use shaders::work;
-use shaders::{Extent, KERNELS, Kernel, Params, Shape, common};
+use shaders::{KERNELS, Kernel, Params, Shape, common};
 use std::sync::Arc;
 
 /// The backend that runs the kernels of crate `shaders` on a device.
 pub struct ComputeBackend<D: GpuDevice> {
     pub(crate) engine: Engine<D>,
     pub(crate) tree: Option<TreeBuffers<D>>,
-    /// How the scene is traced.
-    method: Method,
+    /// The intersector of the loaded scene.
+    intersector: Intersector,
     /// Range of the coordinates at the current pose; `None` if only the device has measured it.
     range: Option<Range>,
 }
@@ -39,7 +39,7 @@ impl<D: GpuDevice> ComputeBackend<D> {
         Self {
             engine,
             tree: None,
-            method: Method::default(),
+            intersector: Intersector::Watertight,
             range: None,
         }
     }
@@ -100,13 +100,13 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Records the stages of the candidate. They precede those of the current tree, whose `preprocess` then counts
     /// inactive and degenerate triangles again.
     fn record_candidate(&mut self, params: Params) -> Result<()> {
-        let (method, engine) = (self.method, &mut self.engine);
+        let (intersector, engine) = (self.intersector, &mut self.engine);
         let trees = self.tree.as_mut().expect("a scene was loaded");
         let tree = trees.candidate_mut().expect("it was loaded");
-        let (work, _) = tree.progress.preprocess(method, params, &tree.shape);
+        let (work, _) = tree.progress.preprocess(intersector, params, &tree.shape);
         engine.run(Some(Stage::Preprocess), &work, |name| tree.get(name))?;
         tree.progress.preprocessed(&tree.shape);
-        let (work, _) = tree.progress.refit(method, params, &tree.shape);
+        let work = tree.progress.refit(params, &tree.shape);
         engine.run(Some(Stage::Refit), &work, |name| tree.get(name))?;
         engine.frames.record().extents.candidate = true;
         Ok(())
@@ -124,27 +124,24 @@ impl<D: GpuDevice> ComputeBackend<D> {
     /// Records the build of a tree. See [`shaders::rebuild`].
     fn make_tree(&mut self, generation: Generation) -> Result<()> {
         let animation = Arc::clone(&self.engine.scene().animation);
-        let shape = Shape::made_on_device(self.method.layout, animation.live_count() as u32);
+        let shape = Shape::made_on_device(animation.live_count() as u32);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         let engine = &mut self.engine;
         if tree.build.is_none() {
-            let kernels = builders(self.method);
+            let kernels = builders(self.intersector);
             engine.pipelines.prepare(&engine.gpu, kernels)?;
             tree.make_build(&mut engine.gpu)?;
         }
         tree.current.grow(&engine.gpu, &mut engine.frames, &shape)?;
         let params = Params::of(animation.scale_exponent(), &shape);
         let extents = &mut engine.frames.record().extents;
-        let again = extents.boxes.is_some();
         extents.uncounted = Some(0);
-        extents.boxes = Some(Extent::Whole);
+        extents.boxes = true;
         let sort = rebuild::sort(params, animation.vertex_count(), &shape);
         engine.run(Some(Stage::Rebuild), &sort, |name| tree.get(name))?;
-        // The build reads leaves as clusters, so they are not written to nodes.
-        let clusters = |name| tree.get(instead_of(name, &animation));
-        let leaves = work::leaves(self.method, params, &shape);
-        engine.run(Some(Stage::Preprocess), &[leaves], clusters)?;
-        let cluster = rebuild::cluster(self.method, params, &shape, again);
+        let leaves = rebuild::leaves(self.intersector, params, &shape);
+        engine.run(Some(Stage::Preprocess), &[leaves], |name| tree.get(name))?;
+        let cluster = rebuild::cluster(params, &shape);
         engine.run(Some(Stage::Rebuild), &cluster, |name| tree.get(name))?;
         (tree.current.generation, tree.current.shape) = (generation, shape);
         tree.made_here = true;
@@ -152,9 +149,9 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 }
 
-/// Returns the kernels that build trees with this method.
-fn builders(method: Method) -> impl Iterator<Item = &'static Kernel> {
-    let makes = move |k: &&Kernel| k.makes_trees() && k.serves(method);
+/// Returns the kernels that build trees for this intersector.
+fn builders(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
+    let makes = move |k: &&Kernel| k.makes_trees() && k.serves(intersector);
     KERNELS.iter().filter(makes)
 }
 
@@ -169,23 +166,21 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn load(&mut self, animation: Arc<Animation>, method: Method) -> Result<()> {
-        let engine = &mut self.engine;
-        let wanted = |k: &Kernel| !k.makes_trees() && k.serves(method);
-        check_kernels(&engine.info.kernel_limits, wanted)?;
+        let (engine, intersector) = (&mut self.engine, method.intersector);
         let traits = engine.pipelines.traits;
         let usual = KERNELS.iter().filter(|k| k.precedes_traces());
-        let usual = usual.filter(|k| k.serves(method) && k.suits(traits));
+        let usual = usual.filter(|k| k.serves(intersector) && k.suits(traits));
         engine.pipelines.begin(&engine.gpu, usual);
         if animation.is_arriving() {
-            let later = work::kernels_of_arriving_keys(method);
+            let later = work::kernels_of_arriving_keys(intersector);
             let copies = engine.info.copies_points.then(|| common("copy_points"));
             engine.pipelines.begin(&engine.gpu, later.chain(copies));
         }
         engine.unload()?;
         self.tree = None;
-        let tree = TreeBuffers::new(&engine.gpu, &animation, method)?;
+        let tree = TreeBuffers::new(&engine.gpu, &animation, intersector)?;
         engine.load(animation)?;
-        (self.tree, self.method) = (Some(tree), method);
+        (self.tree, self.intersector) = (Some(tree), intersector);
         Ok(())
     }
 
@@ -232,7 +227,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn wants_treelets(&self) -> bool {
-        self.method.layout == Layout::Fast
+        true
     }
 
     fn point_buffer(&mut self, points: usize) -> Result<PointBuffer> {
@@ -244,7 +239,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         self.range = animation.known_range(pose);
         let vertices = animation.vertex_count();
         let params = self.params_at(pose);
-        let measure = work::measure_range(self.method, params, vertices);
+        let measure = work::measure_range(self.intersector, params, vertices);
         self.engine.interpolate(pose, params, measure)
     }
 
@@ -256,7 +251,8 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             return Ok(());
         }
         let (params, tree) = (self.params(), &self.tree().current);
-        let (work, uncounted) = tree.progress.preprocess(self.method, params, &tree.shape);
+        let progress = &tree.progress;
+        let (work, uncounted) = progress.preprocess(self.intersector, params, &tree.shape);
         self.run(Stage::Preprocess, &work)?;
         self.engine.frames.record().extents.uncounted = Some(uncounted);
         let tree = &mut self.tree_mut().current;
@@ -274,10 +270,9 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
             return Ok(());
         }
         let (params, tree) = (self.params(), &self.tree().current);
-        let (work, extent) = tree.progress.refit(self.method, params, &tree.shape);
+        let work = tree.progress.refit(params, &tree.shape);
         self.run(Stage::Refit, &work)?;
-        let extents = &mut self.engine.frames.record().extents;
-        extents.boxes = extents.boxes.max(Some(extent));
+        self.engine.frames.record().extents.boxes = true;
         self.tree_mut().current.progress.refitted();
         self.engine.stale = Stale::Fresh;
         Ok(())
@@ -307,7 +302,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     /// `exact` does not support batches, because the queries would share one list of undecided rays.
     fn traces_together(&self, queries: &[Query<'_>]) -> bool {
         let is_simple = |query: &Query<'_>| query.kind.light().is_none();
-        self.method.intersector != Intersector::Exact && queries.iter().all(is_simple)
+        self.intersector != Intersector::Exact && queries.iter().all(is_simple)
     }
 
     fn trace_together(&mut self, queries: &[Query<'_>]) -> Result<()> {
@@ -324,13 +319,13 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         let rays = as_given(&query, matches!(query.rays, Rays::OnDevice(_)));
         let leaves = self.engine.scene().animation.live_count() as u32;
         let shape = match makes_trees {
-            true => Shape::made_on_device(self.method.layout, leaves),
-            false => Shape::expected(self.method.layout, leaves),
+            true => Shape::made_on_device(leaves),
+            false => Shape::expected(leaves),
         };
         let params = Params::of(self.engine.scene().scale_exponent, &shape);
         let engine = &mut self.engine;
         let tracing = work::trace(
-            self.method,
+            self.intersector,
             params,
             rays,
             query.kind,
@@ -338,7 +333,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
         );
         let shadow = tracing.shadow.iter().flatten();
         let trace = tracing.primary.iter().chain(shadow).map(|w| w.kernel);
-        let trees = builders(self.method).filter(|_| makes_trees);
+        let trees = builders(self.intersector).filter(|_| makes_trees);
         let shade = engine.scene().has_palette().then(|| common("shade"));
         let all: Vec<_> = trace.chain(trees).chain(shade).collect();
         engine.pipelines.begin(&engine.gpu, all);

@@ -56,7 +56,6 @@ impl<D: GpuDevice> ComputeBackend<D> {
         let words: Vec<u32> = self.read_tree(name, at + leaves)?;
         let rows = self.read_tree(BufferName::Nodes, shape.node_rows as usize)?;
         let seen = look(&View {
-            shape: &shape,
             made_on_device,
             rows: &rows,
             triangles: &words[at..],

@@ -2,7 +2,7 @@
 
 use crate::device::has_ended;
 use crate::{BufferTable, Frames, GpuDevice, LastUse, Pool, Staging, Upload, with_slack};
-use backend::{BackendError, Generation, Layout, Method, Result, Ticket, TreeWriter, check_tree};
+use backend::{BackendError, Generation, Intersector, Result, Ticket, TreeWriter, check_tree};
 use bvh_layout::Topology;
 use geom::{Animation, lock};
 use shaders::work::{Progress, Trace};
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 /// Trees of a scene, and the buffers for building and uploading them.
 pub(crate) struct TreeBuffers<D: GpuDevice> {
     animation: Arc<Animation>,
-    method: Method,
+    intersector: Intersector,
     /// The tree that frames trace.
     pub(crate) current: DeviceTree<D>,
     /// The tree that was evaluated last. Its buffers are created at the first evaluation.
@@ -46,14 +46,13 @@ pub(crate) struct DeviceTree<D: GpuDevice> {
 }
 
 impl<D: GpuDevice> DeviceTree<D> {
-    /// Creates buffers for every tree over `leaves` triangles; with layout `fast`, those of nodes and costs
-    /// [grow](Self::grow) later.
-    fn new(gpu: &D, method: Method, leaves: u64) -> Result<Self> {
+    /// Creates buffers for every tree over `leaves` triangles. Those of nodes and costs [grow](Self::grow) later.
+    fn new(gpu: &D, intersector: Intersector, leaves: u64) -> Result<Self> {
         Ok(Self {
             record: None,
-            buffers: BufferTable::new(gpu, tree_buffers(method, leaves))?,
+            buffers: BufferTable::new(gpu, tree_buffers(intersector, leaves))?,
             generation: Generation(0),
-            shape: Shape::none(method.layout),
+            shape: Shape::default(),
             progress: Progress::default(),
         })
     }
@@ -69,7 +68,7 @@ impl<D: GpuDevice> DeviceTree<D> {
     pub(crate) fn grow(&mut self, gpu: &D, frames: &mut Frames<D>, shape: &Shape) -> Result<()> {
         let nodes = shape.node_rows * 16;
         frames.replace(self.buffers.grow(gpu, BufferName::Nodes, nodes)?);
-        let costs = shape.own_cost_bytes();
+        let costs = shape.cost_bytes;
         frames.replace(self.buffers.grow(gpu, BufferName::Costs, costs)?);
         Ok(())
     }
@@ -82,13 +81,17 @@ impl<D: GpuDevice> DeviceTree<D> {
 
 impl<D: GpuDevice> TreeBuffers<D> {
     /// Creates the buffers of the current tree, which has no leaf yet.
-    pub(crate) fn new(gpu: &D, animation: &Arc<Animation>, method: Method) -> Result<Self> {
+    pub(crate) fn new(
+        gpu: &D,
+        animation: &Arc<Animation>,
+        intersector: Intersector,
+    ) -> Result<Self> {
         let leaves = animation.live_count() as u64;
         let picture = [BufferName::Covers, BufferName::Visibility];
         Ok(Self {
             animation: Arc::clone(animation),
-            method,
-            current: DeviceTree::new(gpu, method, leaves)?,
+            intersector,
+            current: DeviceTree::new(gpu, intersector, leaves)?,
             candidate: None,
             picture: BufferTable::new(gpu, picture.map(|name| (name, 0)))?,
             free: Pool::default(),
@@ -120,19 +123,18 @@ impl<D: GpuDevice> TreeBuffers<D> {
             None if self.last_bytes == 0 => return Ok(None),
             None => gpu.staging(self.last_bytes)?,
         };
-        let (to, layout) = (Arc::clone(&self.written), self.method.layout);
-        let animation = Arc::clone(&self.animation);
+        let (to, animation) = (Arc::clone(&self.written), Arc::clone(&self.animation));
         Ok(Some(Box::new(move |tree| {
-            with_parts(layout, tree, &animation, |parts| {
-                // If the staging buffer is too small, drop it. The next tree gets a larger one.
-                if staging.fill(parts) {
-                    *lock(&to) = Some(Written {
-                        staging,
-                        bytes: bytes(parts),
-                        generation,
-                    });
-                }
-            });
+            let treelets = tree.to_treelets(animation.static_parts());
+            let parts = treelets.parts();
+            // If the staging buffer is too small, drop it. The next tree gets a larger one.
+            if staging.fill(&parts) {
+                *lock(&to) = Some(Written {
+                    staging,
+                    bytes: bytes(&parts),
+                    generation,
+                });
+            }
         })))
     }
 
@@ -178,17 +180,17 @@ impl<D: GpuDevice> TreeBuffers<D> {
         if let Some(written) = written.filter(|written| written.generation == generation) {
             return Ok(written);
         }
-        with_parts(self.method.layout, tree, &self.animation, |parts| {
-            let mut staging = gpu.staging(bytes(parts))?;
-            if !staging.fill(parts) {
-                let why = "the staging memory of a tree cannot be written";
-                return Err(BackendError::DeviceLost(why.into()));
-            }
-            Ok(Written {
-                staging,
-                bytes: bytes(parts),
-                generation,
-            })
+        let treelets = tree.to_treelets(self.animation.static_parts());
+        let parts = treelets.parts();
+        let mut staging = gpu.staging(bytes(&parts))?;
+        if !staging.fill(&parts) {
+            let why = "the staging memory of a tree cannot be written";
+            return Err(BackendError::DeviceLost(why.into()));
+        }
+        Ok(Written {
+            staging,
+            bytes: bytes(&parts),
+            generation,
         })
     }
 
@@ -229,7 +231,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     ) -> Result<Option<&mut DeviceTree<D>>> {
         if self.candidate.is_none() {
             let leaves = self.animation.live_count() as u64;
-            self.candidate = unless_too_large(DeviceTree::new(gpu, self.method, leaves))?;
+            self.candidate = unless_too_large(DeviceTree::new(gpu, self.intersector, leaves))?;
         }
         let is_loaded = |tree: &DeviceTree<D>| tree.generation == generation;
         if self.candidate.as_ref().is_some_and(|c| !is_loaded(c)) {
@@ -283,10 +285,7 @@ impl<D: GpuDevice> TreeBuffers<D> {
     ) -> Result<ArrivingTree<D::Buffer>> {
         let animation = &self.animation;
         check_tree(tree, animation)?;
-        let shape = match self.method.layout {
-            Layout::Bvh2 => Shape::of(tree),
-            Layout::Fast => Shape::of_treelets(&tree.to_treelets(animation.static_parts())),
-        };
+        let shape = Shape::of(&tree.to_treelets(animation.static_parts()));
         self.send(gpu, tree, generation)?;
         let (_, buffer, arrival) = self.sent.take().expect("it was sent just now");
         Ok(ArrivingTree {
@@ -321,10 +320,8 @@ impl<D: GpuDevice> TreeBuffers<D> {
     /// Allocates the buffers for tree builds.
     pub(crate) fn make_build(&mut self, gpu: &mut D) -> Result<()> {
         let build = BufferTable::new(gpu, rebuild::buffers(&self.animation))?;
-        let contents = rebuild::contents(&self.animation);
-        let bytes = contents.iter();
-        let bytes = bytes.map(|(name, words)| (*name, bytemuck::cast_slice(words)));
-        build.fill(gpu, &bytes.collect::<Vec<_>>())?;
+        let live = rebuild::live(&self.animation);
+        build.fill(gpu, &[(BufferName::Live, bytemuck::cast_slice(&live))])?;
         self.build = Some(build);
         Ok(())
     }
@@ -380,20 +377,4 @@ struct Written<S> {
 
 fn bytes(parts: &[&[u32]]) -> u64 {
     parts.iter().map(|part| size_of_val(*part) as u64).sum()
-}
-
-/// Calls `use_them` with the parts of a tree's upload.
-fn with_parts<T>(
-    layout: Layout,
-    tree: &Topology,
-    animation: &Animation,
-    use_them: impl FnOnce(&[&[u32]]) -> T,
-) -> T {
-    match layout {
-        Layout::Bvh2 => {
-            let lists = tree.moving().map_or(&[][..], |moving| &moving.words);
-            use_them(&[tree.words(), lists])
-        }
-        Layout::Fast => use_them(&tree.to_treelets(animation.static_parts()).parts()),
-    }
 }

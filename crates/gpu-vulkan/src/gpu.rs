@@ -78,7 +78,7 @@ impl Gpu {
         let adapter = AdapterInfo::choose(list, options.adapter)?.clone();
         let physical = host.physical_devices()?[adapter.index];
         let limits = DeviceLimits::of(&host, physical);
-        limits.admit_kernels(|k| !k.makes_trees() && !k.refits_treelets())?;
+        limits.admit_kernels(|k| !k.makes_trees())?;
         let queues = Queues::find(&host, physical)?;
         let extras = Extras::of(&host, physical)?;
         let sharing = sharing::extensions(&host, physical);

@@ -159,7 +159,7 @@ mod tests {
         storage_range: 1 << 27,
         allocation: 1 << 30,
         groups: 65535,
-        workgroup: 128,
+        workgroup: 256,
         storage_buffers: 8,
         uniform_alignment: 64,
         tick_ns: 1.0,
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_device_with_too_few_buffers_is_refused_by_the_kernels_name() {
-        let always = |k: &Kernel| !k.makes_trees() && !k.refits_treelets();
+        let always = |k: &Kernel| !k.makes_trees();
         assert_eq!(LIMITS.admit_kernels(always), Ok(()));
         let poor = DeviceLimits {
             storage_buffers: 3,
@@ -193,9 +193,13 @@ mod tests {
         let refused = poor.admit_kernels(always).unwrap_err().to_string();
         assert!(refused.starts_with("kernel "), "{refused}");
         assert!(refused.ends_with("the limit is 3"), "{refused}");
+        let small = Limits {
+            workgroup: 128,
+            ..LIMITS
+        };
         let expected = "maxComputeWorkGroupInvocations) needs 256, the limit is 128";
-        for more in [Kernel::makes_trees, Kernel::refits_treelets] {
-            let refused = LIMITS.admit_kernels(more).unwrap_err().to_string();
+        for kernels in [always, Kernel::makes_trees] {
+            let refused = small.admit_kernels(kernels).unwrap_err().to_string();
             assert!(refused.ends_with(expected), "{refused}");
         }
     }

@@ -104,7 +104,7 @@ impl WgpuDevice {
 pub type TracedScene = [Buffer; 4];
 
 /// Returns the scene's buffers as the last submission leaves them. Returns `None` if they are not up to date, or unless
-/// the method is `watertight` with layout `fast`.
+/// the intersector is `watertight`.
 pub fn traced_scene(backend: &mut WgpuBackend) -> Result<Option<TracedScene>> {
     let Some((params, others)) = backend.traced_scene() else {
         return Ok(None);

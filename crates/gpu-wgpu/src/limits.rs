@@ -46,7 +46,7 @@ pub fn required_limits(animation: &Animation, rays: usize) -> Limits {
     let largest = [
         animation.vertex_count() as u64 * 12,
         animation.triangle_count() as u64 * 12,
-        // Upper bound of the nodes, with layout `fast`, and of the triangle records. See `Treelets::rows`.
+        // Upper bound of the nodes and of the triangle records. See `Treelets::rows`.
         leaves * 80 + 64,
         rays as u64 * 32,
         shaders::occluded_words(Intersector::Exact, rays as u64) * 4,

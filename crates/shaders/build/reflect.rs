@@ -59,7 +59,7 @@ pub(crate) fn bindings(module: &naga::Module) -> Result<BTreeMap<u32, String>> {
     Ok(found)
 }
 
-/// Converts `leaf_nodes` to `LeafNodes`.
+/// Converts `leaf_corners` to `LeafCorners`.
 fn camel_case(name: &str) -> String {
     let words = name.split('_').map(|word| {
         let (first, rest) = word.split_at(word.len().min(1));

@@ -1,21 +1,14 @@
 //! Lists the kernels and the variants of each. A comment above an entry point names the axes along which it varies.
 //!
-//! `// Variants: intersector, layout(fast), arithmetic.` means all intersectors, layout `fast` only, and both ways to
-//! compute the remainder of a quotient.
+//! `// Variants: intersector, arithmetic.` means all intersectors, and both ways to compute the remainder of a quotient.
+//! `// Variants: intersector(exact).` means one intersector only.
 
 use crate::compose::{KEPT, Sources};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail};
 use wesl::EscapeMangler;
 
-/// The axes that hosts select values of. The conditions are the values in capitals.
-/// `src/method.rs` returns the value for a method.
-const AXES: [(&str, &[&str]); 2] = [
-    (
-        "intersector",
-        &["moller_trumbore", "woop", "watertight", "exact"],
-    ),
-    ("layout", &["bvh2", "fast"]),
-];
+/// The names of all intersectors. The conditions are the names in capitals, with underscores.
+const INTERSECTORS: [&str; 4] = ["moller-trumbore", "woop", "watertight", "exact"];
 /// Condition: arithmetic that a compiler cannot see through keeps IEEE operations single, not decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
 /// Condition: a fused multiply-add computes the remainder of a quotient, not products of halves.
@@ -25,21 +18,20 @@ const SUBGROUPS: (&str, &str) = ("SUBGROUPS", "_by_subgroups");
 /// Condition: the text is for shaders of a program, which do not count hits.
 const MODULE: &str = "MODULE";
 
-/// An axis, and all or some of its values.
-type Choice = (&'static str, Vec<&'static str>);
-
 /// A compute kernel before its variants are selected.
 pub(crate) struct EntryPoint {
     /// File, without extension.
     pub(crate) file: String,
     pub(crate) name: String,
-    choices: Vec<Choice>,
+    /// The intersectors that the kernel serves, or none if it does not depend on the intersector.
+    intersectors: Vec<&'static str>,
     divides: bool,
 }
 
-/// A compiled kernel, for all choices that compose to the same text.
+/// A compiled kernel, for all intersectors for which it has the same text.
 pub(crate) struct Variant {
-    chosen: Vec<Vec<&'static str>>,
+    /// Empty if the variant serves all intersectors.
+    pub(crate) intersectors: Vec<&'static str>,
     /// The text with products of halves.
     pub(crate) text: Text,
     /// The text with fused multiply-adds, if it differs.
@@ -53,7 +45,7 @@ pub(crate) struct Text {
     pub(crate) opaque: String,
 }
 
-/// Composes single-ray functions for shaders of a program, with the default method.
+/// Composes single-ray functions for shaders of a program, with `watertight`.
 pub(crate) fn module(sources: &Sources) -> Result<String> {
     let names = [
         "abvh_closest",
@@ -62,7 +54,7 @@ pub(crate) fn module(sources: &Sources) -> Result<String> {
         "ABVH_MISS",
         "ABVH_EXTREME",
     ];
-    let on = ["WATERTIGHT", "FAST", OPAQUE, MODULE];
+    let on = ["WATERTIGHT", OPAQUE, MODULE];
     sources.compose("traversal/module", (&names, &EscapeMangler), &on)
 }
 
@@ -87,59 +79,60 @@ pub(crate) fn entries(sources: &Sources) -> Result<Vec<EntryPoint>> {
 impl EntryPoint {
     fn new(file: &str, name: &str, axes: &str) -> Result<Self> {
         let axes = axes.strip_suffix('.').context("a full stop")?;
-        let (mut choices, mut divides) = (Vec::new(), false);
+        let (mut intersectors, mut divides) = (Vec::new(), false);
         for word in axes.split(", ").filter(|w| !w.is_empty()) {
-            match word.strip_suffix(')').and_then(|w| w.split_once('(')) {
-                None if word == "arithmetic" => divides = true,
-                None => choices.push(axis(word)?),
-                Some((name, only)) => {
-                    let (axis, mut values) = axis(name)?;
-                    values.retain(|v| only.split(' ').any(|o| o == *v));
-                    ensure!(!values.is_empty(), "{axis} has no value {only}");
-                    choices.push((axis, values));
-                }
+            match word {
+                "arithmetic" => divides = true,
+                "intersector" => intersectors = INTERSECTORS.to_vec(),
+                "intersector(exact)" => intersectors = vec!["exact"],
+                _ => bail!("no axis {word}"),
             }
         }
         Ok(Self {
             file: file.to_owned(),
             name: name.to_owned(),
-            choices,
+            intersectors,
             divides,
         })
     }
 
-    /// Returns one variant for each group of choices that compose to the same text.
+    /// Returns one variant for each group of intersectors for which the kernel has the same text.
     pub(crate) fn variants(&self, sources: &Sources) -> Result<Vec<Variant>> {
-        let mut ways: Vec<Vec<&str>> = vec![Vec::new()];
-        for (_, values) in &self.choices {
-            let pairs = ways
-                .iter()
-                .flat_map(|way| values.iter().map(move |&v| (way, v)));
-            ways = pairs.map(|(way, v)| [&way[..], &[v]].concat()).collect();
-        }
         let mut made: Vec<Variant> = Vec::new();
-        for way in ways {
-            let text = |fused| self.text(sources, &way, fused);
+        let each = self.intersectors.iter().map(|i| Some(*i));
+        let none = self.intersectors.is_empty().then_some(None);
+        for intersector in each.chain(none) {
+            let text = |fused| self.text(sources, intersector, fused);
             let fused = self.divides.then(|| text(Some(FUSED))).transpose()?;
             let text = text(None)?;
             let fused = fused.filter(|f| *f != text);
             match made.iter_mut().find(|v| v.text == text && v.fused == fused) {
-                Some(same) => same.chosen.push(way),
+                Some(same) => same.intersectors.extend(intersector),
                 None => made.push(Variant {
-                    chosen: vec![way],
+                    intersectors: intersector.into_iter().collect(),
                     text,
                     fused,
                 }),
             }
         }
+        for variant in &mut made {
+            if variant.intersectors.len() == INTERSECTORS.len() {
+                variant.intersectors.clear();
+            }
+        }
         Ok(made)
     }
 
-    fn text(&self, sources: &Sources, way: &[&str], fused: Option<&str>) -> Result<Text> {
+    fn text(
+        &self,
+        sources: &Sources,
+        intersector: Option<&str>,
+        fused: Option<&str>,
+    ) -> Result<Text> {
         let subgroups = self.name.ends_with(SUBGROUPS.1).then_some(SUBGROUPS.0);
-        let values: Vec<_> = way.iter().map(|v| v.to_uppercase()).collect();
+        let intersector = intersector.map(condition);
         let compose = |opaque: Option<&str>| {
-            let named = values.iter().chain([&self.name]).map(String::as_str);
+            let named = intersector.iter().chain([&self.name]).map(String::as_str);
             let on: Vec<_> = named.chain(subgroups).chain(fused).chain(opaque).collect();
             sources.compose(&self.file, (&[&self.name], &KEPT), &on)
         };
@@ -150,39 +143,19 @@ impl EntryPoint {
     }
 }
 
-impl Variant {
-    /// Returns each axis with the values that the variant serves. An axis is left out if the variant serves all its values.
-    pub(crate) fn serves(&self, entry: &EntryPoint) -> Result<Vec<Choice>> {
-        let (mut served, mut combinations) = (Vec::new(), 1);
-        for (i, (name, values)) in entry.choices.iter().enumerate() {
-            let mut values = values.clone();
-            values.retain(|v| self.chosen.iter().any(|way| way[i] == *v));
-            combinations *= values.len();
-            if values.len() < axis(name)?.1.len() {
-                served.push((*name, values));
-            }
-        }
-        let (is_whole, name) = (combinations == self.chosen.len(), &entry.name);
-        ensure!(
-            is_whole,
-            "equal variants of {name} are no whole rows of an axis"
-        );
-        Ok(served)
-    }
-}
-
-/// Returns an axis with all its values.
-fn axis(name: &str) -> Result<Choice> {
-    let found = AXES.iter().find(|(axis, _)| *axis == name);
-    let (axis, values) = found.with_context(|| format!("no axis {name}"))?;
-    Ok((axis, values.to_vec()))
+/// Returns the condition that holds for an intersector.
+fn condition(intersector: &str) -> String {
+    intersector.replace('-', "_").to_uppercase()
 }
 
 /// Returns all conditions that a file may use.
 pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
-    let values = AXES.iter().flat_map(|(_, values)| *values);
+    let intersectors = INTERSECTORS.map(condition);
     let others = [OPAQUE, FUSED, MODULE, SUBGROUPS.0].map(str::to_owned);
     let entries = all.iter().map(|e| e.name.clone());
-    let values = values.map(|v| v.to_uppercase());
-    values.chain(others).chain(entries).collect()
+    intersectors
+        .into_iter()
+        .chain(others)
+        .chain(entries)
+        .collect()
 }

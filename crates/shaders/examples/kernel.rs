@@ -1,4 +1,4 @@
-//! Prints a composed kernel: `cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast`. Without
+//! Prints a composed kernel: `cargo run -p abvh-shaders --example kernel -- trace_camera watertight`. Without
 //! arguments, prints all names.
 //!
 //! With `fused` as the last argument, prints the text for devices whose fused multiply-add rounds once.
@@ -9,10 +9,7 @@ use std::process::ExitCode;
 
 /// Returns whether a kernel has this entry point and serves these values.
 fn matches(kernel: &Kernel, entry: &str, values: &[String]) -> bool {
-    let serves = |value: &String| {
-        let mut slots = kernel.slots.iter();
-        slots.any(|(_, served)| served.contains(&value.as_str()))
-    };
+    let serves = |value: &String| kernel.intersectors.contains(&value.as_str());
     kernel.entry == entry && values.iter().filter(|v| *v != "fused").all(serves)
 }
 
@@ -26,7 +23,7 @@ fn main() -> ExitCode {
     let found: Vec<_> = all().filter(|k| matches(k, entry, values)).collect();
     let [kernel] = found[..] else {
         eprintln!(
-            "{} kernels are named so: say more, or nothing for a list",
+            "{} kernels have this name: also name the intersector, or give no argument to list all",
             found.len()
         );
         return ExitCode::FAILURE;

@@ -8,7 +8,7 @@
 //! comment above an entry point names the axes of its variants: see `build/variants.rs`. This prints a composed kernel:
 //!
 //! ```sh
-//! cargo run -p abvh-shaders --example kernel -- trace_camera watertight fast
+//! cargo run -p abvh-shaders --example kernel -- trace_camera watertight
 //! ```
 //!
 //! The crate also holds everything that hosts share: [`Shape`] describes a tree's topology buffer, [`Params`] the
@@ -16,36 +16,35 @@
 //! [`rebuild`] returns those that build trees on the device. `gpu-common` is such a host.
 
 pub mod arithmetic;
-mod method;
 mod params;
 mod pictures;
 pub mod rebuild;
 mod shape;
+mod sizes;
 mod tree_stats;
 mod view;
 pub mod work;
 
-use backend::Method;
+use backend::Intersector;
 
 pub use arithmetic::Traits;
-pub use method::{RANGE_BYTES, occluded_words, tree_buffers};
-pub(crate) use method::{notes, open_shadows_at, places};
 pub use params::{Counts, Params};
 pub use pictures::{Packets, RasterBackoff};
 pub use shape::{MovingShape, Shape, moving_rows};
-pub use tree_stats::{Extent, Extents, TreeStats};
+pub use sizes::{RANGE_BYTES, occluded_words, tree_buffers};
+pub(crate) use sizes::{notes, open_shadows_at, places};
+pub use tree_stats::{Extents, TreeStats};
 pub use view::View;
 
 /// A compute kernel.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
-    /// Entry point and values that the kernel serves, such as `trace_rays.watertight.fast`. Unique among kernels.
+    /// Entry point and intersectors that the kernel serves, such as `trace_rays.watertight`. Unique among kernels.
     pub name: &'static str,
     /// Entry point.
     pub entry: &'static str,
-    /// The axes along which kernels of this entry point differ, each with the values that this kernel serves. Empty for
-    /// kernels that every method shares.
-    pub slots: &'static [(&'static str, &'static [&'static str])],
+    /// Names of the intersectors that the kernel serves. Empty if it serves all.
+    pub intersectors: &'static [&'static str],
     /// Code for all devices.
     pub code: Code,
     /// Code for devices whose fused multiply-add rounds once. Only for kernels that divide for each of many rays.
@@ -107,16 +106,13 @@ backend::named! {
         Cleansed = "cleansed triangles",
         /// The tree's topology, as the host uploads it.
         Topology = "the tree's record",
-        /// Nodes of the leaves, by rank. Empty with layout `fast`, as is the list of inner nodes.
-        LeafNodes = "the list of leaves",
-        InnerNodes = "the list of inner nodes",
-        /// Three vertex indices per leaf with layout `fast`, else empty.
+        /// Three vertex indices per leaf.
         LeafCorners = "the leaves' vertices",
         /// Triangle records, in the format of the intersector.
         Records = "the triangles' records",
-        /// With layout `fast` empty until a tree determines its size ([`Shape::node_rows`]), as is `costs`.
+        /// Empty until a tree determines its size: see [`Shape::node_rows`].
         Nodes = "the tree's nodes",
-        /// Partial sums of areas: see build/refit.wgsl and [`Shape::own_cost_bytes`].
+        /// Partial sums of areas: see build/costs.wgsl. Empty until a tree determines its size: see [`Shape::cost_bytes`].
         Costs = "the tree's areas",
         /// Empty until a trace determines its size: see [`crate::work::Trace::cover_bytes`].
         Covers = "what triangles cover of the picture",
@@ -137,8 +133,6 @@ backend::named! {
         Pixels = "pixels",
         /// The live triangles. This and the following buffers are for trees built on the device.
         Live = "the live triangles",
-        /// Indices of leaves, bound as [`BufferName::LeafNodes`] if not all triangles are live. No kernel uses this name.
-        LeafNumbers = "the numbers of leaves",
         /// Sort keys, before and after a pass.
         Keys = "keys to sort by",
         /// The triangles of the leaves, before and after a pass.
@@ -191,10 +185,9 @@ include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 pub const MODULE: &str = include_str!(concat!(env!("OUT_DIR"), "/module.wgsl"));
 
 impl Kernel {
-    /// Returns whether the kernel serves `method`.
-    pub fn serves(&self, method: Method) -> bool {
-        let mut axes = self.slots.iter();
-        axes.all(|(axis, values)| values.contains(&&*method::value(axis, method)))
+    /// Returns whether the kernel serves an intersector.
+    pub fn serves(&self, intersector: Intersector) -> bool {
+        self.intersectors.is_empty() || self.intersectors.contains(&intersector.name())
     }
 
     /// Returns the code to load on a device.
@@ -220,32 +213,26 @@ impl Kernel {
         let stem = self.entry.split('_').next();
         matches!(
             stem.unwrap_or_default(),
-            "interpolate" | "preprocess" | "refit" | "gather" | "sum" | "areas" | "mark"
+            "interpolate" | "preprocess" | "refit" | "gather" | "sum"
         )
     }
-
-    /// Returns whether only layout `fast` uses the kernel.
-    pub fn refits_treelets(&self) -> bool {
-        let mut all = KERNELS.iter().filter(|k| k.entry == self.entry);
-        all.all(|k| k.slots.contains(&("layout", &["fast"])))
-    }
 }
 
-/// Returns the kernel with this entry point that serves `method`.
+/// Returns the kernel with this entry point that serves `intersector`.
 ///
 /// # Panics
-/// Panics if there is no such kernel. Entry points are known at compile time, and every method has a kernel for each.
-pub fn kernel(entry: &str, method: Method) -> &'static Kernel {
+/// Panics if there is no such kernel. Entry points are known at compile time.
+pub fn kernel(entry: &str, intersector: Intersector) -> &'static Kernel {
     let mut all = KERNELS.iter();
-    let found = all.find(|k| k.entry == entry && k.serves(method));
-    found.unwrap_or_else(|| panic!("no kernel {entry} for {method:?}"))
+    let found = all.find(|k| k.entry == entry && k.serves(intersector));
+    found.unwrap_or_else(|| panic!("no kernel {entry} for {intersector}"))
 }
 
-/// Returns the kernel with this entry point, which every method shares. Also finds [`RAY_KERNELS`].
+/// Returns the kernel with this entry point, which all intersectors share. Also finds [`RAY_KERNELS`].
 ///
 /// # Panics
 /// Panics like [`kernel`].
 pub fn common(entry: &str) -> &'static Kernel {
     let beside = RAY_KERNELS.iter().find(|k| k.entry == entry);
-    beside.unwrap_or_else(|| kernel(entry, Method::default()))
+    beside.unwrap_or_else(|| kernel(entry, Intersector::Watertight))
 }

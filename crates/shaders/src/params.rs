@@ -1,7 +1,6 @@
 //! The host's definitions of `wgsl/lib/params.wgsl` and of the buffer `counts`. A test compares the former by reflection.
 
 use crate::Shape;
-use backend::Layout;
 use bytemuck::{Pod, Zeroable};
 use geom::{Camera, Point, Range};
 
@@ -22,12 +21,9 @@ pub struct Params {
     pub down: [f32; 3],
     pub alpha: f32,
     pub light: [f32; 3],
-    pub fast_layout: u32,
     pub scale_exponent: i32,
     pub count: u32,
     pub first: u32,
-    pub leaf_bits_at: u32,
-    pub leaf_ranks_at: u32,
     pub leaf_triangles_at: u32,
     pub node_count: u32,
     pub zero: u32,
@@ -39,6 +35,9 @@ pub struct Params {
     pub places: u32,
     pub notes: u32,
     pub rule: u32,
+    pub extreme: u32,
+    pub tiny: u32,
+    pub spread: u32,
     pub scaled_eye: [f32; 3],
     pub depth_exponent: i32,
     pub column: [f32; 3],
@@ -49,17 +48,13 @@ pub struct Params {
     pub wide_root: u32,
     pub pixel_margin: f32,
     pub clearance: f32,
-    pub extreme: u32,
-    pub tiny: u32,
-    pub spread: u32,
-    pub padding: [u32; 3],
+    pub padding: [u32; 2],
 }
 
 impl Params {
     /// Returns parameters for a scene scaled by `2^-scale_exponent` (in -126..=126) and a tree of this shape.
     pub fn of(scale_exponent: i32, tree: &Shape) -> Self {
         Self {
-            fast_layout: u32::from(tree.layout == Layout::Fast),
             scale_exponent,
             clearance: f32::INFINITY,
             ..tree.params
@@ -140,21 +135,20 @@ impl Params {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Counts {
-    /// Leaves whose triangle is inactive, by `preprocess`.
+    /// Leaves whose triangle is inactive, by `preprocess_treelets*` or `cluster_leaves`.
     pub inactive: u32,
-    /// Leaves whose triangle is active but of zero area, by `preprocess`.
+    /// Leaves whose triangle is active but of zero area, by the same kernels.
     pub degenerate: u32,
     /// Rays that hit, by `trace_*` and `any_*`.
     pub hits: u32,
     /// Hits in shadow, by `shadow_*`.
     pub blocked: u32,
-    /// Half areas of all nodes that are neither the root nor a child of a node
-    /// marked as moving, in scaled units, by `sum_costs` after a refit of the whole tree.
+    /// Half areas of all nodes except the root, in scaled units, by the last refit or build.
     pub areas: f32,
-    /// The root's half area, in scaled units, by `sum_costs`.
+    /// The root's half area, in scaled units.
     pub root_area: f32,
-    /// Half areas of the children of nodes marked as moving, by `sum_costs` after any refit.
-    pub moving_areas: f32,
+    /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
+    pub candidate_areas: f32,
     /// Rays that `trace_*` and `any_*` left to `resolve_exact_*`, for `exact`.
     pub open: u32,
     /// Shadow rays that `shadow_*` left to `resolve_exact_*`, for `exact`.
@@ -177,10 +171,6 @@ pub struct Counts {
     pub left: u32,
     /// 2 if `measure_range` found coordinates of very different sizes, 1 if it did not, 0 if it did not run.
     pub spread: u32,
-    /// Counterpart of `areas` for the candidate tree that is evaluated next to the current one. Both have the same root box.
-    pub candidate_areas: f32,
-    /// Counterpart of `moving_areas` for the candidate tree.
-    pub candidate_moving_areas: f32,
 }
 
 impl Counts {
@@ -223,7 +213,7 @@ mod tests {
     #[test]
     fn points_are_scaled_and_small_coordinates_are_zero() {
         let point = [3.0e-3, f32::MIN_POSITIVE, -2.0e-39];
-        let (least, none) = ((-64_f32).exp2(), Shape::none(Layout::Bvh2));
+        let (least, none) = ((-64_f32).exp2(), Shape::default());
         for k in -126..=126 {
             let params = Params::of(k, &none).lit(point);
             let exact = point.map(|x| f64::from(x) * (-f64::from(k)).exp2());

@@ -1,7 +1,6 @@
 //! Selects packets or rasterization for pictures, where the device supports them and they are faster than single rays.
 
 use crate::{Counts, Params};
-use backend::{Layout, Method};
 
 /// How the 32 invocations of a packet communicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,23 +65,23 @@ fn sizes(params: &Params) -> (u32, u64) {
     (params.node_count.div_ceil(2), pixels)
 }
 
-/// Returns whether packets and rasterization have kernels for the scene. They widen everything by the size of the whole
-/// scene, which must not be far larger than most triangles.
-fn is_suited(method: Method, params: &Params) -> bool {
-    method.layout == Layout::Fast && params.spread == 0
+/// Returns whether packets and rasterization suit the scene. They widen everything by the size of the whole scene, which
+/// must not be far larger than most triangles.
+fn is_suited(params: &Params) -> bool {
+    params.spread == 0
 }
 
 /// Returns whether packets are faster for parameters with a camera.
-pub(crate) fn packets_pay(method: Method, params: &Params, how: Packets) -> bool {
+pub(crate) fn packets_pay(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
-    is_suited(method, params)
+    is_suited(params)
         && params.wide_root != 0
         && pixels >= PIXELS_A_TRIANGLE * u64::from(triangles)
         && (how == Packets::BySubgroups || pixels <= SMALL_PICTURE)
 }
 
 /// Returns whether rasterization is faster for parameters with a camera, if packets are not.
-pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) -> bool {
+pub(crate) fn rasterization_pays(params: &Params, how: Packets) -> bool {
     let (triangles, pixels) = sizes(params);
     let are_dense = pixels < PIXELS_A_TRIANGLE * u64::from(triangles);
     let is_fast = how == Packets::BySubgroups
@@ -92,7 +91,7 @@ pub(crate) fn rasterization_pays(method: Method, params: &Params, how: Packets) 
             || (triangles >= MANY_TRIANGLES && pixels >= LEAST_PIXELS_OF_MANY));
     // Lets property tests run on every device.
     let is_small = are_dense && (LEAST_PIXELS_AT_ALL..=SMALL_PICTURE).contains(&pixels);
-    is_suited(method, params) && (is_fast || is_small)
+    is_suited(params) && (is_fast || is_small)
 }
 
 /// Number of traces without rasterization after an incomplete one, whose overhead is a tenth of a trace.
@@ -124,7 +123,6 @@ impl RasterBackoff {
 mod tests {
     use super::*;
     use crate::Shape;
-    use backend::Intersector;
 
     #[test]
     fn devices_take_tiles_by_what_they_have() {
@@ -141,35 +139,25 @@ mod tests {
         Params {
             width,
             height,
-            ..Shape::expected(Layout::Fast, triangles).params
+            ..Shape::expected(triangles).params
         }
     }
-
-    const METHOD: Method = Method {
-        intersector: Intersector::Exact,
-        layout: Layout::Fast,
-    };
-
-    /// With a layout that neither has kernels for.
-    const OTHER: Method = Method {
-        layout: Layout::Bvh2,
-        ..METHOD
-    };
 
     #[test]
     fn tiles_pay_where_a_picture_has_pixels_enough() {
         let most = 64 * 48 / 4;
         let [usual, more] = [most, most + 1].map(|triangles| params(triangles, [64, 48]));
         for how in [Packets::BySubgroups, Packets::ByGroups] {
-            assert!(packets_pay(METHOD, &usual, how));
-            assert!(!packets_pay(METHOD, &more, how));
-            assert!(!packets_pay(OTHER, &usual, how));
+            assert!(packets_pay(&usual, how));
+            assert!(!packets_pay(&more, how));
         }
+        let spread = Params { spread: 1, ..usual };
+        assert!(!packets_pay(&spread, Packets::BySubgroups));
         let no_wide_tree = Params {
             wide_root: 0,
             ..usual
         };
-        assert!(!packets_pay(METHOD, &no_wide_tree, Packets::BySubgroups));
+        assert!(!packets_pay(&no_wide_tree, Packets::BySubgroups));
     }
 
     #[test]
@@ -192,13 +180,10 @@ mod tests {
             (100, [16, 15], false, false),
         ] {
             let found = [Packets::BySubgroups, Packets::ByGroups]
-                .map(|how| rasterization_pays(METHOD, &params(triangles, size), how));
+                .map(|how| rasterization_pays(&params(triangles, size), how));
             let expected = [by_subgroups, by_groups];
             assert_eq!(found, expected, "{triangles} triangles, {size:?}");
         }
-        let pays =
-            |method| rasterization_pays(method, &params(1_600_000, large), Packets::BySubgroups);
-        assert!(pays(METHOD) && !pays(OTHER));
     }
 
     #[test]

@@ -4,27 +4,28 @@
 //!
 //! 1. [`sort`] orders the live triangles along a space-filling curve (Lauterbach, Garland, Sengupta, Luebke, Manocha:
 //!    *Fast BVH Construction on GPUs*, 2009), by a stable radix sort of 8 bits per pass.
-//! 2. [`crate::work::leaves`] computes leaves in that order. [`instead_of`] replaces buffers of a tree for that.
+//! 2. [`leaves`] computes triangle records and one cluster per leaf, in that order.
 //! 3. [`cluster`] merges neighbours bottom-up into `nodes`, including boxes.
 //!
-//! The result can be traced at once, without `expand` or `refit`. With layout `fast` it only has the 64-byte inner nodes
-//! and the leaves of two triangles: leaves stay in the order of the curve, and there are no treelets.
+//! The result can be traced at once, without a refit. It has 64-byte inner nodes and leaves of one or two triangles, as other
+//! trees. But leaves stay in the order of the curve, and there are no treelets.
 
 mod phases;
 
 use crate::work::{Groups, Work, sum, word_of};
 use crate::{BufferName, Counts, Params, Shape, common, kernel};
-use backend::Method;
+use backend::Intersector;
 use geom::Animation;
 use std::mem::offset_of;
 
 /// Entry points of kernels that only tree building uses.
-pub(crate) const KERNELS: [&str; 6] = [
+pub(crate) const KERNELS: [&str; 7] = [
     "bounds",
     "morton",
     "sort_count",
     "sort_scan",
     "sort_scatter",
+    "cluster_leaves",
     "cluster",
 ];
 /// Number of elements that one workgroup sorts: see build/sort.wgsl.
@@ -63,23 +64,31 @@ pub fn sort(mut params: Params, vertices: usize, tree: &Shape) -> Vec<Work> {
     work
 }
 
-/// Returns the dispatches that compute `tree`'s nodes and its cost from the leaves in `clusters`. `again` is set if boxes
-/// were refitted or built before in the same submission.
-pub fn cluster(method: Method, params: Params, tree: &Shape, again: bool) -> Vec<Work> {
-    let mut work = Vec::new();
-    if tree.leaf_count > 0 {
-        let phases = phases::of(params, tree.leaf_count);
-        let cluster = kernel("cluster", method);
-        let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
-        work.extend(phases.iter().map(phase));
-        let groups = phases.iter().map(phases::tiles).sum();
-        work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
+/// Returns the dispatch that computes records and clusters of all leaves from positions.
+pub fn leaves(intersector: Intersector, params: Params, tree: &Shape) -> Work {
+    let kernel = kernel("cluster_leaves", intersector);
+    Work::linear(kernel, params, tree.leaf_count)
+}
+
+/// Returns the dispatches that compute `tree`'s nodes and its cost from the leaves in `clusters`.
+pub fn cluster(params: Params, tree: &Shape) -> Vec<Work> {
+    if tree.leaf_count == 0 {
+        return Vec::new();
     }
-    if again {
-        // Clears the areas of moving nodes that an earlier refit counted.
-        work.push(sum(params, 0, word_of(offset_of!(Counts, moving_areas))));
-    }
+    let phases = phases::of(params, tree.leaf_count);
+    let cluster = common("cluster");
+    let phase = |p: &Params| Work::new(cluster, *p, Groups::Linear(phases::tiles(p) * 256));
+    let mut work: Vec<_> = phases.iter().map(phase).collect();
+    let groups = phases.iter().map(phases::tiles).sum();
+    work.push(sum(params, groups, word_of(offset_of!(Counts, areas))));
     work
+}
+
+/// Returns the size of the buffer `costs` for [`cluster`], in bytes: one f32 for each tile of each phase, rounded up to 16.
+pub(crate) fn cost_bytes(leaves: u32) -> u64 {
+    let phases = phases::of(Params::default(), leaves.max(1));
+    let tiles: u32 = phases.iter().map(phases::tiles).sum();
+    (u64::from(tiles) * 4).next_multiple_of(16)
 }
 
 /// Returns the size of each buffer, in bytes, that building trees needs in addition to those of any tree.
@@ -87,63 +96,36 @@ pub fn buffers(animation: &Animation) -> Vec<(BufferName, u64)> {
     let count = animation.live_count() as u64;
     let tiles = count.div_ceil(u64::from(SORT_TILE));
     let survivors = phases::left(&phases::of(Params::default(), count.max(1) as u32)[0]);
-    let mut all = vec![
+    vec![
         (BufferName::Live, count * 4),
         (BufferName::Keys, count * 8),
         (BufferName::Sorted, count * 8),
         (BufferName::Digits, (tiles + 1) * u64::from(DIGITS) * 4),
         (BufferName::Boxes, u64::from(PARTS) * 32),
         (BufferName::Clusters, (count + u64::from(survivors)) * 32),
-    ];
-    if !is_all_live(animation) {
-        all.push((BufferName::LeafNumbers, count * 4));
-    }
-    all
+    ]
 }
 
-/// Returns the initial contents of some buffers in that list.
-pub fn contents(animation: &Animation) -> Vec<(BufferName, Vec<u32>)> {
+/// Returns the contents of [`BufferName::Live`].
+pub fn live(animation: &Animation) -> Vec<u32> {
     let all = 0..animation.triangle_count() as u32;
-    let live: Vec<u32> = all.filter(|&t| animation.is_live(t)).collect();
-    let numbers = (0..live.len() as u32).collect();
-    let numbers = Some((BufferName::LeafNumbers, numbers)).filter(|_| !is_all_live(animation));
-    [(BufferName::Live, live)]
-        .into_iter()
-        .chain(numbers)
-        .collect()
-}
-
-/// Returns the buffer to bind in place of a tree's buffer while leaves are computed.
-pub fn instead_of(name: BufferName, animation: &Animation) -> BufferName {
-    match name {
-        BufferName::Topology => BufferName::Sorted,
-        // It holds the numbers from 0 on.
-        BufferName::LeafNodes if is_all_live(animation) => BufferName::Live,
-        BufferName::LeafNodes => BufferName::LeafNumbers,
-        BufferName::Nodes => BufferName::Clusters,
-        other => other,
-    }
-}
-
-fn is_all_live(animation: &Animation) -> bool {
-    animation.live_count() == animation.triangle_count()
+    all.filter(|&t| animation.is_live(t)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use backend::Layout;
-
-    fn shape(leaves: u32) -> Shape {
-        Shape::made_on_device(Layout::Bvh2, leaves)
-    }
 
     #[test]
     fn costs_have_a_slot_for_each_tile() {
         for leaves in [1, 2, 511, 513, 100_000, 1 << 24] {
-            let work = cluster(Method::default(), Params::default(), &shape(leaves), false);
-            let last = work.last().map_or(0, |w| w.params.count);
-            assert!(u64::from(last) * 4 <= Shape::cost_bytes(u64::from(leaves)));
+            let tree = Shape::made_on_device(leaves);
+            let work = cluster(Params::default(), &tree);
+            let (sum, phases) = work.split_last().unwrap();
+            let last = phases.last().unwrap();
+            let after = last.params.first_group + phases::tiles(&last.params);
+            assert_eq!(sum.params.count, after);
+            assert!(u64::from(after) * 4 <= tree.cost_bytes);
         }
     }
 
@@ -158,7 +140,7 @@ mod tests {
         for kernel in ["sort_count", "sort_scan", "sort_scatter"] {
             has(kernel, &format!("const TILE: u32 = {SORT_TILE}u;"));
         }
-        for kernel in KERNELS {
+        for kernel in KERNELS.into_iter().filter(|k| *k != "cluster_leaves") {
             assert_eq!(common(kernel).workgroup, [256, 1, 1], "{kernel}");
         }
     }

@@ -3,22 +3,13 @@
 use crate::Counts;
 use backend::{FrameReport, sah_cost};
 
-/// The nodes whose areas a refit summed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Extent {
-    /// Moving nodes only. The areas of the others were summed before.
-    Moving,
-    /// All nodes.
-    Whole,
-}
-
-/// The extents of preprocess and refit in one submission. `None` for a stage that did not run.
+/// The stages that ran in one submission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extents {
-    /// Number of zero-area triangles that the last preprocess skipped and did not count.
+    /// Number of zero-area triangles that the last preprocess skipped and did not count; `None` if no preprocess ran.
     pub uncounted: Option<u32>,
-    /// The largest extent among the refits.
-    pub boxes: Option<Extent>,
+    /// Whether a refit or a build summed the areas of boxes.
+    pub boxes: bool,
     /// Whether a candidate tree was evaluated next to the current one.
     pub candidate: bool,
 }
@@ -28,8 +19,6 @@ pub struct Extents {
 pub struct TreeStats {
     inactive: u64,
     degenerate: u64,
-    /// Half areas that only change with the tree.
-    still_areas: f64,
     sah_cost: Option<f64>,
 }
 
@@ -46,20 +35,14 @@ impl TreeStats {
             self.inactive = u64::from(counts.inactive) + never_active;
             self.degenerate = u64::from(counts.degenerate) + u64::from(uncounted);
         }
-        if let Some(boxes) = extents.boxes {
-            if boxes == Extent::Whole {
-                self.still_areas = f64::from(counts.areas);
-            }
-            let areas = self.still_areas + f64::from(counts.moving_areas);
-            // The root's area is not among the others.
-            let root = f64::from(counts.root_area);
-            self.sah_cost = sah_cost(areas + root, root);
+        // The root's area is not among the others.
+        let root = f64::from(counts.root_area);
+        let cost = |areas: f32| sah_cost(f64::from(areas) + root, root);
+        if extents.boxes {
+            self.sah_cost = cost(counts.areas);
         }
         if extents.candidate {
-            let root = f64::from(counts.root_area);
-            let areas = [counts.candidate_areas, counts.candidate_moving_areas];
-            let areas: f64 = areas.into_iter().map(f64::from).sum();
-            report.candidate_cost = sah_cost(areas + root, root);
+            report.candidate_cost = cost(counts.candidate_areas);
         }
         report.inactive = self.inactive;
         report.degenerate = self.degenerate;

@@ -1,16 +1,12 @@
 //! The host's view of a tree that was read back from a device.
 
-use crate::Shape;
 use crate::params::{scale, scaled_point};
-use backend::Layout;
 use bvh_layout::{Topology, Treelets};
 use geom::{Aabb, Animation, Point};
 
 /// The tree in use, read back from a device.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// The tree's shape.
-    pub shape: &'a Shape,
     /// Whether the tree was built on the device.
     pub made_on_device: bool,
     /// The buffer `nodes`, of length [`Shape::node_rows`].
@@ -21,7 +17,7 @@ pub struct View<'a> {
     pub animation: &'a Animation,
 }
 
-/// Flags in a node reference: a leaf, and with layout `fast` a leaf of two triangles.
+/// Flags in a node reference: a leaf; a leaf of two triangles.
 const LEAF: u32 = 1 << 31;
 const TWO: u32 = 1 << 30;
 
@@ -92,9 +88,6 @@ impl View<'_> {
     pub fn boxes(&self, positions: &[Point]) -> Result<Vec<Aabb>, String> {
         if self.made_on_device {
             self.topology()?;
-        } else if self.shape.layout == Layout::Bvh2 {
-            let rows = (0..self.rows.len()).step_by(2);
-            return Ok(rows.map(|row| self.at_row(row)).collect());
         }
         let bounds = |node: Node| match node.bounds {
             Bounds::Row(row) => self.at_row(row),
@@ -146,10 +139,7 @@ impl View<'_> {
             let below = self.leaf(name, bounds)?;
             return Ok(Node { bounds, below });
         }
-        let first = match self.shape.layout {
-            Layout::Bvh2 => 2 * name as usize,
-            Layout::Fast => 4 * name as usize,
-        };
+        let first = 4 * name as usize;
         let below = Below::Rows([first, first + 2]);
         match first + 4 <= self.rows.len() {
             true => Ok(Node { bounds, below }),
@@ -203,9 +193,8 @@ mod tests {
     use super::*;
 
     /// Reads a tree whose nodes have these references.
-    fn read(names: [u32; 5]) -> Result<Topology, String> {
+    fn read(names: [u32; 6]) -> Result<Topology, String> {
         let view = View {
-            shape: &Shape::none(Layout::Bvh2),
             made_on_device: true,
             rows: &names.map(|name| [[0, 0, 0, name], [0; 4]]).concat(),
             triangles: &[7, 8, 9],
@@ -216,19 +205,19 @@ mod tests {
 
     #[test]
     fn what_is_no_tree_is_refused() {
-        // The root's left child is leaf 1, its right child holds leaves 0 and 2.
-        let whole = [1, LEAF | 1, 3, LEAF, LEAF | 2];
+        // The root's left child is leaf 1, its right child holds leaves 0 and 2. The second place is unused.
+        let whole = [1, 0, LEAF | 1, 2, LEAF, LEAF | 2];
         assert_eq!(read(whole).unwrap().leaf_triangles(), [8, 7, 9]);
         let broken = |at: usize, link| {
             let mut nodes = whole;
             nodes[at] = link;
             read(nodes).unwrap_err()
         };
-        assert!(broken(2, 4).ends_with("a child at node 4"));
-        assert!(broken(3, 1).ends_with("without end"));
-        assert!(broken(3, LEAF | 3).ends_with("a leaf 3"));
+        assert!(broken(4, 4).ends_with("a child at node 4"));
+        assert!(broken(4, 1).ends_with("without end"));
+        assert!(broken(4, LEAF | 3).ends_with("a leaf 3"));
         // One triangle twice and another one missing.
-        for (at, link) in [(3, LEAF | 1), (2, LEAF)] {
+        for (at, link) in [(4, LEAF | 1), (2, LEAF)] {
             assert!(broken(at, link).contains("makes no record: "));
         }
     }

@@ -4,16 +4,15 @@ mod extremes;
 mod pictures;
 mod rays;
 mod tree;
-mod treelets;
 
 pub use extremes::{kernels_of_arriving_keys, measure_range};
 pub use pictures::shade;
 pub use rays::{cleanse, count_answers, rays};
-pub use tree::{Progress, leaves};
+pub use tree::Progress;
 pub(crate) use tree::{sum, word_of};
 
 use crate::{Kernel, Params, Traits, common, kernel, notes, open_shadows_at, places};
-use backend::{Intersector, Method, QueryKind};
+use backend::{Intersector, QueryKind};
 use extremes::Extremes;
 use geom::Camera;
 
@@ -84,12 +83,17 @@ impl Work {
         Self::new(kernel, Params { count, ..params }, Groups::Linear(count))
     }
 
-    fn over(method: Method, rays: Rays<'_>, params: Params, [given, camera]: [&str; 2]) -> Self {
+    fn over(
+        intersector: Intersector,
+        rays: Rays<'_>,
+        params: Params,
+        [given, camera]: [&str; 2],
+    ) -> Self {
         match rays {
-            Rays::Given(count, _) => Self::linear(kernel(given, method), params, count),
+            Rays::Given(count, _) => Self::linear(kernel(given, intersector), params, count),
             Rays::Camera(c) => {
                 let groups = Groups::Pixels([c.width, c.height], [16, 8]);
-                Self::new(kernel(camera, method), params.through(c), groups)
+                Self::new(kernel(camera, intersector), params.through(c), groups)
             }
         }
     }
@@ -162,25 +166,31 @@ pub struct Trace {
 
 /// Returns the dispatches that trace a query on a device with these traits.
 pub fn trace(
-    method: Method,
+    intersector: Intersector,
     params: Params,
     rays: Rays<'_>,
     kind: QueryKind,
     traits: Traits,
 ) -> Trace {
-    let how = Extremes::among(method, &params, rays);
+    let how = Extremes::among(intersector, &params, rays);
     let mut trace = match how {
         Extremes::All => Trace::default(),
-        _ => usual(method, params.known(), rays, kind, traits),
+        _ => usual(intersector, params.known(), rays, kind, traits),
     };
     if how != Extremes::None {
         let last = trace.shadow.as_mut().unwrap_or(&mut trace.primary);
-        last.extend(extremes::work(method, params, (rays, how), kind));
+        last.extend(extremes::work(intersector, params, (rays, how), kind));
     }
     trace
 }
 
-fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits: Traits) -> Trace {
+fn usual(
+    intersector: Intersector,
+    params: Params,
+    rays: Rays<'_>,
+    kind: QueryKind,
+    traits: Traits,
+) -> Trace {
     let primary = |primary| Trace {
         primary,
         ..Trace::default()
@@ -188,57 +198,65 @@ fn usual(method: Method, params: Params, rays: Rays<'_>, kind: QueryKind, traits
     match kind {
         QueryKind::Any => {
             let rays = Rays::Given(rays.count(), false);
-            primary(search(method, params, rays, ["any_rays"; 2], ANY))
+            primary(search(intersector, params, rays, ["any_rays"; 2], ANY))
         }
-        QueryKind::Closest => primary(closest(method, params, rays)),
+        QueryKind::Closest => primary(closest(intersector, params, rays)),
         QueryKind::ClosestAndShadow { light } => {
             let params = params.lit(light);
             match rays {
                 Rays::Given(..) => Trace {
-                    primary: closest(method, params, rays),
-                    shadow: Some(search(method, params, rays, ["shadow_rays"; 2], SHADOWS)),
+                    primary: closest(intersector, params, rays),
+                    shadow: Some(search(
+                        intersector,
+                        params,
+                        rays,
+                        ["shadow_rays"; 2],
+                        SHADOWS,
+                    )),
                     ..Trace::default()
                 },
-                Rays::Camera(camera) => picture(method, params, camera, traits),
+                Rays::Camera(camera) => picture(intersector, params, camera, traits),
             }
         }
     }
 }
 
-fn closest(method: Method, params: Params, rays: Rays<'_>) -> Vec<Work> {
+fn closest(intersector: Intersector, params: Params, rays: Rays<'_>) -> Vec<Work> {
     let kernels = ["trace_rays", "trace_camera"];
-    search(method, params, rays, kernels, HITS)
+    search(intersector, params, rays, kernels, HITS)
 }
 
 /// Returns the dispatches that trace a camera's closest hits and their shadow rays.
-fn picture(method: Method, params: Params, camera: &Camera, traits: Traits) -> Trace {
+fn picture(intersector: Intersector, params: Params, camera: &Camera, traits: Traits) -> Trace {
     let rays = Rays::Camera(camera);
     let mut params = searching(params, rays);
     // Both lists of open rays are in use at once.
     params.destination = open_shadows_at(params.first.into()) as u32;
-    let mut trace = pictures::by_packets(method, params, camera, traits)
-        .or_else(|| pictures::by_rasterization(method, params, camera, traits))
+    let mut trace = pictures::by_packets(intersector, params, camera, traits)
+        .or_else(|| pictures::by_rasterization(intersector, params, camera, traits))
         .unwrap_or_else(|| Trace {
             primary: vec![Work::over(
-                method,
+                intersector,
                 rays,
                 params,
                 ["trace_and_shadow_camera"; 2],
             )],
             ..Trace::default()
         });
-    if method.intersector == Intersector::Exact {
-        trace.primary.extend(resolve_together(method, params, rays));
+    if intersector == Intersector::Exact {
+        trace
+            .primary
+            .extend(resolve_together(intersector, params, rays));
     }
     trace
 }
 
 /// Returns the dispatches that resolve the hits and shadows that `exact` left open in a picture. Both are resolved at once, while
 /// the shadow rays of all candidates are traced. The shadow rays that remain are traced at the end.
-fn resolve_together(method: Method, params: Params, rays: Rays<'_>) -> [Work; 4] {
+fn resolve_together(intersector: Intersector, params: Params, rays: Rays<'_>) -> [Work; 4] {
     let sharers = settlers(&params).div_ceil(64);
     let searchers = SEARCHERS.min(params.first);
-    let open = |kernel, params, groups| over_open(method, rays, kernel, params, groups);
+    let open = |kernel, params, groups| over_open(intersector, rays, kernel, params, groups);
     let finish = |kernel| open(kernel, params, finishers(&params));
     let shared = Params {
         first_group: sharers,
@@ -276,27 +294,33 @@ fn finishers(params: &Params) -> Groups {
 }
 
 /// Returns a dispatch over the rays that a search left open.
-fn over_open(method: Method, rays: Rays<'_>, kernel: &str, params: Params, groups: Groups) -> Work {
+fn over_open(
+    intersector: Intersector,
+    rays: Rays<'_>,
+    kernel: &str,
+    params: Params,
+    groups: Groups,
+) -> Work {
     Work {
         groups,
-        ..Work::over(method, rays, params, [kernel; 2])
+        ..Work::over(intersector, rays, params, [kernel; 2])
     }
 }
 
 /// Returns the dispatches that search along explicit or camera rays. For `exact`, candidate notes then resolve most of the
 /// open rays, and the rest are resolved one by one.
 fn search(
-    method: Method,
+    intersector: Intersector,
     params: Params,
     rays: Rays<'_>,
     kernels: [&str; 2],
     [settle, finish]: [&str; 2],
 ) -> Vec<Work> {
-    let over_all = Work::over(method, rays, searching(params, rays), kernels);
+    let over_all = Work::over(intersector, rays, searching(params, rays), kernels);
     let params = over_all.params;
-    let open = |kernel, groups| over_open(method, rays, kernel, params, groups);
+    let open = |kernel, groups| over_open(intersector, rays, kernel, params, groups);
     let mut all = vec![over_all];
-    if method.intersector == Intersector::Exact {
+    if intersector == Intersector::Exact {
         let settlers = Groups::Linear(settlers(&params));
         all.extend([open(settle, settlers), open(finish, finishers(&params))]);
     }

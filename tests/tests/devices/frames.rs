@@ -2,10 +2,9 @@
 
 use crate::Subject;
 use crate::scenes::{
-    SHADOWED, arrive, bits, camera, go, laid, look, open, open_laid, rays, report, see, stand,
-    swarm, tree_at,
+    SHADOWED, arrive, bits, camera, go, look, open, rays, report, see, stand, swarm, tree_at,
 };
-use backend::{Backend, BackendError, Generation, Hits, Layout, Query, QueryKind, Rays};
+use backend::{Backend, BackendError, Generation, Hits, Method, Query, QueryKind, Rays};
 use geom::{Animation, Camera};
 use std::sync::Arc;
 use std::thread;
@@ -16,28 +15,22 @@ pub(crate) fn stages_are_timed_by_one_clock(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(2000), camera());
     let (mut ends, mut first) = (0.0, None);
     let since = Instant::now();
-    for layout in Layout::ALL {
-        open_laid(backend, &animation, layout);
-        let tickets = [0.0, 0.3, 0.6].map(|time| {
-            stand(backend, &animation, time);
-            go(backend, Rays::Camera(&camera), SHADOWED)
-        });
-        for ticket in tickets {
-            let times = backend.wait(ticket).unwrap().times;
-            let mut stages = vec![times.preprocess_ms, times.refit_ms, times.trace_primary_ms];
-            match layout {
-                // In this layout `preprocess` waits for `interpolate`, in the other it does not.
-                Layout::Bvh2 => stages.push(times.interpolate_ms),
-                Layout::Fast => assert_eq!(times.interpolate_ms, None, "it ran beside preprocess"),
-            }
-            assert_eq!(times.trace_shadow_ms, None, "both are traced together");
-            let sum: f64 = stages.iter().map(|t| t.unwrap()).sum();
-            assert!(sum > 0.0 && sum <= times.device_ms * 1.0001, "{times:?}");
-            let begun = times.begun_ms.unwrap();
-            assert!(begun >= ends, "{begun} {ends}");
-            ends = (begun + times.device_ms) * 0.999_999;
-            first.get_or_insert(begun);
-        }
+    open(backend, &animation);
+    let tickets = [0.0, 0.3, 0.6].map(|time| {
+        stand(backend, &animation, time);
+        go(backend, Rays::Camera(&camera), SHADOWED)
+    });
+    for ticket in tickets {
+        let times = backend.wait(ticket).unwrap().times;
+        let stages = [times.preprocess_ms, times.refit_ms, times.trace_primary_ms];
+        assert_eq!(times.interpolate_ms, None, "it ran beside preprocess");
+        assert_eq!(times.trace_shadow_ms, None, "both are traced together");
+        let sum: f64 = stages.iter().map(|t| t.unwrap()).sum();
+        assert!(sum > 0.0 && sum <= times.device_ms * 1.0001, "{times:?}");
+        let begun = times.begun_ms.unwrap();
+        assert!(begun >= ends, "{begun} {ends}");
+        ends = (begun + times.device_ms) * 0.999_999;
+        first.get_or_insert(begun);
     }
     let wall_ms = since.elapsed().as_secs_f64() * 1e3;
     assert!(ends - first.unwrap() <= wall_ms, "milliseconds");
@@ -61,9 +54,12 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
     };
     let [before, with, after] = [&small, &large, &small].map(&mut bytes);
     // Per triangle: 36 bytes in each of three key frames and two position buffers, and 12 of vertex indices.
-    // Per leaf: 48 bytes of the record, 64 of nodes and 8 of lists.
+    // Per leaf: 48 bytes of the record and 12 of vertex indices. Nodes and topology depend on the tree.
     let scene = 20_000 * (5 * 36 + 12);
-    let tree = large.live_count() as u64 * (48 + 64 + 8);
+    let topology = tree_at(&large, 0.0);
+    let treelets = topology.to_treelets(large.static_parts());
+    let tree = large.live_count() * (48 + 12) + 16 * treelets.rows() + treelets.bytes();
+    let tree = tree as u64;
     for (bytes, least) in [(with.scene, scene), (with.tree, tree)] {
         let about = bytes >= least && bytes < least + least / 10;
         assert!(about, "{with:?}: {bytes} of {least}");
@@ -84,29 +80,27 @@ pub(crate) fn device_memory_is_counted_and_given_back(backend: &mut dyn Subject)
 pub(crate) fn steady_frames_make_no_buffers(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(1000), camera());
     let trees = [0.0, 0.7, 1.5].map(|time| tree_at(&animation, time));
-    for layout in Layout::ALL {
-        open_laid(backend, &animation, layout);
-        let mut made = 0;
-        for frame in 0..30_u64 {
-            if frame % 3 == 1 {
-                let tree = &trees[frame as usize / 3 % 3];
-                backend.adopt(tree, Generation(2 + frame)).unwrap();
-            }
-            stand(backend, &animation, 0.06 * frame as f64);
-            if frame % 3 == 0 {
-                backend.request_positions().unwrap();
-            }
-            let found = see(backend, Rays::Camera(&camera), SHADOWED);
-            assert!(found.closest.iter().any(|h| h.is_hit()));
-            if frame % 3 == 0 {
-                arrive(backend);
-            }
-            if frame == 9 {
-                made = backend.buffers_made();
-            }
+    open(backend, &animation);
+    let mut made = 0;
+    for frame in 0..30_u64 {
+        if frame % 3 == 1 {
+            let tree = &trees[frame as usize / 3 % 3];
+            backend.adopt(tree, Generation(2 + frame)).unwrap();
         }
-        assert_eq!(backend.buffers_made(), made, "{layout}");
+        stand(backend, &animation, 0.06 * frame as f64);
+        if frame % 3 == 0 {
+            backend.request_positions().unwrap();
+        }
+        let found = see(backend, Rays::Camera(&camera), SHADOWED);
+        assert!(found.closest.iter().any(|h| h.is_hit()));
+        if frame % 3 == 0 {
+            arrive(backend);
+        }
+        if frame == 9 {
+            made = backend.buffers_made();
+        }
     }
+    assert_eq!(backend.buffers_made(), made);
 }
 
 pub(crate) fn a_query_too_large_is_refused_and_a_smaller_one_may_follow_at_once(
@@ -255,7 +249,7 @@ pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn S
     let scene = scene::open("demo:twist:3000", &options).unwrap();
     let streamed = scene.animation;
     assert_eq!(streamed.window(), Some(8));
-    let method = laid(Layout::Fast);
+    let method = Method::default();
     backend.load(Arc::clone(&streamed), method).unwrap();
     let times: Vec<f64> = (0..46).map(|i| f64::from(i * 7919 % 230) * 0.1).collect();
     for (i, &time) in times.iter().enumerate() {
@@ -270,7 +264,7 @@ pub(crate) fn key_frames_that_are_streamed_take_room_for_few(backend: &mut dyn S
 
 pub(crate) fn nothing_is_shaded_without_a_palette(backend: &mut dyn Subject) {
     let (animation, camera) = (swarm(50), camera());
-    open_laid(backend, &animation, Layout::Bvh2);
+    open(backend, &animation);
     stand(backend, &animation, 0.0);
     let query = Query {
         rays: Rays::Camera(&camera),

@@ -86,7 +86,7 @@ const SHARED: &[Test] = named![
     frames::nothing_is_shaded_without_a_palette,
     geometry::a_submission_may_hold_any_number_of_stages,
     geometry::a_cost_stands_until_the_next_refit,
-    geometry::layouts_differ_in_memory_alone,
+    geometry::trees_of_any_shape_have_the_references_hits_and_boxes,
     geometry::large_trees_have_the_references_boxes,
 ];
 

@@ -1,8 +1,8 @@
 //! Tests trees made on the device, which must be complete, shallow and good.
 
 use crate::Subject;
-use crate::scenes::{apart, laid, numbers, report, stand, swarm, tree_at};
-use backend::{Backend, Generation, Layout, Method, check_tree};
+use crate::scenes::{apart, numbers, report, stand, swarm, tree_at};
+use backend::{Backend, Generation, Method, check_tree};
 use bvh_layout::Topology;
 use cpu_ref::CpuBackend;
 use geom::{Animation, Point};
@@ -17,17 +17,8 @@ fn at_points(points: impl Iterator<Item = Point>, size: f32) -> Arc<Animation> {
 
 /// Makes a tree of the scene at `time` on the device, and checks that it is a valid topology. Returns it with its cost.
 fn made(backend: &mut dyn Subject, animation: &Arc<Animation>, time: f64) -> (Topology, f64) {
-    made_in(Layout::Bvh2, backend, animation, time)
-}
-
-fn made_in(
-    layout: Layout,
-    backend: &mut dyn Subject,
-    animation: &Arc<Animation>,
-    time: f64,
-) -> (Topology, f64) {
     let scene = Arc::clone(animation);
-    backend.load(scene, laid(layout)).unwrap();
+    backend.load(scene, Method::default()).unwrap();
     backend.interpolate(animation.pose(time)).unwrap();
     backend.rebuild(Generation(1)).unwrap();
     let cost = report(backend).sah_cost;
@@ -44,9 +35,6 @@ pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
         let animation = swarm(triangles);
         let (tree, cost) = made(backend, &animation, time);
         let boxes = backend.inspect().boxes().unwrap();
-        let (fast, same) = made_in(Layout::Fast, backend, &animation, time);
-        assert!(tree == fast && cost.to_bits() == same.to_bits());
-        assert!(boxes == backend.inspect().boxes().unwrap());
         let scene = Arc::clone(&animation);
         reference.load(scene, Method::default()).unwrap();
         reference.adopt(&tree, Generation(1)).unwrap();
@@ -62,10 +50,10 @@ pub(crate) fn trees_of_any_size_are_whole(backend: &mut dyn Subject) {
 pub(crate) fn two_triangles_in_a_row_share_a_leaf(backend: &mut dyn Subject) {
     let at = |i: u32| [(i / 2) as f32 * 10.0 + 0.1 * (i % 2) as f32, 0.0, 0.0];
     let scene = at_points((0..600).map(at), 1.0);
-    made_in(Layout::Fast, backend, &scene, 0.0);
-    let rows = Shape::made_on_device(Layout::Fast, 600).node_rows as usize;
+    made(backend, &scene, 0.0);
+    let rows = Shape::made_on_device(600).node_rows as usize;
     let words = backend.words(BufferName::Nodes, 4 * rows);
-    // See layout.wgsl.
+    // See geometry/node.wgsl.
     let is_there = |leaf: u32| words.contains(&(3 << 30 | leaf));
     assert!((0..600).step_by(2).all(is_there));
 }

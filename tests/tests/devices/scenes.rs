@@ -1,8 +1,6 @@
 //! Small scenes and helper functions for tests.
 
-use backend::{
-    Backend, FrameReport, Generation, Hits, Layout, Method, QueryKind, Rays, Snapshot, Ticket,
-};
+use backend::{Backend, FrameReport, Generation, Hits, Method, QueryKind, Rays, Snapshot, Ticket};
 use conformance::stage::{self, next_positions};
 use geom::{Animation, Camera, Point, Ray};
 use std::sync::Arc;
@@ -73,21 +71,10 @@ pub(crate) const SHADOWED: QueryKind = QueryKind::ClosestAndShadow {
 
 /// Loads the scene, with a tree of its first key frame.
 pub(crate) fn open(backend: &mut dyn Backend, animation: &Arc<Animation>) {
-    open_laid(backend, animation, Layout::Bvh2);
-}
-
-pub(crate) fn open_laid(backend: &mut dyn Backend, animation: &Arc<Animation>, layout: Layout) {
-    backend.load(Arc::clone(animation), laid(layout)).unwrap();
+    let method = Method::default();
+    backend.load(Arc::clone(animation), method).unwrap();
     let tree = tree_at(animation, 0.0);
     backend.adopt(&tree, Generation(1)).unwrap();
-}
-
-/// Returns the default method with this layout.
-pub(crate) fn laid(layout: Layout) -> Method {
-    Method {
-        layout,
-        ..Method::default()
-    }
 }
 
 /// Records all stages that precede a trace.

@@ -4,7 +4,7 @@ use crate::Subject;
 use crate::scenes::{
     SHADOWED, SQUARE, apart, cameras, check_picture, look, numbers, positions, see, swarm, tree_at,
 };
-use backend::{Generation, Intersector, Layout, Method, Rays};
+use backend::{Generation, Intersector, Method, Rays};
 use bvh_layout::Topology;
 use conformance::record;
 use geom::{Animation, Point};
@@ -36,14 +36,6 @@ fn comb(animation: &Animation) -> Topology {
     record(animation.triangle_count(), &order, split)
 }
 
-/// Returns each intersector with treelets.
-fn methods() -> [Method; 4] {
-    Intersector::ALL.map(|intersector| Method {
-        intersector,
-        layout: Layout::Fast,
-    })
-}
-
 fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, method: Method) {
     backend.load(Arc::clone(animation), method).unwrap();
     let tree = tree_at(animation, 0.0);
@@ -51,7 +43,7 @@ fn open_by(backend: &mut dyn Subject, animation: &Arc<Animation>, method: Method
 }
 
 pub(crate) fn rays_together_find_what_each_finds_by_itself(backend: &mut dyn Subject) {
-    for method in methods() {
+    for method in Intersector::ALL.map(Method::from) {
         rays_together_find_the_same(backend, method);
     }
 }
@@ -157,7 +149,7 @@ fn told_all(backend: &mut dyn Subject, method: Method) -> bool {
 }
 
 pub(crate) fn triangles_find_the_rays_that_find_them(backend: &mut dyn Subject) {
-    for method in methods() {
+    for method in Intersector::ALL.map(Method::from) {
         triangles_find_their_rays(backend, method);
     }
 }
@@ -188,7 +180,7 @@ fn triangles_find_their_rays(backend: &mut dyn Subject, method: Method) {
 }
 
 pub(crate) fn each_ray_goes_by_itself_where_triangles_cover_too_much(backend: &mut dyn Subject) {
-    for method in methods() {
+    for method in Intersector::ALL.map(Method::from) {
         each_ray_goes_by_itself(backend, method);
     }
 }

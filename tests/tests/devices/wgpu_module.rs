@@ -5,7 +5,7 @@ use crate::wgpu_lent::bytes_of;
 use crate::wgpu_points::Own;
 use abvh::own_device::RayBuffers;
 use abvh::shader_module::{SceneBuffers, wgsl};
-use abvh::{Device, Error, Intersector, Layout, Query, Ray, Source, Tracer, Update};
+use abvh::{Device, Error, Intersector, Query, Ray, Source, Tracer, Update};
 use wgpu::{BindGroupEntry, Buffer, BufferUsages, CommandEncoder};
 
 /// A shader with its own bind group and with names that the module might use, too.
@@ -173,7 +173,6 @@ pub(crate) fn a_scene_that_shaders_cannot_trace_is_an_error() {
     assert!(!refused(Tracer::builder(), true));
     let woop = Tracer::builder().intersector(Intersector::Woop);
     assert!(refused(woop, true));
-    assert!(refused(Tracer::builder().layout(Layout::Bvh2), true));
     let host = Tracer::builder().device(Device::Cpu).build(two_sheets().0);
     assert!(host.unwrap().scene_buffers().is_err());
 }

@@ -4,13 +4,13 @@ use crate::lent::{Found, LentRays, all_kinds, find_what_the_hosts_do, flying, fo
 use crate::scenes::rays;
 use crate::wgpu_lent::{bytes_of, filled, own_device};
 use abvh::own_device::{OwnDevice, RayBuffers, required_limits};
-use abvh::{Device, Error, Intersector, Layout, Query, Ray, Scene, Tracer};
+use abvh::{Device, Error, Intersector, Query, Ray, Scene, Tracer};
 use wgpu::{Buffer, BufferUsages};
 
-const HOW: [(Intersector, Layout); 3] = [
-    (Intersector::Watertight, Layout::Fast),
-    (Intersector::Exact, Layout::Bvh2),
-    (Intersector::Woop, Layout::Fast),
+const HOW: [Intersector; 3] = [
+    Intersector::Watertight,
+    Intersector::Exact,
+    Intersector::Woop,
 ];
 
 /// Usage of the buffers of rays and of answers.
@@ -28,10 +28,10 @@ struct Own {
 }
 
 impl Own {
-    fn new(scene: Scene, rays: &[Ray], (intersector, layout): (Intersector, Layout)) -> Self {
+    fn new(scene: Scene, rays: &[Ray], intersector: Intersector) -> Self {
         let limits = required_limits(&scene, rays.len()).unwrap();
         let device = own_device(limits);
-        let builder = Tracer::builder().intersector(intersector).layout(layout);
+        let builder = Tracer::builder().intersector(intersector);
         let builder = builder.device(Device::from(device.clone())).threads(2);
         Self {
             tracer: builder.build(scene).unwrap(),

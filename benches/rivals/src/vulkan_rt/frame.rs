@@ -5,7 +5,7 @@ use super::scene::DriverScene;
 use super::tree::triangles_of;
 use crate::{Rival, Upkeep};
 use backend::{
-    Device, DeviceBytes, FrameReport, Hits, Intersector, Layout, Query, QueryKind, Rays, Result,
+    Device, DeviceBytes, FrameReport, Hits, Intersector, Query, QueryKind, Rays, Result,
 };
 use geom::{Animation, Pose};
 use gpu_common::{Stage, Trace, are_given, refuse_above};
@@ -70,10 +70,7 @@ fn maker(query: &Query<'_>) -> &'static str {
 impl VulkanRt {
     /// Returns the parameters that all kernels and rays share.
     fn params(&self) -> Params {
-        Params::of(
-            self.engine.scene().scale_exponent,
-            &Shape::none(Layout::Bvh2),
-        )
+        Params::of(self.engine.scene().scale_exponent, &Shape::default())
     }
 
     /// Records all commands of a frame.

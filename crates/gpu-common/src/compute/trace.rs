@@ -3,7 +3,7 @@
 use super::ComputeBackend;
 use crate::traces::as_given;
 use crate::{GpuDevice, Stage, Stale, Trace};
-use backend::{Intersector, Layout, Method, Query, QueryKind, Result, Ticket};
+use backend::{Intersector, Query, QueryKind, Result, Ticket};
 use geom::Ray;
 use shaders::work;
 use shaders::{BufferName, Params};
@@ -30,14 +30,14 @@ impl<D: GpuDevice> ComputeBackend<D> {
         }
         let params = self.params();
         let is_extreme = |ray: &Ray| params.is_extreme(ray.origin);
-        let how = (self.method.intersector, has_tree);
+        let how = (self.intersector, has_tree);
         let engine = &mut self.engine;
         let old = engine.frames.expired();
         let trace = Trace::new(&mut engine.gpu, query, how, old, is_extreme)?;
         let rays = as_given(query, trace.extremes);
         let mut traits = engine.pipelines.traits;
         traits.rasterizes = engine.frames.raster_backoff.allow(traits.rasterizes);
-        let mut tracing = work::trace(self.method, params, rays, query.kind, traits);
+        let mut tracing = work::trace(self.intersector, params, rays, query.kind, traits);
         let tree = self.tree.as_mut().expect("a scene was loaded");
         tree.grow_picture(&engine.gpu, &mut engine.frames, &tracing)?;
         if let Some(first) = tracing.primary.first_mut().filter(|_| place > 0) {
@@ -64,13 +64,10 @@ impl<D: GpuDevice> ComputeBackend<D> {
     }
 
     /// Returns the inputs of [`shaders::MODULE`]: parameters, nodes, triangle records and range. Returns `None` while
-    /// boxes are stale, or unless the method is `watertight` with layout `fast`.
+    /// boxes are stale, or unless the intersector is `watertight`.
     pub fn traced_scene(&self) -> Option<(Params, [&D::Buffer; 3])> {
-        let usual = Method {
-            intersector: Intersector::Watertight,
-            layout: Layout::Fast,
-        };
-        let is_ready = self.method == usual && self.engine.stale == Stale::Fresh;
+        let is_watertight = self.intersector == Intersector::Watertight;
+        let is_ready = is_watertight && self.engine.stale == Stale::Fresh;
         let (params, tree) = (self.params().for_module(), self.tree());
         let scene = self.engine.scene();
         let buffer = |name| tree.get(name).or_else(|| scene.get(name, 0, 0));

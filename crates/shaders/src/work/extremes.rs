@@ -2,7 +2,7 @@
 
 use super::{Groups, Rays, Work};
 use crate::{Kernel, Params, common};
-use backend::{Intersector, Method, QueryKind};
+use backend::{Intersector, QueryKind};
 use geom::Range;
 
 /// How many of a query's rays are extreme.
@@ -18,18 +18,15 @@ pub(super) enum Extremes {
 const SEEKERS: u32 = 1 << 16;
 
 /// Returns whether separate kernels answer extreme rays.
-fn has_extremes(method: Method) -> bool {
-    matches!(
-        method.intersector,
-        Intersector::Watertight | Intersector::Exact
-    )
+fn has_extremes(intersector: Intersector) -> bool {
+    matches!(intersector, Intersector::Watertight | Intersector::Exact)
 }
 
 impl Extremes {
     /// Returns which of the rays other kernels leave to [`work`].
-    pub(super) fn among(method: Method, params: &Params, rays: Rays<'_>) -> Self {
+    pub(super) fn among(intersector: Intersector, params: &Params, rays: Rays<'_>) -> Self {
         match rays {
-            _ if !has_extremes(method) => Self::None,
+            _ if !has_extremes(intersector) => Self::None,
             _ if params.extreme == 1 => Self::All,
             Rays::Camera(camera) if params.is_extreme(camera.eye) => Self::All,
             Rays::Given(_, true) => Self::Some,
@@ -42,12 +39,12 @@ impl Extremes {
 /// Returns the dispatches that answer extreme rays. They must follow those for all other rays, which treat extreme rays as
 /// misses. If it was unknown which rays are extreme, they overwrite earlier answers.
 pub(super) fn work(
-    method: Method,
+    intersector: Intersector,
     mut params: Params,
     (rays, how): (Rays<'_>, Extremes),
     kind: QueryKind,
 ) -> Vec<Work> {
-    params.rule = (method.intersector == Intersector::Watertight).into();
+    params.rule = (intersector == Intersector::Watertight).into();
     params.rounds = if kind == QueryKind::Any { 1 } else { 4 };
     let params = match rays {
         Rays::Given(..) => params,
@@ -74,15 +71,19 @@ pub(super) fn work(
 }
 
 /// Returns the kernel of [`measure_range`] and the one that needs its result.
-pub fn kernels_of_arriving_keys(method: Method) -> impl Iterator<Item = &'static Kernel> {
+pub fn kernels_of_arriving_keys(intersector: Intersector) -> impl Iterator<Item = &'static Kernel> {
     let both = ["measure_range", "extreme_rays"].map(common);
-    both.into_iter().filter(move |_| has_extremes(method))
+    both.into_iter().filter(move |_| has_extremes(intersector))
 }
 
 /// Returns the dispatch that measures the coordinates of a key frame of `vertices` vertices, or `None` if their range is
 /// known or not needed. It writes [`crate::BufferName::Range`], which only the kernels for extreme rays read.
-pub fn measure_range(method: Method, mut params: Params, vertices: usize) -> Option<Work> {
-    let is_asked = params.is_unknown() && has_extremes(method);
+pub fn measure_range(
+    intersector: Intersector,
+    mut params: Params,
+    vertices: usize,
+) -> Option<Work> {
+    let is_asked = params.is_unknown() && has_extremes(intersector);
     params.first = Range::sample_step(vertices) as u32;
     is_asked.then(|| Work::linear(common("measure_range"), params, vertices as u32))
 }

@@ -4,7 +4,7 @@
 use super::{Groups, Trace, Work};
 use crate::pictures::{packets_pay, rasterization_pays};
 use crate::{Params, Traits, common, kernel};
-use backend::{Intersector, Method};
+use backend::Intersector;
 use geom::{Camera, Point};
 use glam::DVec3;
 
@@ -16,22 +16,22 @@ const SHARERS: u32 = 1056;
 
 /// Returns the trace of a camera's closest hits and shadow rays by packets, or `None` if that is slower.
 pub(super) fn by_packets(
-    method: Method,
+    intersector: Intersector,
     params: Params,
     camera: &Camera,
     traits: Traits,
 ) -> Option<Trace> {
     let how = traits.packets?;
     let seen = params.through(camera);
-    if !packets_pay(method, &seen, how) {
+    if !packets_pay(&seen, how) {
         return None;
     }
     let params = projected(seen, camera)?;
     let triangles = params.node_count.div_ceil(2);
     let (tracer, block) = how.tracer();
-    let trace = over_blocks(tracer, method, params, block);
+    let trace = over_blocks(tracer, intersector, params, block);
     let things = params.wide_lanes + triangles;
-    let project = Work::linear(kernel("project", method), params, things);
+    let project = Work::linear(kernel("project", intersector), params, things);
     Some(Trace {
         primary: vec![project, trace],
         // One row of 16 bytes per lane and two per triangle.
@@ -42,14 +42,14 @@ pub(super) fn by_packets(
 
 /// Returns the trace of a camera's closest hits by rasterization and of their shadow rays, or `None` if that is slower.
 pub(super) fn by_rasterization(
-    method: Method,
+    intersector: Intersector,
     params: Params,
     camera: &Camera,
     traits: Traits,
 ) -> Option<Trace> {
     let how = traits.packets.filter(|_| traits.rasterizes)?;
     let seen = params.through(camera);
-    if !rasterization_pays(method, &seen, how) {
+    if !rasterization_pays(&seen, how) {
         return None;
     }
     let pixels = camera.width * camera.height;
@@ -57,7 +57,7 @@ pub(super) fn by_rasterization(
     let tiles = triangles + pixels / 4;
     let mut params = projected(seen, camera)?;
     params.notes = tiles;
-    let kept = match method.intersector {
+    let kept = match intersector {
         Intersector::Watertight => 1,
         _ => 2,
     };
@@ -66,19 +66,19 @@ pub(super) fn by_rasterization(
     let none = Params { count: 0, ..params };
     let each = |kernel, groups| Work::new(kernel, none, Groups::Each(groups));
     let (rasterize, most) = how.rasterizers();
-    let rasterize = kernel(rasterize, method);
+    let rasterize = kernel(rasterize, intersector);
     let rasterizers = tiles.div_ceil(rasterize.workgroup[0]).min(most);
     Some(Trace {
         primary: vec![
             Work::linear(common("clear_visibility"), params, pairs),
             Work {
                 alongside: true,
-                ..Work::linear(kernel("cover_small", method), params, triangles)
+                ..Work::linear(kernel("cover_small", intersector), params, triangles)
             },
-            each(kernel("cover_large", method), SHARERS),
+            each(kernel("cover_large", intersector), SHARERS),
             each(rasterize, rasterizers),
             // Here `notes` is the capacity for the notes of `exact`.
-            over_blocks("resolve", method, seen, [16, 8]),
+            over_blocks("resolve", intersector, seen, [16, 8]),
         ],
         cover_bytes: 16 * u64::from(LISTED + tiles),
         visibility_bytes: 16 * u64::from(pairs),
@@ -95,13 +95,13 @@ pub fn shade(params: Params, camera: &Camera, lamp: Point) -> Work {
         light: lamp,
         ..params.through(camera)
     };
-    over_blocks("shade", Method::default(), params, [width, height])
+    over_blocks("shade", Intersector::Watertight, params, [width, height])
 }
 
 /// Returns a dispatch over a picture, one workgroup per `block` of pixels.
-fn over_blocks(entry: &str, method: Method, params: Params, block: [u32; 2]) -> Work {
+fn over_blocks(entry: &str, intersector: Intersector, params: Params, block: [u32; 2]) -> Work {
     let groups = Groups::Pixels([params.width, params.height], block);
-    Work::new(kernel(entry, method), params, groups)
+    Work::new(kernel(entry, intersector), params, groups)
 }
 
 /// Columns and rows are stored in 16 bits.

@@ -12,7 +12,7 @@
 // Each round adds at most one level to the tree. The host bounds the number of rounds: after params.rounds rounds, neighbours
 // merge in pairs.
 
-import package::geometry::layout::{LEAF, TWO, children_of};
+import package::geometry::node::{LEAF, TWO, children_of};
 import package::lib::buffers::{costs, nodes};
 import package::lib::params::params;
 
@@ -35,10 +35,9 @@ var<workgroup> left: u32;
 
 struct Cluster { low: vec3<f32>, high: vec3<f32>, link: u32 }
 
-// Returns the traversal reference of an inner node made of two clusters. With layout `fast`, two consecutive triangles that a ray
-// can both hit share a leaf, and the node's own rows stay unused. With `bvh2` the reference is the node's left child.
+// Returns the traversal reference of an inner node made of two clusters. Two consecutive triangles that a ray can both hit share a
+// leaf, and the node's own rows stay unused.
 fn link_of(a: Cluster, b: Cluster, inner: u32) -> u32 {
-    if params.fast_layout == 0u { return 2u * inner + 1u; }
     let are_triangles = (a.link & (LEAF | TWO)) == LEAF && b.link == a.link + 1u;
     if are_triangles && a.low.x <= a.high.x && b.low.x <= b.high.x { return a.link | TWO; }
     return inner + 1u;

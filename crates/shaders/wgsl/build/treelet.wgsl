@@ -1,6 +1,6 @@
 // A treelet in workgroup memory: see bvh_layout::Treelets.
 
-import package::build::refit::{GROUP, half_area};
+import package::build::costs::{GROUP, half_area};
 import package::lib::buffers::{nodes, topology};
 import package::lib::params::params;
 

@@ -1,12 +1,12 @@
 // Treelets of triangles: writes records, and the boxes of all their nodes.
 
-import package::build::refit::sum_of_group;
+import package::build::costs::sum_of_group;
 import package::build::interpolate::{blend, blend_native, is_rare};
 import package::geometry::record::{keep_index, record_of};
 import package::build::treelet::{
     ENTRY, LEAVES, inner_word, join, keep_box, keep_leaf, kept, refit_treelet, treelet, treelet_at, write_treelet,
 };
-import package::geometry::layout::{LEAF, TWO};
+import package::geometry::node::{LEAF, TWO};
 import package::geometry::triangle::{is_degenerate, is_finite, point_of, seen_to_have_area};
 import package::geometry::units::scaled_point;
 import package::lib::buffers::{costs, counts, records, topology, triangles};
@@ -27,8 +27,6 @@ const SHARED: u32 = 0x80000000u;
 
 // Writes the vertex indices of a newly adopted tree's triangles in leaf order, so that later stages read them directly by leaf.
 // Also resets the number of arrived children of each treelet.
-//
-// Variants: layout(fast).
 @compute @workgroup_size(256)
 fn gather_corners(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 256u);
@@ -121,8 +119,8 @@ fn leave_treelet(number: u32, local: u32, area: f32) {
     if local == 0u { costs[number] = sum; }
 }
 
-// A workgroup of 256 makes a whole treelet of triangles, one triangle per invocation. Like `refit`, it sums areas to one partial
-// sum per treelet. Registers limit how many workgroups a device runs at once. So values that are not needed together with the
+// A workgroup of 256 makes a whole treelet of triangles, one triangle per invocation. It sums areas to one partial sum
+// per treelet. Registers limit how many workgroups a device runs at once. So values that are not needed together with the
 // corners are read later, and values that are rarely needed are read again.
 
 const EMPTY_LOW: u32 = 0x7f800000u;
@@ -206,7 +204,7 @@ fn make_treelet(local: u32, place: u32) {
 // Writes triangle records, leaf boxes, and the boxes of all nodes within treelets of triangles: of all those treelets, or of
 // those that move.
 //
-// Variants: intersector, layout(fast).
+// Variants: intersector.
 @compute @workgroup_size(256)
 fn preprocess_treelets(
     @builtin(local_invocation_index) local: u32,
@@ -220,7 +218,7 @@ fn preprocess_treelets(
 
 // Does the same as `preprocess_treelets`, but from the two key frames around a moment, so it need not wait for `interpolate`.
 //
-// Variants: intersector, layout(fast).
+// Variants: intersector.
 @compute @workgroup_size(256)
 fn preprocess_treelets_of_keys(
     @builtin(local_invocation_index) local: u32,

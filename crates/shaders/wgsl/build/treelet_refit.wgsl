@@ -1,6 +1,6 @@
 // Boxes of the treelets above those of triangles: one level per dispatch, or all levels in one dispatch.
 
-import package::build::refit::{GROUP, half_area, partial_sums, sum_of_group};
+import package::build::costs::{GROUP, half_area, partial_sums, sum_of_group};
 import package::build::treelet::{
     ENTRY, LEAVES, Treelet, high_of, inner_word, keep_box, keep_leaf, low_of, refit_treelet, row_of, treelet,
     treelet_at, write_treelet,
@@ -104,7 +104,6 @@ fn keep_cost(i: u32, cost: f32) { costs[i] = cost; }
 @if(refit_treelets)
 fn put_count(i: u32, x: f32) { counts[i] = bitcast<u32>(x); }
 
-// Variants: layout(fast).
 @compute @workgroup_size(256)
 fn refit_treelets(
     @builtin(local_invocation_index) local: u32,

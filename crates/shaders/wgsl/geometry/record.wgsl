@@ -1,4 +1,4 @@
-// Triangle records, as rays read them and as `preprocess*` writes them.
+// Triangle records, as rays read them and as `preprocess_treelets*` and `cluster_leaves` write them.
 
 import package::geometry::triangle::points_of;
 import package::geometry::units::scaled_point;

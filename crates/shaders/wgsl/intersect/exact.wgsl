@@ -1,6 +1,6 @@
 // The intersector `exact`: the part that rounded arithmetic decides.
 
-import package::geometry::layout::NO_LEAF;
+import package::geometry::node::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
 import package::geometry::record::corners_of;
 import package::geometry::queries::way_through;

@@ -1,6 +1,6 @@
 // Hits of extreme rays: see "Extreme rays" in docs/design/hits.md.
 
-import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
+import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::ray::{MISS, are_negative, pushed_from_zero};
 import package::geometry::record::NO_TRIANGLE;
 import package::geometry::triangle::points_of;

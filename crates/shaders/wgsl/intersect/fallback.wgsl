@@ -1,6 +1,6 @@
 // Resolves rays that candidate notes do not decide: each traverses the tree again.
 
-import package::geometry::layout::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
+import package::geometry::node::{LEAF, NONE, NO_LEAF, children_of, first_of, others_of};
 import package::geometry::light::{ray_to_light, set_line_along, to_light};
 import package::geometry::queries::{asked, ray_of, set_line_of};
 import package::geometry::ray::{MISS, Prepared, meets_box};

@@ -1,6 +1,6 @@
 // Resolves the rays that intersector `exact` left open, by their candidate notes. All workgroups share the list of rays.
 
-import package::geometry::layout::NO_LEAF;
+import package::geometry::node::NO_LEAF;
 import package::geometry::light::{set_line_along, to_light};
 import package::geometry::queries::{asked, set_line_of};
 import package::geometry::ray::MISS;

@@ -1,6 +1,6 @@
 // Resolves the rays that `trace_and_shadow_camera` left open: hits and shadow rays at once, then the remaining shadow rays.
 
-import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
+import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::light::{ToLight, ray_to_light, set_line_along, to_light};
 import package::geometry::queries::{eye, ray_of, way_through};
 import package::geometry::ray::{Prepared, meets_box};

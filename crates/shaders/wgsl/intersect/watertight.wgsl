@@ -1,6 +1,6 @@
 // The intersector `watertight`.
 
-import package::geometry::layout::NO_LEAF;
+import package::geometry::node::NO_LEAF;
 import package::geometry::ray::{MISS, Prepared};
 import package::geometry::units::in_ray_units;
 import package::intersect::sheared::{

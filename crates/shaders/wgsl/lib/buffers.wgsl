@@ -2,13 +2,13 @@
 // An entry point's name is a condition: a buffer is declared read-only for kernels that only read it.
 
 // The tree, two rows per node: lower corner of the box and the node's traversal reference, then the upper corner.
-@if(cluster || refit || refit_treelets || preprocess || preprocess_treelets || preprocess_treelets_of_keys)
+@if(cluster || refit_treelets || preprocess_treelets || preprocess_treelets_of_keys)
 @group(0) @binding(next) var<storage, read_write> nodes: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> nodes: array<vec4<u32>>;
 
 // Triangle records, three rows each, in leaf order: see geometry/record.wgsl.
-@if(preprocess || preprocess_treelets || preprocess_treelets_of_keys)
+@if(cluster_leaves || preprocess_treelets || preprocess_treelets_of_keys)
 @group(0) @binding(next) var<storage, read_write> records: array<vec4<u32>>;
 @else
 @group(0) @binding(next) var<storage, read> records: array<vec4<u32>>;

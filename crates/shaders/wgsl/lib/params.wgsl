@@ -7,7 +7,7 @@ struct Params {
     corner: vec3<f32>,
     height: u32,
     across: vec3<f32>,
-    // Number of workgroups of the refit levels before this one. Treelet kernels that reach the root: total number of treelets.
+    // `cluster`: number of tiles of the phases before this one. Treelet kernels that reach the root: total number of treelets.
     // `resolve_exact_together`: number of workgroups that share each of its two lists.
     first_group: u32,
     down: vec3<f32>,
@@ -15,16 +15,12 @@ struct Params {
     alpha: f32,
     // In scaled units; in scene units for extreme rays.
     light: vec3<f32>,
-    // 1 if the tree has layout `fast`, 0 if it has `bvh2`.
-    fast_layout: u32,
     // k: vertices and origins are scaled by 2^-k.
     scale_exponent: i32,
     // Number of elements of this dispatch, or of the boxes where a workgroup's search starts; and the first element.
     count: u32,
     first: u32,
-    // Offsets of the topology's parts, in words.
-    leaf_bits_at: u32,
-    leaf_ranks_at: u32,
+    // Offset of the leaves' triangles in the topology, in words.
     leaf_triangles_at: u32,
     node_count: u32,
     // Always 0, which the compiler must not know.
@@ -45,6 +41,12 @@ struct Params {
     notes: u32,
     // Rule for extreme rays: 0 for that of `exact`, 1 for that of `watertight`.
     rule: u32,
+    // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds the answer.
+    // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
+    extreme: u32,
+    tiny: u32,
+    // 1 if coordinates differ in size by a factor so large that boxes of inner nodes are padded by their own distance.
+    spread: u32,
     // The eye in scaled units.
     scaled_eye: vec3<f32>,
     // Exponent of the power of two by which depths are scaled: see docs/design/packets.md.
@@ -63,12 +65,6 @@ struct Params {
     pixel_margin: f32,
     // Largest scene extent that the offset of shadow rays takes into account, in scaled units: geom::Range.
     clearance: f32,
-    // `extreme`: 1 if all rays are extreme, 2 if only the buffer `range` holds the answer.
-    // `tiny`: 1 if rays that start near the origin are extreme (geometry/units.wgsl).
-    extreme: u32,
-    tiny: u32,
-    // 1 if coordinates differ in size by a factor so large that boxes of inner nodes are padded by their own distance.
-    spread: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -12,7 +12,7 @@ import package::traversal::traverse::find_closest;
 
 // Closest hits of camera rays, which the kernel generates.
 //
-// Variants: intersector, layout, arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
@@ -31,7 +31,7 @@ fn trace_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_
 
 // Closest hits of explicit rays.
 //
-// Variants: intersector, layout, arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
@@ -46,7 +46,7 @@ fn trace_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
 
 // Any-hit answers of explicit rays.
 //
-// Variants: intersector, layout, arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);
@@ -59,7 +59,7 @@ fn any_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
 // Closest hits of camera rays, which the kernel generates, and their shadow rays. In some scenes this takes three quarters of the
 // time of two kernels: warps that have finished their closest hits continue with shadow rays.
 //
-// Variants: intersector, layout, arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);
@@ -78,7 +78,7 @@ fn trace_and_shadow_camera(@builtin(local_invocation_index) local: u32, @builtin
 
 // Shadow rays of the hits of explicit rays.
 //
-// Variants: intersector, layout, arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn shadow_rays(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);

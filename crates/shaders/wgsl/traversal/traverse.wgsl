@@ -1,6 +1,6 @@
 // Traversal of the tree for the closest hit and for any hit.
 
-import package::geometry::layout::{LEAF, NONE, children_of, first_of, others_of};
+import package::geometry::node::{LEAF, NONE, children_of, first_of, others_of};
 import package::geometry::ray::{Prepared, loose_planes, loose_slab};
 import package::intersect::intersector::{Found, intersect_leaf_any, intersect_leaf_closest, limit, nothing_found};
 import package::lib::buffers::nodes;

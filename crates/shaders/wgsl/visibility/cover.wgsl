@@ -92,7 +92,7 @@ fn keep_several(o: Outline, leaf: u32, first: u32) {
     }
 }
 
-// Variants: intersector, layout(fast).
+// Variants: intersector.
 @compute @workgroup_size(256)
 fn cover_small(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let leaf = element(id, groups, 256u);
@@ -126,7 +126,7 @@ fn stamp_share(leaf: u32, local: u32, first: i32, sharers: i32) {
     }
 }
 
-// Variants: intersector, layout(fast).
+// Variants: intersector.
 @compute @workgroup_size(128)
 fn cover_large(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let count = atomicLoad(&counts[LARGE_COUNT]);

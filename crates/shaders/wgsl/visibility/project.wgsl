@@ -116,7 +116,7 @@ fn project_lane(lane: u32, origin: vec3<f32>, reach: f32) {
     covers[lane] = vec4<u32>(c.columns, c.rows, c.begin, goal);
 }
 
-// Variants: intersector, layout(fast).
+// Variants: intersector.
 @compute @workgroup_size(128)
 fn project(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = element(id, groups, 128u);

@@ -118,7 +118,7 @@ fn count_stamps(local: u32, group: u32) -> u32 {
 
 // First hits, triangle by triangle. Each workgroup is a team.
 //
-// Variants: intersector, layout(fast), arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(32)
 fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(group.x, groups.x, count_stamps(lane, group.x), lane);
@@ -126,7 +126,7 @@ fn rasterize(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) 
 
 // First hits, triangle by triangle. Each subgroup is a team.
 //
-// Variants: intersector, layout(fast), arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn rasterize_by_subgroups(@builtin(local_invocation_index) local: u32, @builtin(subgroup_invocation_id) lane: u32, @builtin(subgroup_id) team: u32, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     test_share(4u * group.x + team, 4u * groups.x, count_stamps(local, group.x), lane);

@@ -1,6 +1,6 @@
 // Rasterization, last step: hits and shadows from the visibility buffer.
 
-import package::geometry::layout::NO_LEAF;
+import package::geometry::node::NO_LEAF;
 import package::geometry::light::{from_triangle, is_occluded, scaled};
 import package::geometry::queries::{camera_ray, eye, is_void_way, pixel_of, through_pixel};
 import package::geometry::ray::{Prepared, permute, root_from};
@@ -80,7 +80,7 @@ fn resolve_pixel(i: u32, ray: Prepared, tells: bool, origin: vec3<f32>) {
     finish_ray(i, ray, found, origin);
 }
 
-// Variants: intersector, layout(fast), arithmetic.
+// Variants: intersector, arithmetic.
 @compute @workgroup_size(128)
 fn resolve(@builtin(local_invocation_index) local: u32, @builtin(workgroup_id) group: vec3<u32>) {
     let pixel = pixel_of(local, group);

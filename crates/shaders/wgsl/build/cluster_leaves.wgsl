@@ -1,13 +1,15 @@
-// Computes triangle records and leaf boxes from positions.
+// Computes triangle records, and one cluster per leaf, from positions.
 
 import package::geometry::record::{NO_TRIANGLE, keep_index, record_of};
-import package::geometry::layout::LEAF;
+import package::geometry::node::LEAF;
 import package::geometry::triangle::{corner, is_finite, is_flat};
 import package::geometry::units::scaled_point;
-import package::lib::buffers::{counts, nodes, records, topology};
+import package::lib::buffers::{counts, records};
 import package::lib::params::{element, params};
 
-@group(0) @binding(next) var<storage, read> leaf_nodes: array<u32>;
+// The triangles of the leaves, in the order of the curve.
+@group(0) @binding(next) var<storage, read> sorted: array<u32>;
+@group(0) @binding(next) var<storage, read_write> clusters: array<vec4<u32>>;
 
 // Triangle states. Rays can only hit sound triangles.
 
@@ -21,16 +23,14 @@ fn standing(given_a: vec3<u32>, given_b: vec3<u32>, given_c: vec3<u32>, a: vec3<
     return select(SOUND, DEGENERATE, is_flat(given_a, given_b, given_c, a, b, c));
 }
 
-// Writes triangle records and leaf boxes in the tree's leaf order, for all leaves or for those that move.
+// Writes triangle records and the clusters that `cluster` merges, in leaf order.
 //
 // Variants: intersector.
 @compute @workgroup_size(128)
-fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    var leaf = element(id, groups, 128u);
+fn cluster_leaves(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let leaf = element(id, groups, 128u);
     if leaf >= params.count { return; }
-    if params.listed == 1u { leaf = topology[params.first + leaf]; }
-    let triangle = topology[params.leaf_triangles_at + leaf];
-    let node = leaf_nodes[leaf];
+    let triangle = sorted[leaf];
     let given_a = corner(triangle, 0u);
     let given_b = corner(triangle, 1u);
     let given_c = corner(triangle, 2u);
@@ -54,6 +54,6 @@ fn preprocess(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
         records[3u * leaf].w = NO_TRIANGLE;
         atomicAdd(&counts[select(0u, 1u, stands == DEGENERATE)], 1u);
     }
-    nodes[2u * node] = vec4<u32>(low, LEAF | leaf);
-    nodes[2u * node + 1u] = vec4<u32>(high, 0u);
+    clusters[2u * leaf] = vec4<u32>(low, LEAF | leaf);
+    clusters[2u * leaf + 1u] = vec4<u32>(high, 0u);
 }

@@ -1,16 +1,7 @@
-//! Kernel variants and buffer sizes of a method.
+//! Sizes of buffers, and of the lists that kernels keep in them.
 
-use crate::{BufferName, Shape};
-use backend::{Intersector, Layout, Method};
-
-/// Returns the value along `axis` of the kernels that serve `method`: the host's part of `build/variants.rs`.
-pub(crate) fn value(axis: &str, method: Method) -> String {
-    match axis {
-        "intersector" => method.intersector.name().replace('-', "_"),
-        "layout" => method.layout.name().to_owned(),
-        axis => panic!("no axis is named {axis}"),
-    }
-}
+use crate::BufferName;
+use backend::Intersector;
 
 /// Returns the size of the buffer `records` for `leaves` leaves, in bytes, a multiple of 16.
 ///
@@ -25,24 +16,14 @@ fn record_bytes(intersector: Intersector, leaves: u64) -> u64 {
 /// Size of the buffer `range`, in bytes.
 pub const RANGE_BYTES: u64 = 4 * (8 + geom::Range::SAMPLES as u64);
 
-/// Returns the size of each buffer, in bytes, that suffices for every tree of `leaves` leaves. With layout `fast`, nodes
-/// and costs are excluded.
-pub fn tree_buffers(method: Method, leaves: u64) -> [(BufferName, u64); 6] {
-    let usual = |bytes| match method.layout {
-        Layout::Bvh2 => bytes,
-        Layout::Fast => 0,
-    };
-    let nodes = (2 * leaves).saturating_sub(1);
+/// Returns the size of each buffer of a tree, in bytes, that suffices for every tree of `leaves` leaves. The sizes of `nodes` and
+/// `costs` depend on the tree: see [`crate::Shape`].
+pub fn tree_buffers(intersector: Intersector, leaves: u64) -> [(BufferName, u64); 4] {
     [
-        (BufferName::LeafNodes, usual(leaves * 4)),
-        (BufferName::InnerNodes, usual(leaves * 4)),
-        (BufferName::LeafCorners, leaves * 12 - usual(leaves * 12)),
-        (
-            BufferName::Records,
-            record_bytes(method.intersector, leaves),
-        ),
-        (BufferName::Nodes, usual(nodes * 32)),
-        (BufferName::Costs, usual(Shape::cost_bytes(leaves))),
+        (BufferName::LeafCorners, leaves * 12),
+        (BufferName::Records, record_bytes(intersector, leaves)),
+        (BufferName::Nodes, 0),
+        (BufferName::Costs, 0),
     ]
 }
 
@@ -85,17 +66,12 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn every_method_has_each_kernel_once() {
-        let pairs = Intersector::ALL.map(|i| Layout::ALL.map(|l| (i, l)));
-        for (intersector, layout) in pairs.into_iter().flatten() {
-            let method = Method {
-                intersector,
-                layout,
-            };
-            let serving: Vec<_> = KERNELS.iter().filter(|k| k.serves(method)).collect();
+    fn every_intersector_has_each_kernel_once() {
+        for intersector in Intersector::ALL {
+            let serving: Vec<_> = KERNELS.iter().filter(|k| k.serves(intersector)).collect();
             let entries: BTreeSet<_> = serving.iter().map(|k| k.entry).collect();
-            assert_eq!(serving.len(), entries.len(), "{method:?}");
-            assert!(entries.contains("trace_rays") && entries.contains("preprocess"));
+            assert_eq!(serving.len(), entries.len(), "{intersector:?}");
+            assert!(entries.contains("trace_rays") && entries.contains("preprocess_treelets"));
         }
         let names: BTreeSet<_> = KERNELS.iter().map(|k| k.name).collect();
         assert_eq!(names.len(), KERNELS.len());
@@ -103,12 +79,10 @@ mod tests {
 
     #[test]
     fn the_host_makes_room_for_what_kernels_take_at_once() {
-        let method = Method {
-            intersector: Intersector::Exact,
-            layout: Layout::Bvh2,
+        let says = |entry: &str, what: &str| {
+            let wgsl = kernel(entry, Intersector::Exact).code.wgsl;
+            assert!(wgsl.contains(what), "{entry}");
         };
-        let says =
-            |entry: &str, what: &str| assert!(kernel(entry, method).code.wgsl.contains(what));
         says("fallback_rays", &format!("const STACK: u32 = {STACK}u;"));
         says("trace_rays", &format!("var stack: array<u32, {STACK}>;"));
         let abreast = format!("const ABREAST: u32 = {}u;", crate::work::ABREAST);
