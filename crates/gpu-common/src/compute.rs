@@ -404,7 +404,7 @@ impl<D: GpuDevice> Backend for ComputeBackend<D> {
     }
 
     fn free_device_bytes(&self) -> Option<u64> {
-        self.engine.gpu.memory().free
+        self.engine.gpu.info().free_bytes
     }
 
     fn inspect(&mut self) -> &mut dyn Inspect {

@@ -35,7 +35,7 @@ pub enum Validation {
     Required,
 }
 
-/// Properties of an open device.
+/// Properties of an open device, and its state at the time of the call.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
     /// Name, driver and kind. The arithmetic is tested later.
@@ -54,6 +54,11 @@ pub struct DeviceInfo {
     pub splits: bool,
     /// Whether a kernel may copy positions. See [`LentBuffers::copies`].
     pub copies_points: bool,
+    /// Bytes of device memory that are still available, or `None` if the driver does not report them.
+    pub free_bytes: Option<u64>,
+    /// All calls that the device's interface has rejected so far, and all messages of its validation layer in this
+    /// process.
+    pub complaints: Vec<String>,
 }
 
 /// A limit of a device.
@@ -70,8 +75,6 @@ pub struct KernelLimit {
 /// Memory of a device.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MemoryReport {
-    /// Bytes of device memory that are still available, or `None` if the driver does not report them.
-    pub free: Option<u64>,
     /// Bytes of all buffers in device memory, or `None` if the device does not count them.
     pub allocated: Option<u64>,
     /// Bytes of buffers that wait to be reused or dropped.
@@ -208,10 +211,10 @@ pub trait GpuDevice: Send + Sized + 'static {
         &self,
     ) -> impl Fn(KernelCode) -> Result<Self::Pipeline> + Send + Sync + 'static + use<Self>;
 
-    /// Returns the properties of the device.
+    /// Returns the properties and the state of the device. May take longer than a frame.
     fn info(&self) -> DeviceInfo;
 
-    /// Returns the use of memory.
+    /// Returns the use of memory. Fast enough for every frame.
     fn memory(&self) -> MemoryReport;
 
     /// Creates a buffer of `bytes`, rounded up to 16 because zero-sized buffers cannot be bound. The host
@@ -277,9 +280,6 @@ pub trait GpuDevice: Send + Sized + 'static {
     /// Returns the copied positions of a submission, once the copy has finished. They may outlive the device.
     fn take_positions(&mut self, ticket: Ticket, vertices: usize) -> Result<Snapshot>;
 
-    /// See [`backend::Inspect::complaints`].
-    fn complaints(&self) -> Vec<String>;
-
     /// Waits for all unfinished work and frees everything of the scene.
     fn unload(&mut self) -> Result<()>;
 }
@@ -315,10 +315,11 @@ pub fn read_parts<T>(count: usize) -> impl Iterator<Item = Range<usize>> {
 /// Checks that all `wanted` kernels can run on a device.
 ///
 /// # Errors
-/// [`backend::BackendError::Limit`] with the names of the kernel and the limit.
+/// [`backend::BackendError::Limit`] with the largest need of a kernel, and the names of the kernel and the limit.
 pub fn check_kernels(limits: &[KernelLimit], wanted: impl Fn(&Kernel) -> bool) -> Result<()> {
-    for kernel in shaders::KERNELS.iter().filter(|k| wanted(k)) {
-        for limit in limits {
+    for limit in limits {
+        let kernels = shaders::KERNELS.iter().filter(|k| wanted(k));
+        if let Some(kernel) = kernels.max_by_key(|k| (limit.need)(k)) {
             let what = || format!("kernel {} ({})", kernel.name, limit.name);
             crate::refuse_above(what, (limit.need)(kernel).into(), limit.most.into())?;
         }

@@ -354,7 +354,6 @@ fn test_arithmetic<D: GpuDevice>(
     let ticket = frames.submit(gpu, None, 0)?;
     frames.retire(gpu, ticket)?;
     let results = read_all(gpu, find(BufferName::Results), all.len())?;
-    let adapter = gpu.info().device.adapter;
-    arithmetic::verify(&all, &results)
-        .map_err(|e| BackendError::NoDevice(format!("{adapter}: {e}")))
+    let refused = |e| BackendError::NoDevice(format!("{}: {e}", gpu.info().device.adapter));
+    arithmetic::verify(&all, &results).map_err(refused)
 }

@@ -25,7 +25,7 @@ impl<D: GpuDevice> Inspect for ComputeBackend<D> {
     }
 
     fn complaints(&mut self) -> Vec<String> {
-        self.engine.gpu.complaints()
+        self.engine.gpu.info().complaints
     }
 }
 

@@ -256,6 +256,8 @@ impl GpuDevice for VulkanDevice {
             kernel_limits: limits.of_kernels(),
             splits: true,
             copies_points: false,
+            free_bytes: self.gpu.memory.free_bytes(&self.gpu.host),
+            complaints: messages().clone(),
         }
     }
 
@@ -263,7 +265,6 @@ impl GpuDevice for VulkanDevice {
         let memory = &self.gpu.memory;
         let staging = [&self.tree_staging, &self.key_staging].map(|s| s.free.held());
         MemoryReport {
-            free: memory.free_bytes(&self.gpu.host),
             allocated: Some(memory.held()),
             waiting: staging.iter().sum::<u64>() + self.outgrown.held(),
             submissions: 0,
@@ -412,10 +413,6 @@ impl GpuDevice for VulkanDevice {
         let (_, copy) = found.expect("the submission copies positions");
         let (buffer, count) = (copy.buffer, vertices);
         Ok(self.spares.lend(HostPoints { buffer, count }))
-    }
-
-    fn complaints(&self) -> Vec<String> {
-        messages().clone()
     }
 
     fn unload(&mut self) -> Result<()> {

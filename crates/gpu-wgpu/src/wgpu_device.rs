@@ -91,6 +91,16 @@ impl WgpuDevice {
         })
     }
 
+    /// Returns rejected calls and messages of the validation layer. wgpu reports the layer's errors only in builds with
+    /// debug assertions, and for the whole process.
+    fn complaints(&self) -> Vec<String> {
+        let mut messages = self.gpu.faults.messages();
+        if self.gpu.is_validated {
+            messages.extend(layer_messages());
+        }
+        messages
+    }
+
     /// Returns the index of the encoder of a submission.
     fn place(&self, ticket: Ticket) -> usize {
         ticket.0 as usize % self.submissions.len()
@@ -180,6 +190,8 @@ impl GpuDevice for WgpuDevice {
             kernel_limits: kernel_limits(limits),
             splits: false,
             copies_points: true,
+            free_bytes: None,
+            complaints: self.complaints(),
         }
     }
 
@@ -335,16 +347,6 @@ impl GpuDevice for WgpuDevice {
         let found = found.and_then(|i| copies.remove(i));
         let (_, copy) = found.expect("the submission copies positions");
         Ok(self.scene.spares.lend(Arrived::new(copy, vertices)?))
-    }
-
-    /// wgpu reports the layer's errors only in builds with debug assertions, and for the whole process. Without the
-    /// layer there are no messages.
-    fn complaints(&self) -> Vec<String> {
-        let mut messages = self.gpu.faults.messages();
-        if self.gpu.is_validated {
-            messages.extend(layer_messages());
-        }
-        messages
     }
 
     fn unload(&mut self) -> Result<()> {

@@ -124,7 +124,7 @@ pub(crate) fn a_device_with_too_few_buffers_is_refused() {
     let refused = lent(&own_device(Limits::downlevel_defaults())).err();
     let said = refused.map(|e| e.to_string()).unwrap_or_default();
     assert!(
-        said.contains("max_storage_buffers_per_shader_stage needs 8, the limit is 4"),
+        said.contains("(max_storage_buffers_per_shader_stage) needs 8, the limit is 4"),
         "{said}"
     );
 }
