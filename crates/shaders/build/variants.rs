@@ -7,8 +7,8 @@ use crate::compose::{KEPT, Sources};
 use anyhow::{Context, Result, bail};
 use wesl::EscapeMangler;
 
-/// The names of all intersectors. The conditions are the names in capitals, with underscores.
-const INTERSECTORS: [&str; 4] = ["moller-trumbore", "woop", "watertight", "exact"];
+/// The names of all intersectors, with underscores. The conditions are the names in capitals.
+const INTERSECTORS: [&str; 4] = ["moller_trumbore", "woop", "watertight", "exact"];
 /// Condition: arithmetic that a compiler cannot see through keeps IEEE operations single, not decorations of the SPIR-V.
 const OPAQUE: &str = "OPAQUE";
 /// Condition: a fused multiply-add computes the remainder of a quotient, not products of halves.
@@ -130,7 +130,7 @@ impl EntryPoint {
         fused: Option<&str>,
     ) -> Result<Text> {
         let subgroups = self.name.ends_with(SUBGROUPS.1).then_some(SUBGROUPS.0);
-        let intersector = intersector.map(condition);
+        let intersector = intersector.map(str::to_uppercase);
         let compose = |opaque: Option<&str>| {
             let named = intersector.iter().chain([&self.name]).map(String::as_str);
             let on: Vec<_> = named.chain(subgroups).chain(fused).chain(opaque).collect();
@@ -143,14 +143,9 @@ impl EntryPoint {
     }
 }
 
-/// Returns the condition that holds for an intersector.
-fn condition(intersector: &str) -> String {
-    intersector.replace('-', "_").to_uppercase()
-}
-
 /// Returns all conditions that a file may use.
 pub(crate) fn conditions(all: &[EntryPoint]) -> Vec<String> {
-    let intersectors = INTERSECTORS.map(condition);
+    let intersectors = INTERSECTORS.map(str::to_uppercase);
     let others = [OPAQUE, FUSED, MODULE, SUBGROUPS.0].map(str::to_owned);
     let entries = all.iter().map(|e| e.name.clone());
     intersectors

@@ -43,7 +43,7 @@ pub struct Kernel {
     pub name: &'static str,
     /// Entry point.
     pub entry: &'static str,
-    /// Names of the intersectors that the kernel serves. Empty if it serves all.
+    /// Names of the intersectors that the kernel serves, with underscores. Empty if it serves all.
     pub intersectors: &'static [&'static str],
     /// Code for all devices.
     pub code: Code,
@@ -187,7 +187,8 @@ pub const MODULE: &str = include_str!(concat!(env!("OUT_DIR"), "/module.wgsl"));
 impl Kernel {
     /// Returns whether the kernel serves an intersector.
     pub fn serves(&self, intersector: Intersector) -> bool {
-        self.intersectors.is_empty() || self.intersectors.contains(&intersector.name())
+        let name = intersector.name().replace('-', "_");
+        self.intersectors.is_empty() || self.intersectors.contains(&&*name)
     }
 
     /// Returns the code to load on a device.
